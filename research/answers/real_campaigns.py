@@ -35,7 +35,7 @@ from repose.config import loader
 from repose.config.study import Study
 from repose.core import provenance
 from repose.core.files import read_table, write_table
-from repose.studies import rounds
+from repose.strategies.refined import rounds
 
 HEIGHT_ALONE = Path("results/published/height_alone")
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)

@@ -10,8 +10,8 @@ import pytest
 
 from repose.chain import answer, card
 from repose.chain.chance import PERCENT
+from repose.chain.described import described
 from repose.cli import main
-from repose.config.definitions import described
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS

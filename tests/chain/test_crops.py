@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from repose.chain import card
+from repose.chain.described import described
 from repose.cli import main
 from repose.config import loader
-from repose.config.definitions import described
 from repose.config.study import Study
 from repose.core import places
 from repose.core.files import write_text

@@ -29,7 +29,7 @@ EXAMPLES = {
 }
 
 
-@pytest.mark.parametrize("what", ["contact law", "response", "bench test", "surrogate"])
+@pytest.mark.parametrize("what", ["contact law", "response", "bench test", "surrogate", "strategy"])
 def test_contributing_shows_how_to_add_one(what):
     assert f"CONTRIBUTING.md: Add a {what}" in EXAMPLES
 
@@ -46,6 +46,7 @@ PLACES = {
     "contact law": "src/repose/dem/laws/hertz.py",
     "bench test": "src/repose/apparatus/bounce.py",
     "surrogate": "src/repose/surrogate/cubic_surface.py",
+    "strategy": "src/repose/strategies/random_search.py",
 }
 
 

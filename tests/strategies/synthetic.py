@@ -1,5 +1,7 @@
 """A simulator in one line for the strategies: two responses that three parameters set."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from repose.core.parameter_space import ParameterSpace
@@ -34,6 +36,20 @@ SECTION = {
     "checks": 8,
 }
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
+
+
+class Study(NamedTuple):
+    """What a strategy reads of a study."""
+
+    parameters: ParameterSpace
+    targets: Targets
+    config: dict
+
+
+def study(targets=None, space=None, **sections):
+    """A study of these sections."""
+    targets, space = TARGETS if targets is None else targets, SPACE if space is None else space
+    return Study(space, targets, configuration(targets, space, **sections))
 
 
 def configuration(targets, space, **sections):

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+import synthetic
 from matplotlib.text import Text
 from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, configuration, dataset, responses
 
@@ -15,7 +16,8 @@ from repose.core.targets import Targets
 from repose.doe.optimum import Optimum
 from repose.pictures.figures import response_surface as figures
 from repose.pictures.figures import style
-from repose.strategies.response_surface import files, screening, surface
+from repose.strategies import Answer
+from repose.strategies.response_surface import ResponseSurface, files, screening, surface
 from repose.strategies.response_surface.steps import factors_of, numbers
 
 CONFIG = {
@@ -265,3 +267,22 @@ def test_figures(noisy):
         assert len(figure.axes) == (panels or count * (count - 1))
         texts = " ".join(text.get_text() for text in figure.findobj(Text))
         assert "angle" in texts.lower() or "θ" in texts or "Height" in texts
+
+
+def test_the_loop_asks_for_the_samples_of_the_steps_on_files(tmp_path):
+    campaign(tmp_path, 0.5)
+    study = synthetic.study(response_surface=SECTION)
+    data = pd.DataFrame()
+    for step in ("screening", "ascent", "surface", "check"):
+        batch = ResponseSurface().propose(study, data)
+        table = pd.read_csv(tmp_path / step / "samples.csv")[["sample", *PARAMETERS]]
+        assert (batch.samples["seeds"] == SECTION["seeds"]).all()
+        np.testing.assert_allclose(batch.samples.drop(columns="seeds"), table, rtol=1e-9)
+        data = pd.concat([data, pd.read_csv(tmp_path / step / "dataset.csv")], ignore_index=True)
+    found = ResponseSurface().propose(study, data)
+    assert isinstance(found, Answer)
+    solution = pd.read_csv(tmp_path / "check/solutions.csv")
+    np.testing.assert_allclose(found.values, solution.loc[0, list(PARAMETERS)].to_numpy(float), rtol=1e-6)
+    np.testing.assert_allclose(
+        found.mean, solution.loc[0, list(TARGETS.predicted)].to_numpy(float), rtol=1e-6
+    )

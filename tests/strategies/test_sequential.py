@@ -8,7 +8,7 @@ import pytest
 from matplotlib.text import Text
 from scipy.spatial.distance import cdist
 from scipy.stats import norm
-from synthetic import RANGES, SPACE, TARGETS, configuration, responses
+from synthetic import RANGES, SPACE, TARGETS, responses, study
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -69,13 +69,14 @@ def write_poured(folder, table, runs, targets):
 
 def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, seed=1):
     """All batches and the check on files; the summary."""
-    files.run_start(space, section, seed, folder / "batch_0/samples.csv")
+    known = study(targets, space, sequential=section, design={"seed": seed})
+    files.run_start(known, folder / "batch_0/samples.csv")
     table, k = pd.read_csv(folder / "batch_0/samples.csv"), 0
     while True:
         runs = runs_of(table, section["seeds"], noise, [seed, k], targets.names)
         write_poured(folder / f"batch_{k}", table, runs, targets)
         folders = [folder / f"batch_{j}" for j in range(k + 1)]
-        found = files.run_batch(folders, space, targets, section, seed, folders[-1])
+        found = files.run_batch(folders, known, folders[-1])
         table = pd.read_csv(folders[-1] / "next.csv")
         if found["stop"]:
             break
@@ -83,7 +84,7 @@ def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, s
     runs = runs_of(table, section["checks"], noise, [seed, 999], targets.names)
     write_poured(folder / "check", table, runs, targets)
     check = folder / "check/dataset.csv", folder / "check/runs.csv"
-    files.run_check(folders, *check, configuration(targets, space, sequential=section), folder)
+    files.run_check(folders, *check, known, folder)
     return json.loads((folder / "summary.json").read_text())
 
 
@@ -279,12 +280,12 @@ def test_no_point_beside_a_failed_one():
 
 
 def test_failed_runs_count_for_the_budget_and_failed_samples_are_known(tmp_path):
-    table = files.run_start(SPACE, SECTION, 1, tmp_path / "samples.csv")
+    table = files.run_start(study(sequential=SECTION), tmp_path / "samples.csv")
     runs = runs_of(table, 2, 0.5, 1, TARGETS.names)
     runs.loc[[0, 4, 5], "status"] = "jammed"
     runs.loc[[0, 4, 5], list(TARGETS.names)] = np.nan
     write_poured(tmp_path, table, runs, TARGETS)
-    found = files.run_batch([tmp_path], SPACE, TARGETS, SECTION, 1, tmp_path)
+    found = files.run_batch([tmp_path], study(sequential=SECTION), tmp_path)
     assert found["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
     seen, failed = files.observed_of(data, runs, SPACE, TARGETS)
@@ -312,11 +313,11 @@ def test_runs_of_several_bench_tests_are_independent():
 
 
 def test_pours_that_do_not_tell_the_noise_are_refused(tmp_path):
-    table = files.run_start(SPACE, SECTION, 1, tmp_path / "samples.csv")
+    table = files.run_start(study(sequential=SECTION), tmp_path / "samples.csv")
     runs = runs_of(table, 1, 0.5, 1, TARGETS.names)
     write_poured(tmp_path, table, runs, TARGETS)
     with pytest.raises(InputError, match="enough to tell the noise"):
-        files.run_batch([tmp_path], SPACE, TARGETS, SECTION, 1, tmp_path)
+        files.run_batch([tmp_path], study(sequential=SECTION), tmp_path)
 
 
 @pytest.mark.parametrize("targets", [TARGETS, HEIGHT])

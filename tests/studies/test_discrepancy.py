@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from shared import targets_of
 
+from repose.config.own import OwnMaking
 from repose.core.errors import InputError
-from repose.studies import discrepancy, own_simulator
+from repose.studies import discrepancy
 
 TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
 OWN = {"slope": 30.0, "time": 4.0}
@@ -93,7 +94,7 @@ def test_the_study_of_the_configuration_is_the_published_one():
 
 
 def test_responses_of_a_simulator_that_only_its_user_knows_have_a_discrepancy():
-    own = own_simulator.study_of(
+    own = OwnMaking(
         {
             "simulator": "mine",
             "label": "own",

@@ -13,9 +13,13 @@ import yaml
 
 from repose.chain import card
 from repose.cli import main
+from repose.config.own import OwnMaking
+from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.studies import own_simulator
-from repose.studies.own_simulator import calibration
+from repose.strategies.runs import add_runs, checked_runs
+from repose.strategies.sequential import noise
+from repose.strategies.sequential.strategy import observed_of
+from repose.studies import calibration
 
 DOC = (Path(__file__).parents[2] / "docs/own_simulator.md").read_text()
 BLOCKS = dict(re.findall(r"```(yaml|python)\n(.*?)```", DOC, re.DOTALL)[:2])
@@ -23,6 +27,16 @@ QUICK = {"posterior": {"walkers": 32, "steps": 100}}
 CONTENT = yaml.safe_load(BLOCKS["yaml"]) | QUICK
 SINGLE = CONTENT | {"sequential": {"start_samples": 32, "seeds": 1}}
 FREE = ["friction", "rolling"]
+
+
+def study_of(content, file=None):
+    """The study of a configuration."""
+    made = OwnMaking(content)
+    return Study._of(made.config, made, file)
+
+
+def observed(study, runs):
+    return observed_of(runs, study.parameters, study.targets)
 
 
 def simulate(table, noise=0.01, seed=1):
@@ -35,22 +49,22 @@ def simulate(table, noise=0.01, seed=1):
 
 @pytest.fixture(scope="module")
 def study():
-    return own_simulator.study_of(CONTENT)
+    return study_of(CONTENT)
 
 
 @pytest.fixture(scope="module")
 def table(study):
-    return simulate(own_simulator.first_runs(study))
+    return simulate(study.ask())
 
 
 @pytest.fixture(scope="module")
 def found(study, table):
-    return own_simulator.calibrate(study, own_simulator.checked_runs(study, table))
+    return calibration.calibrate(study, checked_runs(study, table))
 
 
 @pytest.mark.slow
 def test_the_start_fills_the_ranges_and_repeats_each_sample(study):
-    table = own_simulator.first_runs(study)
+    table = study.ask()
     assert (table.groupby("sample").size() == 2).all()
     assert table["run"].tolist() == [1, 2] * 16
     assert (table["restitution"] == 0.4).all()
@@ -106,13 +120,13 @@ def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
 @pytest.mark.slow
 def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path):
     record, told, k, stop = tmp_path / "runs.csv", None, 0, None
-    following = own_simulator.first_runs(study)
+    following = study.ask()
     while not stop:
         simulate(following, seed=k).to_csv(tmp_path / "new.csv", index=False)
-        told = own_simulator.tell(study, tmp_path / "new.csv", record)
-        advice, following = own_simulator.ask(study, own_simulator.read_runs(record, study))
-        stop, k = advice.stop, k + 1
-    assert stop == "probability"
+        told = add_runs(study, tmp_path / "new.csv", record)
+        now = study_of(CONTENT, record)
+        following, stop, k = now.ask(), now.done, k + 1
+    assert now.proposal.notes["stop"] == "probability"
     assert len(told) == 32 + 16 * (k - 1)
     assert (following["sample"] == told["sample"].max() + 1).all()
     off = simulate(following, noise=0.0)[["angle_deg", "time_s"]].iloc[0] / [30.0, 4.0] - 1
@@ -120,40 +134,39 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
 
 
 def test_rows_with_the_same_parameters_are_replicates(study, table):
-    runs = own_simulator.checked_runs(study, table.drop(columns=["sample", "run"]))
+    runs = checked_runs(study, table.drop(columns=["sample", "run"]))
     assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
-    mixed = own_simulator.checked_runs(study, table.sample(frac=1, random_state=1))
-    assert calibration.observed_of(study, mixed)[0].counts.tolist() == [2] * 16
+    mixed = checked_runs(study, table.sample(frac=1, random_state=1))
+    assert observed(study, mixed)[0].counts.tolist() == [2] * 16
 
 
 def test_failed_runs_are_known_as_such(study, table):
     failed = table.astype({"angle_deg": object}).assign(status="ok")
     failed.loc[:2, ["status", "angle_deg"]] = ["jammed", ""]
-    observed, nowhere = calibration.observed_of(study, own_simulator.checked_runs(study, failed))
+    good, nowhere = observed(study, checked_runs(study, failed))
     assert len(nowhere) == 1
-    assert observed.counts.tolist() == [1] + [2] * 14
+    assert good.counts.tolist() == [1] + [2] * 14
 
 
 def noise_of(study, table):
-    return own_simulator.noise_of(
-        study, calibration.observed_of(study, own_simulator.checked_runs(study, table))[0]
-    )
+    known = observed(study, checked_runs(study, table))[0]
+    return noise.noise_of(known, study.targets.names, study.config["noise_sd"])
 
 
 def test_a_fixed_parameter_needs_no_column(study, table, tmp_path):
-    runs = own_simulator.checked_runs(study, table.drop(columns="restitution"))
+    runs = checked_runs(study, table.drop(columns="restitution"))
     assert (runs["restitution"] == 0.4).all()
     new, record = tmp_path / "new.csv", tmp_path / "runs.csv"
     for part in (table[:6], table[6:].drop(columns="restitution")):
         part.to_csv(new, index=False)
-        told = own_simulator.tell(study, new, record)
+        told = add_runs(study, new, record)
     assert (told["restitution"] == 0.4).all()
     assert len(told) == len(table)
 
 
 def test_single_runs_tell_the_noise_roughly_and_warn(study):
     """A Latin hypercube of 32, each run once; the noise is 2 % of the responses."""
-    single = own_simulator.first_runs(own_simulator.study_of(SINGLE))
+    single = study_of(SINGLE).ask()
     exact, noisy = (simulate(single, noise=noise, seed=3)[["angle_deg", "time_s"]] for noise in (0.0, 0.02))
     found = noise_of(study, single.join(noisy))
     true = 0.02 * np.sqrt((exact**2).mean().to_numpy())
@@ -167,8 +180,8 @@ def test_single_runs_tell_the_noise_roughly_and_warn(study):
 @pytest.mark.parametrize(("samples", "low", "high"), [(16, 0.3, 1.3), (32, 0.8, 1.2)])
 def test_how_rough_the_estimate_is(samples, low, high):
     """The numbers of docs/own_simulator.md: estimated over true noise, eight seeds, both responses."""
-    study = own_simulator.study_of(CONTENT | {"sequential": {"start_samples": samples, "seeds": 1}})
-    single = own_simulator.first_runs(study)
+    study = study_of(CONTENT | {"sequential": {"start_samples": samples, "seeds": 1}})
+    single = study.ask()
     true = 0.02 * np.sqrt((simulate(single, noise=0.0)[["angle_deg", "time_s"]] ** 2).mean().to_numpy())
     ratios = [
         np.sqrt(np.diagonal(noise_of(study, simulate(single, 0.02, seed)).covariance)) / true
@@ -178,7 +191,7 @@ def test_how_rough_the_estimate_is(samples, low, high):
 
 
 def test_noise_that_is_told_stands_in_for_replicates_and_not_beside_them(study, table):
-    told = own_simulator.study_of(changed("targets.angle_deg.noise_sd", 0.7))
+    told = study_of(changed("targets.angle_deg.noise_sd", 0.7))
     single = noise_of(told, table[::2])
     assert single.covariance[0, 0] == pytest.approx(0.49)
     assert single.sources == {"angle_deg": "noise_sd", "time_s": "estimated from single runs"}
@@ -199,7 +212,7 @@ def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
 @pytest.mark.slow
 def test_single_runs_are_calibrated_with_a_warning(tmp_path, capsys):
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(SINGLE))
-    table = simulate(own_simulator.first_runs(own_simulator.study_of(SINGLE)), noise=0.02)
+    table = simulate(study_of(SINGLE).ask(), noise=0.02)
     table.drop(columns=["restitution", "sample", "run"]).to_csv(tmp_path / "results.csv", index=False)
     words = [str(tmp_path / "results.csv"), "--config", str(tmp_path / "own.yaml"), "--out", str(tmp_path)]
     assert main(["calibrate", *words]) == 0
@@ -261,7 +274,7 @@ BAD = {
 def test_bad_runs_are_refused_by_name(case, study, table):
     change, words = BAD[case]
     with pytest.raises(InputError, match=words):
-        own_simulator.checked_runs(study, change(table))
+        checked_runs(study, change(table))
 
 
 def changed(key, value):
@@ -307,14 +320,14 @@ def changed(key, value):
 )
 def test_a_bad_configuration_is_refused_by_name(key, value, words):
     with pytest.raises(InputError, match=words):
-        own_simulator.study_of(changed(key, value))
+        study_of(changed(key, value))
 
 
 @pytest.mark.slow
 def test_a_prior_moves_the_answer(table):
     content = changed("parameters.friction", {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.2, 0.8]})
-    study = own_simulator.study_of(content)
-    found = own_simulator.calibrate(study, own_simulator.checked_runs(study, table))
+    study = study_of(content)
+    found = calibration.calibrate(study, checked_runs(study, table))
     assert found.summary["representative"]["friction"] < 0.58, "0.59 without it"
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from snakemake import cli
 
-import repose.studies.refine  # noqa: F401  loaded here, once, for every fork
+import repose.strategies.refined.refine  # noqa: F401  loaded here, once, for every fork
 from repose.core import ledger
 
 ROOT = Path(__file__).parents[2]

@@ -42,32 +42,28 @@ def test_each_step_pours_what_the_one_before_found(finished):
     jobs = planned(project, *words, *TARGET)
     assert "pour" not in jobs, "no pour of the published method"
     assert jobs["response_design"] == 1
-    assert (
-        jobs["response_pour"]
-        == jobs["measure_response_runs"]
-        == section["screening_runs"] + section["centres"]
-    )
+    assert jobs["batch_pour"] == jobs["measure_batch_runs"] == section["screening_runs"] + section["centres"]
 
     files.run_design(SPACE, section, folder / "screening/samples.csv")
     step = poured(folder, "screening")
     files.run_screening(*step, *given, folder / "screening", folder / "ascent/samples.csv")
     jobs = planned(project, *words, *TARGET)
     assert "response_screening" not in jobs
-    assert jobs["response_pour"] == section["steps"] + 1
+    assert jobs["batch_pour"] == section["steps"] + 1
 
     step = poured(folder, "ascent")
     files.run_ascent(*step, *given, folder / "ascent", folder / "surface/samples.csv")
     jobs = planned(project, *words, *TARGET)
-    assert jobs["response_pour"] == 12 + section["centres"], "Box-Behnken in three factors"
+    assert jobs["batch_pour"] == 12 + section["centres"], "Box-Behnken in three factors"
 
     step = poured(folder, "surface")
     files.run_surface(*step, *given, folder / "surface", folder / "check/samples.csv")
     jobs = planned(project, *words, *TARGET)
-    assert jobs["response_pour"] == section["checks"]
+    assert jobs["batch_pour"] == section["checks"]
 
     poured(folder, "check")
     jobs = planned(project, *words, *TARGET)
-    assert "response_pour" not in jobs
+    assert "batch_pour" not in jobs
     assert {"response_check", "draw_contours"} <= set(jobs)
     shutil.rmtree(folder)
 
@@ -76,9 +72,9 @@ def test_each_step_pours_what_the_one_before_found(finished):
 def test_the_strategy_chooses_what_a_study_makes(project):
     words = ("--configfile", "config/quick.yaml", "--config", "strategy=response_surface")
     jobs = planned(project, *words)
-    assert jobs["response_pour"] == 8 + 3, "corners, and the centre"
+    assert jobs["batch_pour"] == 8 + 3, "corners, and the centre"
     assert not {"pour", "network", "miga", "drum_run"} & set(jobs)
-    assert "response_pour" not in planned(project, "--configfile", "config/quick.yaml")
+    assert "batch_pour" not in planned(project, "--configfile", "config/quick.yaml")
 
 
 def test_every_bench_test_of_the_targets_is_run(project):
@@ -88,7 +84,7 @@ def test_every_bench_test_of_the_targets_is_run(project):
     ]
     (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
     words = ("--configfile", "config/quick.yaml", "mine.yaml", *TARGET)
-    assert planned(project, *words)["response_pour"] == 2 * (8 + 3)
+    assert planned(project, *words)["batch_pour"] == 2 * (8 + 3)
     shown = snakemake(project, "-n", "-p", *words).stdout
     assert "--apparatus drum " in shown
     assert "--purpose response_surface " in shown
@@ -104,7 +100,10 @@ def test_every_bench_test_of_the_targets_is_run(project):
             "most_factors is 2; allowed: at least 3 where surface is box_behnken",
         ),
         ("response_surface={centres: 2}", "centres is 2; allowed: at least 3 where surface is box_behnken"),
-        ("strategy=guess", "strategy is 'guess'; allowed: published or response_surface or sequential"),
+        (
+            "strategy=guess",
+            "strategy is 'guess'; allowed: published or refined or response_surface or sequential",
+        ),
     ],
 )
 def test_what_does_not_fit_is_told_before_any_work(project, changed, told):

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from plans import as_ours, planned, snakemake
 from synthetic import SPACE, responses
+from synthetic import Study as Given
 
 from repose.config.study import Study
 from repose.core.targets import Targets
@@ -42,12 +43,13 @@ def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing
     folder = project / "results/quick/sequential"
     config = Study.load(project / "config/quick.yaml").config
     section, targets = config["sequential"] | {"probability": 0.99}, Targets.of(config["targets"])
+    study = Given(SPACE, targets, config | {"sequential": section})
     words = (*words, "sequential={probability: 0.99}", *TARGET)
 
     jobs = planned(project, *words)
     assert "pour" not in jobs, "no pour of the published method"
-    assert jobs["sequential_pour"] == jobs["measure_sequential_runs"] == section["start_samples"]
-    table = files.run_start(SPACE, section, config["design"]["seed"], folder / "batch_0/samples.csv")
+    assert jobs["batch_pour"] == jobs["measure_batch_runs"] == section["start_samples"]
+    table = files.run_start(study, folder / "batch_0/samples.csv")
 
     folders, budget = [], section["start_samples"]
     while True:
@@ -55,12 +57,12 @@ def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing
         poured(folders[-1], table, section, targets, [1, len(folders)])
         # everything before is kept: all that is planned is to read what was poured
         jobs = planned(project, *words)
-        assert "sequential_pour" not in jobs
+        assert "batch_pour" not in jobs
         assert jobs["sequential_batch"] == 1
-        found = files.run_batch(folders, SPACE, targets, section, config["design"]["seed"], folders[-1])
+        found = files.run_batch(folders, study, folders[-1])
         table = pd.read_csv(folders[-1] / "next.csv")
         jobs = planned(project, *words)
-        assert jobs["sequential_pour"] == jobs["measure_sequential_runs"] == len(table)
+        assert jobs["batch_pour"] == jobs["measure_batch_runs"] == len(table)
         if found["stop"]:
             break
         budget += len(table)
@@ -76,12 +78,12 @@ def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing
 def test_the_strategy_chooses_what_a_study_makes(project):
     words = ("--configfile", "config/quick.yaml", "--config", "strategy=sequential")
     jobs = planned(project, *words)
-    assert jobs["sequential_pour"] == 8
-    assert not {"pour", "network", "miga", "turn", "response_pour", "page", "card"} & set(jobs)
+    assert jobs["batch_pour"] == 8
+    assert not {"pour", "network", "miga", "turn", "response_design", "page", "card"} & set(jobs)
     assert {"strategy_page", "strategy_card", "strategy_trajectory"} <= set(jobs), (
         "what every calibration ends with"
     )
-    assert "sequential_pour" not in planned(project, "--configfile", "config/quick.yaml")
+    assert "batch_pour" not in planned(project, "--configfile", "config/quick.yaml")
 
 
 def test_every_bench_test_of_the_targets_is_run(project):
@@ -91,7 +93,7 @@ def test_every_bench_test_of_the_targets_is_run(project):
     ]
     (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
     words = ("--configfile", "config/quick.yaml", "mine.yaml", *TARGET)
-    assert planned(project, *words)["sequential_pour"] == 16
+    assert planned(project, *words)["batch_pour"] == 16
     assert "--purpose sequential " in snakemake(project, "-n", "-p", *words).stdout
 
 

@@ -167,7 +167,7 @@ def test_uncertainty_is_a_target_of_its_own(finished):
 
 
 REFIT = {"refine_data", "refine_network", "refine_search"}
-ROUND = {"refine_propose", "refine_pour", "measure_refine_runs", "refine_dataset", "refine_round"}
+ROUND = {"refine_propose", "batch_pour", "measure_batch_runs", "batch_dataset", "refine_round"}
 END = {"refine_tables", "draw_approach", "refined", "total"}
 
 
@@ -175,7 +175,7 @@ def test_a_round_of_the_refinement_runs_every_bench_test_of_the_targets(project)
     (project / "mine.yaml").write_text(json.dumps({"targets": MIXED}))
     words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "refined")
     jobs = planned(project, *words)
-    assert (jobs["refine_pour"], jobs["measure_refine_runs"]) == (8, 8), "four jobs in each bench test"
+    assert (jobs["batch_pour"], jobs["measure_batch_runs"]) == (8, 8), "four jobs in each bench test"
     shown = snakemake(project, "-n", "-p", *words).stdout
     for folder, name in (("heaps", "funnel"), ("drum_runs", "drum")):
         out = f"results/quick/refined/round_0/{folder}"
@@ -191,9 +191,9 @@ def test_the_refinement_is_a_target_of_its_own(finished):
     project, words = finished
     jobs = planned(project, *words, "--", "refined")
     assert set(jobs) == ROUND | END, "until round 0 is judged no other is planned"
-    assert jobs["refine_pour"] == 4, "two blocks of the proposal and two neighbours"
+    assert jobs["batch_pour"] == 4, "two blocks of the proposal and two neighbours"
     more = planned(project, *words, "refine={seeds: 6}", "--", "refined")
-    assert more["refine_pour"] == 5
+    assert more["batch_pour"] == 5
     assert not (REFIT | ROUND | END - {"total"}) & set(planned(project, *words, "--forceall"))
 
 

@@ -110,7 +110,8 @@ if len(config["targets"]) > 1:
             rules.sequential_check.output.solutions,
             rules.sequential_check.output.table4,
         ),
-    }[config["strategy"]]
+    }
+    PLANE = PLANE.get(config["strategy"], PLANE["published"])
     FIGURES["plane"] = (
         "Targets against each other",
         dict(zip(("dataset", "feasible", "table4"), PLANE)),

@@ -166,7 +166,7 @@ def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
 
     An InputError is raised before the calibration has been run.
     """
-    folder, files = Path(config["results_dir"]), FILES[strategy]
+    folder, files = Path(config["results_dir"]), _files_of(strategy)
     return read_files(config, folder / files.summary, folder / files.check, strategy)
 
 
@@ -196,12 +196,17 @@ def read_files(
         message=summary["message"],
         checks=tuple(_check(one, rows[one.name], check_csv) for one in targets),
         folder=Path(config["results_dir"]),
-        files=FILES[strategy],
+        files=_files_of(strategy),
         out_of_reach=summary.get("stop") == "out_of_reach",
         within={
             percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()
         },
     )
+
+
+def _files_of(strategy):
+    """The files of a strategy's answer; without any of its own those of the chain."""
+    return FILES.get(strategy, FILES["published"])
 
 
 def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:

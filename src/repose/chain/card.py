@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.answer import Answer, Check, nearness
-from repose.config.definitions import described
+from repose.chain.described import described
 from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
@@ -83,7 +83,7 @@ def assembled(
     """A card from its parts.
 
     `about` holds the simulated grain, wall and laws, or the name of another simulator; `tests` the `definition` and the
-    `bench` of each response (`repose.config.definitions.described`). `feasible` and `posterior` as in `make`.
+    `bench` of each response (`repose.chain.described.described`). `feasible` and `posterior` as in `make`.
     """
     draws = feasible if posterior is None else posterior[1]
     ends = _ends(space, feasible, posterior)

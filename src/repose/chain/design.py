@@ -122,12 +122,16 @@ def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple
         raise InputError("design", "method", method, "lhsdesign or optimal")
     space.check_searchable()
     d = space.dimensions
-    designs = {
-        "random": random_lhs(samples, d, np.random.default_rng(seed)),
-        "lhsdesign": lhsdesign(samples, d, rng=np.random.default_rng(seed)),
-        "optimal": optimal_lhs(samples, d, seed),
-    }
+    designs = {name: points(samples, d, name, seed) for name in ("random", "lhsdesign", "optimal")}
     return parameter_sets(designs[method], space), compare(designs)
+
+
+def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
+    """The design (n, d) of a method: "random", "lhsdesign" or "optimal"."""
+    if method == "optimal":
+        return optimal_lhs(n, d, seed)
+    make = random_lhs if method == "random" else lhsdesign
+    return make(n, d, rng=np.random.default_rng(seed))
 
 
 def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:

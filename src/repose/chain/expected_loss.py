@@ -38,7 +38,7 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
 
 
 def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """The parameter set of least expected loss: six parameters, predicted responses, and the entries of `judged`.
+    """The parameter set of least expected loss: its parameters, predicted responses, and the entries of `judged`.
 
     Of sets that are equally good, those near the means of priors come first.
     """
@@ -61,7 +61,7 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
     ends = [minimize(with_gradient, place, jac=True, method="L-BFGS-B", bounds=bounds) for place in first]
     best = min(ends, key=lambda end: end.fun)
     X = space.values(best.x[None])
-    found = dict(zip(PARAMETERS, X[0].tolist(), strict=True))
+    found = dict(zip(space.names, X[0].tolist(), strict=True))
     predicted = dict(zip(targets.predicted, surrogate.predict(X)[0].tolist(), strict=True))
     return found | predicted | judged(surrogate, found, targets)
 
@@ -72,7 +72,7 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     `predicted_se`: standard errors of the predicted means by response; `expected_error_percent`: root of the expected
     mean square of the relative deviations; `within`: probability that all means lie within some percent of the aims.
     """
-    X = np.array([[parameters[name] for name in PARAMETERS]])
+    X = np.array([[parameters[name] for name in surrogate.inputs or PARAMETERS]])
     mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim
     error, reach = np.sqrt(np.diagonal(covariance[0])), np.abs(aim) / 100
     square = ((mean[0] - aim) ** 2 + error**2) / aim**2

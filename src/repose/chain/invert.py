@@ -16,7 +16,6 @@ from repose.chain import expected_loss
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 from repose.core.responses import Definitions, require_same_definitions
 from repose.core.targets import Targets
 from repose.search.objective import HISTORY, Objective, Preference, search
@@ -79,7 +78,7 @@ def invert(
     rows = slice(0, max(FEWEST_ROWS, min(met + (V[0] > 0), most)) if met else most)
     points, Y, F, V = points[rows], Y[rows], F[rows], V[rows]
     n_feasible = int(np.count_nonzero(V == 0))
-    table = pd.DataFrame(space.values((points + 1) / 2), columns=list(PARAMETERS))
+    table = pd.DataFrame(space.values((points + 1) / 2), columns=list(space.names))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
     table[list(targets.predicted)] = Y
     table["objective"], table["violation"], table["feasible"] = F, V, V == 0
@@ -87,14 +86,14 @@ def invert(
     if preference is not None:
         table["prior_distance_sd"] = preference.distance(points)
     if support is not None:
-        table["warning"] = support.warnings(table[list(PARAMETERS)].to_numpy(float))
+        table["warning"] = support.warnings(table[list(space.names)].to_numpy(float))
     history = pd.DataFrame(history, columns=list(HISTORY))
     shown = table[table["feasible"]] if n_feasible else table
     return Inversion(
         table,
         intervals(shown, space, published),
         history,
-        _summary(table, targets, settings, evaluations, n_feasible, feasible_met),
+        _summary(table, space, targets, settings, evaluations, n_feasible, feasible_met),
     )
 
 
@@ -138,12 +137,12 @@ def write(found: Inversion, out_dir: str | os.PathLike) -> None:
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
     """The surrogate as a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
     respond = surrogate.response_function(space.complete(space.low)[0], space.complete(space.high)[0])
-    if space.dimensions == len(PARAMETERS):
+    if space.dimensions == len(space.names):
         return respond
-    columns = [PARAMETERS.index(name) for name in space.free]
+    columns = [space.names.index(name) for name in space.free]
 
     def respond_to_free(points):
-        every = np.zeros((len(points), len(PARAMETERS)))  # both ends of a fixed parameter are its value
+        every = np.zeros((len(points), len(space.names)))  # both ends of a fixed parameter are its value
         every[:, columns] = points
         return respond(every)
 
@@ -160,13 +159,13 @@ def intervals(
     """
     range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
     rows = []
-    for name in PARAMETERS:
+    for name in space.names:
         low, high = float(solutions[name].min()), float(solutions[name].max())
         lowest, highest = range_of.get(name, (0.0, 1.0))
         rows.append((name, low, high, 100 * (high - low) / (highest - lowest)))
     table = pd.DataFrame(rows, columns=["variable", *INTERVAL])
     if published is not None:
-        theirs = published.set_index("parameter").reindex(PARAMETERS)
+        theirs = published.set_index("parameter").reindex(space.names)
         for column in INTERVAL:
             table[f"published_{column}"] = theirs[column].to_numpy()
     return table
@@ -191,7 +190,7 @@ def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: 
     )
 
 
-def _summary(table, targets, settings, evaluations, n_feasible, feasible_met):
+def _summary(table, space, targets, settings, evaluations, n_feasible, feasible_met):
     """The content of summary.json."""
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
@@ -203,7 +202,7 @@ def _summary(table, targets, settings, evaluations, n_feasible, feasible_met):
         "evaluations": int(evaluations),
         "distance": settings["distance"],
         "representative": {
-            name: float(best[name]) for name in (*PARAMETERS, *targets.predicted, "objective")
+            name: float(best[name]) for name in (*space.names, *targets.predicted, "objective")
         },
         "box_distance": dict(zip(targets.names, box, strict=True)),
         "target_distance": dict(zip(targets.names, off, strict=True)),
@@ -216,7 +215,7 @@ def _summary(table, targets, settings, evaluations, n_feasible, feasible_met):
 
 def _behind(first, points, space, distance):
     """The points (n, d) after the set `first`, without those too near to it; the best of them stays."""
-    place = 2 * space.unit(np.array([[first[name] for name in PARAMETERS]])) - 1
+    place = 2 * space.unit(np.array([[first[name] for name in space.names]])) - 1
     apart = np.linalg.norm(points - place, axis=1) >= distance
     apart[0] = True
     return np.vstack([place, points[apart]])

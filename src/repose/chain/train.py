@@ -88,17 +88,18 @@ def train(
     settings: Mapping[str, Any],
     definitions: Definitions | None = None,
     source: object = "dataset",
+    names: Sequence[str] = PARAMETERS,
 ) -> Training:
     """Train a surrogate on the usable samples of a study; at least 12, or InputError.
 
     `dataset` and `runs` are those of `repose.chain.dataset`. `settings` is the section `network` with `surrogate`
     (default "network"), `seed`, `split` (three shares) and `replicates` (default False): whether the runs of each
-    sample give the noise, see `Replicates`. `source` names the dataset in messages.
+    sample give the noise, see `Replicates`. `source` names the dataset in messages, `names` are the parameters.
     """
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
         raise InputError(source, "usable samples", len(usable), f"at least {FEWEST_SAMPLES} with status ok")
-    X, Y = usable[list(PARAMETERS)].to_numpy(float), usable[list(targets.names)].to_numpy(float)
+    X, Y = usable[list(names)].to_numpy(float), usable[list(targets.names)].to_numpy(float)
     errors = usable[list(targets.errors)].to_numpy(float)
     rows = rows_of(usable, settings["split"], settings["seed"])
 
@@ -106,7 +107,7 @@ def train(
         learned = usable["sample"].iloc[part]
         noise = Replicates.of(runs, learned, targets) if settings.get("replicates", False) else None
         model = make(settings.get("surrogate", "network"), settings)
-        model.describe(PARAMETERS, targets.names, definitions, learned)
+        model.describe(names, targets.names, definitions, learned)
         return model.fit(X[part], Y[part], **({} if noise is None else noise.arguments())), noise
 
     model, noise = fitted(rows["train"])
@@ -221,7 +222,7 @@ def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndar
 def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
     """Row numbers of train, validation and test of a table.
 
-    Samples with a `round` (`repose.studies.refine`) are all for training. The others are split as if they
+    Samples with a `round` (`repose.strategies.refined`) are all for training. The others are split as if they
     were alone, so every round has the same test samples as the design.
     """
     added = samples["round"].notna().to_numpy() if "round" in samples else np.zeros(len(samples), bool)

@@ -157,12 +157,12 @@ def _costs(config: Mapping[str, Any], budgets: Iterable[int], berry_step_s: floa
 
     section = config["sequential"]
     seeds, check = section["seeds"], ("check", 1, section["checks"])
-    misfits = {name: strategies.misfit({**config, "strategy": name}) for name in strategies.OTHERS}
+    misfits = {name: strategies.misfit({**config, "strategy": name}) for name in strategies.others()}
     rows: list[tuple[str, cost.Pours | None]] = []
     if not misfits["sequential"]:
         rows += [("sequential", (("batches", -(-pours // seeds), seeds), check)) for pours in budgets]
     if not misfits["response_surface"]:
-        rows.append(("response_surface", strategies.response_surface(config)))
+        rows.append(("response_surface", strategies.pours({**config, "strategy": "response_surface"})))
     rows.append(("published", None))
     yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
     for name, steps in rows:

@@ -78,7 +78,7 @@ def shape(args: argparse.Namespace) -> None:
 def design(args: argparse.Namespace) -> None:
     from repose.chain import design
     from repose.cli import own_simulator
-    from repose.studies.own_simulator.study import is_own
+    from repose.config.own import is_own
 
     if is_own(places.find(args.config)):
         own_simulator.write_start(args)

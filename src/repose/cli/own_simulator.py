@@ -3,35 +3,30 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from repose.cli.registry import Family, Option
+from repose.config import own
+from repose.config.study import Study
 from repose.core.errors import InputError
-
-if TYPE_CHECKING:
-    from repose.studies.own_simulator import OwnStudy
 
 FOLDER = "own"
 
 family = Family()
 
 
-def _study(args: argparse.Namespace) -> "OwnStudy":
-    """The study of --config."""
-    from repose.studies.own_simulator import study
-
-    if not study.is_own(args.config):
+def _study(args: argparse.Namespace, record: str | None = None) -> Study:
+    """The study of --config, with its runs."""
+    if not own.is_own(args.config):
         allowed = "the name of your simulator, in a configuration as docs/own_simulator.md shows"
         raise InputError(args.config, "simulator", None, allowed)
-    return study.read_study(args.config)
+    return Study.own(args.config, record)
 
 
 def write_start(args: argparse.Namespace) -> None:
     """Write the runs to begin with, samples.csv, into the folder `args.out`."""
     from repose.core.files import write_table
-    from repose.studies.own_simulator import first_runs
 
-    table = first_runs(_study(args))
+    table = _study(args).ask()
     path = Path(args.out) / "samples.csv"
     write_table(path, table)
     print(f"{path}: {len(table)} runs of {table['sample'].nunique()} samples to simulate")
@@ -50,9 +45,9 @@ def _warn(words: str | None) -> None:
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
 def tell(args: argparse.Namespace) -> None:
-    from repose.studies import own_simulator
+    from repose.strategies.runs import add_runs
 
-    table = own_simulator.tell(_study(args), args.runs, args.out)
+    table = add_runs(_study(args), args.runs, args.out)
     print(f"{args.out}: {len(table)} runs of {table['sample'].nunique()} samples")
 
 
@@ -66,21 +61,23 @@ def tell(args: argparse.Namespace) -> None:
 )
 def ask(args: argparse.Namespace) -> None:
     from repose.core.files import write_table
-    from repose.strategies.sequential.files import WHY
-    from repose.studies import own_simulator
-    from repose.studies.own_simulator import calibration
+    from repose.strategies.base import Answer
+    from repose.strategies.runs import read_runs
+    from repose.strategies.sequential.strategy import noise_from, observed_of
 
-    study = _study(args)
-    known = own_simulator.read_runs(args.runs, study)
-    advice, table = own_simulator.ask(study, known)
+    study = _study(args, args.runs)
+    known = read_runs(args.runs, study)
+    table, found = study.ask(), study.proposal
     write_table(args.out, table)
-    _warn(own_simulator.noise_of(study, calibration.observed_of(study, known)[0]).warning)
-    print(
-        f"{len(known)} runs; the best point lies within {study.sequential['tolerance_percent']:g} % of all targets "
-        f"with probability {advice.probability:.2f}"
-    )
-    if advice.stop:
-        print(f"{args.out}: the answer. No more runs: {WHY[advice.stop]}")
+    _warn(noise_from(study, observed_of(known, study.parameters, study.targets)[0]).warning)
+    if "probability" in found.notes:
+        tolerance = study.config["sequential"]["tolerance_percent"]
+        print(
+            f"{len(known)} runs; the best point lies within {tolerance:g} % of all targets "
+            f"with probability {found.notes['probability']:.2f}"
+        )
+    if isinstance(found, Answer):
+        print(f"{args.out}: the answer. No more runs: {found.why}")
     else:
         print(f"{args.out}: {len(table)} runs to make next")
 
@@ -94,11 +91,11 @@ def ask(args: argparse.Namespace) -> None:
 def calibrate(args: argparse.Namespace) -> int:
     from repose.chain.answer import NOT_FEASIBLE
     from repose.pictures.report import own
-    from repose.studies import own_simulator
-    from repose.studies.own_simulator import calibration
+    from repose.strategies.runs import read_runs
+    from repose.studies import calibration
 
     study = _study(args)
-    found = own_simulator.calibrate(study, own_simulator.read_runs(args.runs, study))
+    found = calibration.calibrate(study, read_runs(args.runs, study))
     calibration.write(found, args.out)
     own.write(found, Path(args.out) / "report.html")
     print(calibration.in_words(found))

@@ -28,7 +28,7 @@ family = Family()
     ],
 )
 def refine_data(args: argparse.Namespace) -> None:
-    from repose.studies import refine
+    from repose.strategies.refined import refine
 
     refine.run_extended(args.dataset, args.runs, args.rounds, args.out)
 
@@ -44,7 +44,7 @@ def refine_data(args: argparse.Namespace) -> None:
     ],
 )
 def refine_search(args: argparse.Namespace) -> None:
-    from repose.studies import refine
+    from repose.strategies.refined import refine
 
     study = Study.load(args.config)
     space, targets = study.parameters, study.targets
@@ -66,7 +66,7 @@ def refine_search(args: argparse.Namespace) -> None:
     ],
 )
 def refine_propose(args: argparse.Namespace) -> None:
-    from repose.studies import refine
+    from repose.strategies.refined import refine
 
     study = Study.load(args.config)
     space, targets = study.parameters, study.targets
@@ -82,7 +82,7 @@ def refine_propose(args: argparse.Namespace) -> None:
     options=file_options(ROUND_FILES, "of the round "),
 )
 def refine_judge(args: argparse.Namespace) -> None:
-    from repose.studies import rounds
+    from repose.strategies.refined import rounds
 
     study = Study.load(args.config)
     files = (args.proposal, args.dataset, args.runs)
@@ -97,7 +97,7 @@ def refine_judge(args: argparse.Namespace) -> None:
     options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],
 )
 def refine_tables(args: argparse.Namespace) -> None:
-    from repose.studies import rounds
+    from repose.strategies.refined import rounds
 
     study = Study.load(args.config)
     targets, limit = study.targets, study.config["refine"]["rounds"]

@@ -169,7 +169,7 @@ def catalogue(words: list[str]) -> str:
     try:
         config = Study.load(*files).config
         costs = cost.costs(config)
-        costs |= {target: _cost_of({**config, "strategy": target}) for target in strategies.OTHERS}
+        costs |= {target: _cost_of({**config, "strategy": target}) for target in strategies.others()}
     except InputError:
         incomplete = ", ".join(files) or "config.yaml"
         costs = dict.fromkeys(

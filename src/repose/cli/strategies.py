@@ -125,11 +125,7 @@ def response_check(args: argparse.Namespace) -> None:
 def sequential_start(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
-    study = Study.load(args.config)
-    space = study.parameters
-    files.run_start(
-        space, study.config["sequential"], study.config["design"]["seed"], Path(args.out) / "samples.csv"
-    )
+    files.run_start(Study.load(args.config), Path(args.out) / "samples.csv")
 
 
 @family.verb(
@@ -141,10 +137,7 @@ def sequential_start(args: argparse.Namespace) -> None:
 def sequential_batch(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
-    study = Study.load(args.config)
-    space, targets = study.parameters, study.targets
-    given = (space, targets, study.config["sequential"], study.config["design"]["seed"])
-    found = files.run_batch(args.batches, *given, args.out)
+    found = files.run_batch(args.batches, Study.load(args.config), args.out)
     print(
         f"{found['pours']} pours; the best point meets the targets with probability {found['probability']:.2f}"
     )
@@ -165,5 +158,5 @@ def sequential_batch(args: argparse.Namespace) -> None:
 def sequential_check(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
-    table = files.run_check(args.batches, args.dataset, args.runs, Study.load(args.config).config, args.out)
+    table = files.run_check(args.batches, args.dataset, args.runs, Study.load(args.config), args.out)
     _print_deviations(table)

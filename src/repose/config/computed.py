@@ -142,7 +142,7 @@ def _time_step_s(config, berry, particle):
     return advised_step_s(longest_step(config, particle, berry).time_step_s)
 
 
-def _split(config, _berry, _particle):
+def split(config: Config, _berry: Any = None, _particle: Any = None) -> list[float]:
     """The shares for the configured surrogate."""
     return list(SPLITS.get(config["surrogate"], SPLIT_WITHOUT_NETWORK))
 
@@ -158,7 +158,7 @@ _OF_THE_SIMULATION = tuple(
     f"simulation.{key}" for key in ("gravity_m_s2", "tension", "rest_energy_j", "contact_law", "rolling_law")
 )
 COMPUTED = (
-    Computed("network.split", ("surrogate",), _split),
+    Computed("network.split", ("surrogate",), split),
     Computed("measure.mm_per_pixel", ("berry",), _mm_per_pixel),
     Computed("funnel.factory_height_mm", ("berry",), _factory_height_mm),
     Computed("funnel.factory_diameter_mm", ("berry", "funnel.inlet_diameter_mm"), _factory_diameter_mm),

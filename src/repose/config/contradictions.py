@@ -24,15 +24,16 @@ class Rule(NamedTuple):
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
     """The rules for a configuration, those of its bench tests included."""
+    from repose import strategies
+
     used = used_tests(config)
+    sections = [name for name in strategies.names() if strategies.strategy(name).settings is not None]
     return [
         Rule(("targets",), _of_targets),
         *(Rule((test.name, "simulation"), test.contradictions) for test in used),
         Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
         Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
-        Rule(
-            ("strategy", "sequential", "response_surface", "targets", "parameters"), strategy_contradictions
-        ),
+        Rule(("strategy", *sections, "targets", "parameters"), _of_the_strategy),
     ]
 
 
@@ -51,31 +52,11 @@ def _of_the_surrogate(config):
         yield "surrogate", f"{allowed} {needed}"
 
 
-def strategy_contradictions(config: Mapping[str, Any]) -> Pairs:
-    """A sequential start beyond its budget or without repeats; a response surface of too few factors or runs.
+def _of_the_strategy(config):
+    """A strategy that cannot run with this configuration."""
+    from repose import strategies
 
-    Each value of the configuration is valid by itself. Yields (dotted key, what is allowed).
-    """
-    if config["strategy"] == "sequential":
-        section, responses = config["sequential"], len(config["targets"])
-        repeats = section["start_samples"] * (section["seeds"] - 1)
-        if repeats <= responses:
-            yield "sequential.seeds", "at least 2: pours of one sample tell the noise"
-        if section["start_samples"] * section["seeds"] > section["most_pours"]:
-            yield "sequential.most_pours", "at least sequential.start_samples times sequential.seeds"
-    if config["strategy"] != "response_surface":
-        return
-    section, free = config["response_surface"], ParameterSpace.of(config["parameters"]).dimensions
-    name = section["surface"]
-    fewest, centres = (3, 3) if name == "box_behnken" else (2, 1)
-    if free < fewest:
-        yield "response_surface.surface", f"a design for {free} free parameters; {name} needs {fewest}"
-    if section["most_factors"] < fewest:
-        yield "response_surface.most_factors", f"at least {fewest} where surface is {name}"
-    if section["screening_runs"] < free + 2:
-        yield "response_surface.screening_runs", f"at least {free + 2} for {free} free parameters"
-    if section["centres"] < centres:
-        yield "response_surface.centres", f"at least {centres} where surface is {name}"
+    return strategies.strategy(config["strategy"]).contradictions(config)
 
 
 def _of_seeds(config):

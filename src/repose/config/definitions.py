@@ -1,16 +1,12 @@
-"""Definitions of the responses in a configuration, and settings of their bench tests."""
+"""Definitions of the responses in a configuration."""
 
 from collections.abc import Mapping
 from typing import Any
 
-from repose.apparatus import bench, bench_tests
-from repose.config import stands_on
+from repose.apparatus import bench_tests
 from repose.config.reading import get
-from repose.core.responses import Definitions, Response, derived
+from repose.core.responses import Definitions
 from repose.core.targets import Targets
-
-CHOSEN = "measure.response"  # names the definition of a response that has several
-GRAIN = "berry_height_mm"
 
 
 def definitions_of(config: Mapping[str, Any]) -> Definitions:
@@ -24,28 +20,4 @@ def definitions_of(config: Mapping[str, Any]) -> Definitions:
         for test in bench_tests()
         if test.name in used
         for one in test.responses
-    }
-
-
-def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
-    """Definition of a response and settings of its bench test, with the units in the keys.
-
-    `definition` holds its `name` and `settings`, the keys that it reads; `bench` the keys of the bench test's section
-    that a run reads. `berry`, the result of the verb `berry`, gives the grain's height where the configuration has
-    none.
-    """
-    from repose.measure.settings import MeasureSettings
-
-    one, test = response, bench(response.apparatus)
-    if CHOSEN in one.definition:
-        own = {other.name: other for other in test.responses}
-        one = own[derived(one.name, get(config, CHOSEN))]
-    settings = {key.rpartition(".")[2]: get(config, key) for key in one.definition}
-    if GRAIN in settings:
-        height = MeasureSettings.of(config["measure"], berry).berry_height_mm
-        settings[GRAIN] = None if height is None else float(f"{height:.6g}")
-    section = stands_on.pouring(config, test.name)[test.name]
-    return {
-        "definition": {"name": one.label, "settings": settings},
-        "bench": {key: section[key] for key in test.settings.model_fields if key in section},
     }

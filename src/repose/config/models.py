@@ -15,7 +15,7 @@ from pydantic_core import core_schema
 from repose.apparatus import bench, names
 from repose.config import results_folder
 from repose.core.responses import responses_of
-from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, Seeds, refuse
+from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
 
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 
@@ -36,6 +36,12 @@ def _surrogates() -> Iterable[str]:
     from repose import surrogate
 
     return surrogate.names()
+
+
+def _strategies() -> Iterable[str]:
+    from repose import strategies
+
+    return strategies.names()
 
 
 def _rising(numbers):
@@ -351,41 +357,7 @@ class Refine(Section):
             yield "neighbours", "0 or at least 2: they fill a Latin hypercube"
 
 
-# --- other strategies than the article's -----------------------------------------------------------------------
-
-
-class ResponseSurface(Section):
-    """Screening, steepest ascent and a quadratic surface."""
-
-    seeds: Seeds
-    screening_runs: Literal[8, 12, 16, 20, 24]
-    significance: float = Field(gt=0, le=0.5)
-    most_factors: int = Field(ge=2, le=6)
-    steps: int = Field(ge=1, le=50)
-    surface: Literal["box_behnken", "rotatable", "face_centred"]
-    centres: int = Field(ge=1, le=50)
-    reach: float = Field(ge=0.01, le=0.5)
-    checks: int = Field(ge=2, le=500)
-
-
-class Sequential(Section):
-    """Few pours, each where it says most."""
-
-    start_samples: int = Field(ge=4, le=999)
-    seeds: Seeds
-    batch: int = Field(ge=1, le=100)
-    tolerance_percent: Percent
-    probability: float = Field(ge=0.05, le=0.99)
-    most_pours: int = Field(ge=8, le=9999)
-    checks: int = Field(ge=2, le=500)
-
-
-# Each strategy with its section; the published one is the chain.
-STRATEGIES: dict[str, type[Section] | None] = {
-    "published": None,
-    "response_surface": ResponseSurface,
-    "sequential": Sequential,
-}
+# --- the whole --------------------------------------------------------------------------------------------------
 
 
 class Settings(Section):
@@ -396,7 +368,7 @@ class Settings(Section):
     results_dir: ResultsFolder
     photograph: PathOrNull
     colour: Colour
-    strategy: Annotated[str, OneOf(lambda: STRATEGIES)]
+    strategy: Annotated[str, OneOf(_strategies)]
     berry: Berry
     wall: Wall
     parameters: Parameters
@@ -421,12 +393,18 @@ def settings_type() -> type[Settings]:
 
     The section of the funnel is required; those of other bench tests may be absent, and are None then.
     """
-    return _settings_type(names())
+    from repose import strategies
+
+    return _settings_type(names(), strategies.names())
 
 
 @cache
-def _settings_type(apparatus):
-    """The model for these bench tests."""
-    sections: dict[str, Any] = {name: (one, ...) for name, one in STRATEGIES.items() if one is not None}
+def _settings_type(apparatus, strategies):
+    """The model for these bench tests and strategies."""
+    from repose.strategies import strategy
+
+    sections: dict[str, Any] = {
+        name: (strategy(name).settings, ...) for name in strategies if strategy(name).settings is not None
+    }
     sections |= {name: (bench(name).settings, ... if name == "funnel" else ABSENT) for name in apparatus}
     return create_model("Configuration", __base__=Settings, **sections)

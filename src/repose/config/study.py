@@ -1,5 +1,6 @@
 """The study: one object that is made once from its files, checked, with every number in place."""
 
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,30 +10,143 @@ from typing import TYPE_CHECKING, Any
 
 from repose.config import loader
 from repose.config.making import Making
+from repose.config.own import OwnMaking
 from repose.config.reading import read
 from repose.core import provenance
+from repose.core.errors import InputError
+from repose.core.files import json_text, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from repose.config.models import Settings
+    from repose.config.record import Record
     from repose.particle.particle import Particle
+    from repose.strategies.base import Answer, Batch
+    from repose.studies.calibration import Calibration
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Study:
-    """A study: its settings, and what follows from them.
+    """A study: its settings, what follows from them, and the runs so far.
 
-    Make it by `Study.load`, by `Study.of` from Python, or by `Study.of_results` in a job.
+    Its settings do not change. The runs are the one thing that grows: `ask` says which to make next, `tell` adds them,
+    until `done`. `Study(...)` is a study with a simulator of your own; one with the simulator of this package is made
+    by `Study.load`, by `Study.of` from Python, or by `Study.of_results` in a job.
+
+    Parameters
+    ----------
+    parameters : mapping
+        A range ``(low, high)``, ``{"fixed": value}`` or ``{"prior": {"mean": m, "sd": s}}`` for each parameter.
+    targets : mapping
+        ``(value, sd)`` or ``(value, sd, repetitions)`` for each response that was measured, 1 repetition if it is not
+        said, or the keys of docs/own_simulator.md.
+    strategy : str
+        One of `repose.strategies.names()`.
+    seed : int
+        The same seed asks for the same samples.
+    file : path, optional
+        CSV file of the runs. If it is there, the study goes on from it. Its settings lie beside it, as .json.
+    simulator, label : str
+        Names of your simulator and of your material.
+    **sections
+        Further keys of docs/own_simulator.md, such as ``sequential={"batch": 4}``.
 
     Attributes
     ----------
     config : dict
-        The resolved configuration as plain values, as `RESULTS/config.json` holds it.
+        The resolved configuration as plain values; `RESULTS/config.json` holds that of our simulator.
+
+    Raises
+    ------
+    InputError
+        For settings that are not allowed, or others than those beside `file`.
     """
 
     config: dict[str, Any]
-    _making: Making = field(repr=False)
+    _making: Making | OwnMaking = field(repr=False)
+    _file: Path | None = field(repr=False)
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Any],
+        targets: Mapping[str, Any],
+        strategy: str = "sequential",
+        seed: int = 0,
+        file: str | os.PathLike | None = None,
+        simulator: str = "own simulator",
+        label: str = "study",
+        **sections: Any,
+    ) -> None:
+        given = {
+            "simulator": simulator,
+            "label": label,
+            "seed": seed,
+            "strategy": strategy,
+            "parameters": {name: _listed(one) for name, one in parameters.items()},
+            "targets": {name: _target(one) for name, one in targets.items()},
+            **sections,
+        }
+        making = OwnMaking(given)
+        if file is not None:
+            _keep_settings(given, file)
+        self._make(making.config, making, file)
+
+    def _make(self, config, making, file=None):
+        """Set the attributes, once."""
+        for name, value in (("config", config), ("_making", making), ("_file", file)):
+            object.__setattr__(self, name, value)
+        return self
+
+    @classmethod
+    def _of(cls, config, making, file=None):
+        """A study without the arguments of `Study(...)`."""
+        return cls.__new__(cls)._make(config, making, file)
+
+    @classmethod
+    def resume(cls, file: str | os.PathLike) -> "Study":
+        """The study with a simulator of your own that keeps its runs in a file.
+
+        Parameters
+        ----------
+        file : path
+            As in `Study(..., file=...)`.
+
+        Returns
+        -------
+        Study
+
+        Raises
+        ------
+        InputError
+            If the settings beside the file are missing, or file or settings are damaged.
+        """
+        return cls.own(_settings_of(file), file)
+
+    @classmethod
+    def own(cls, path: str | os.PathLike, file: str | os.PathLike | None = None) -> "Study":
+        """The study of a configuration with the key `simulator` (docs/own_simulator.md).
+
+        Parameters
+        ----------
+        path : path
+            YAML or JSON file.
+        file : path, optional
+            As in `Study(..., file=...)`; nothing is written beside it.
+
+        Returns
+        -------
+        Study
+
+        Raises
+        ------
+        InputError
+            As `Study(...)`.
+        """
+        making = OwnMaking(read(path), path)
+        return cls._of(making.config, making, file)
 
     @classmethod
     def load(
@@ -94,7 +208,7 @@ class Study:
         """
         making = Making(dict(config), source)
         making.complete(inputs)
-        return cls(making.config, making)
+        return cls._of(making.config, making)
 
     @classmethod
     def of_results(cls, path: str | os.PathLike) -> "Study":
@@ -116,7 +230,7 @@ class Study:
         """
         config = read(path)
         provenance.note_config(config)
-        return cls(config, Making(config, str(path)))
+        return cls._of(config, Making(config, str(path)))
 
     @cached_property
     def settings(self) -> "Settings":
@@ -128,11 +242,15 @@ class Study:
     @cached_property
     def parameters(self) -> ParameterSpace:
         """Ranges of the free parameters, fixed values, prior knowledge."""
+        if isinstance(self._making, OwnMaking):
+            return self._making.space
         return ParameterSpace.of(self.config["parameters"])
 
     @cached_property
     def targets(self) -> Targets:
         """The measured responses."""
+        if isinstance(self._making, OwnMaking):
+            return self._making.targets
         return Targets.of(self.config["targets"])
 
     @cached_property
@@ -144,6 +262,7 @@ class Study:
     def grain(self) -> dict[str, Any]:
         """The mean berry, as in berry.json; with it the files that the configuration names are checked."""
         self.check_inputs()
+        assert isinstance(self._making, Making)
         assert self._making.mean is not None
         return self._making.mean
 
@@ -151,6 +270,7 @@ class Study:
     def particle(self) -> "Particle":
         """The body of the mean berry; with it the files that the configuration names are checked."""
         self.check_inputs()
+        assert isinstance(self._making, Making)
         assert self._making.particle is not None
         return self._making.particle
 
@@ -163,3 +283,116 @@ class Study:
             With all faults at once.
         """
         self._making.check_inputs()
+
+    @cached_property
+    def _record(self) -> "Record":
+        """The runs so far."""
+        from repose.config.record import Record
+
+        return Record(self, self._file)
+
+    @property
+    def runs(self) -> "pd.DataFrame":
+        """All runs so far: `sample`, `status`, parameters and responses, which are NaN for a run that failed."""
+        return self._record.data
+
+    @property
+    def proposal(self) -> "Batch | Answer":
+        """What the strategy proposes after these runs: the next samples, or the answer."""
+        return self._record.proposal
+
+    @property
+    def done(self) -> bool:
+        """Whether the strategy needs no more runs."""
+        from repose.strategies.base import Answer
+
+        return isinstance(self.proposal, Answer)
+
+    def ask(self) -> "pd.DataFrame":
+        """The runs to make next; once `done`, those of the answer, to simulate it again.
+
+        Until they are told, it returns the same.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each run: `sample`, `run` (the runs of a sample differ in the random numbers of the simulator
+            alone), and the parameters.
+
+        Raises
+        ------
+        InputError
+            If the runs so far do not determine the model of the strategy.
+        """
+        return self._record.asked
+
+    def tell(self, runs: "pd.DataFrame") -> None:
+        """Add the results of the runs that `ask` gave; with a file they are on the disk afterwards.
+
+        Parameters
+        ----------
+        runs : pandas.DataFrame
+            `sample` and a column for each response, in any order of the rows; NaN for a run that failed. With a column
+            `run` by the number of the run. Other columns are not read, but parameters must be those of `ask`.
+
+        Raises
+        ------
+        InputError
+            If these are not the runs that `ask` gave, or a number is not finite. Nothing is added then.
+        """
+        self._record.add(runs)
+
+    def answer(self) -> "Calibration":
+        """The parameters that meet the targets, with their certainty.
+
+        Before the study is `done`, the best that the runs so far give.
+
+        Returns
+        -------
+        Calibration
+            `parameters`, `prediction`, `probability`, `posterior`, and why the runs ended; a notebook shows it.
+
+        Raises
+        ------
+        InputError
+            If the runs do not determine an answer.
+        """
+        from repose.studies.calibration import calibrate
+
+        return calibrate(self, self.runs, self.proposal)
+
+
+def _listed(given):
+    """A parameter as a file has it: lists, not tuples."""
+    return list(given) if isinstance(given, tuple) else given
+
+
+def _target(given):
+    """A target with the keys of a file."""
+    if isinstance(given, Mapping):
+        return dict(given)
+    if not isinstance(given, list | tuple) or len(given) not in (2, 3):
+        return given
+    return dict(zip(("value", "sd", "repetitions"), (*given, 1)[:3], strict=True))
+
+
+def _settings_of(file):
+    """Where the settings of a study with a file of runs lie."""
+    if Path(file).suffix != ".csv":
+        raise InputError("study", "file", str(file), "a path that ends in .csv")
+    return Path(file).with_suffix(".json")
+
+
+def _keep_settings(given, file):
+    """Write the settings beside the file of runs; InputError if there are others."""
+    path = _settings_of(file)
+    if not path.exists():
+        write_json(path, given)
+        return
+    known = read(path)
+    plain = json.loads(json_text(given))
+    off = sorted(key for key in {*known, *plain} if known.get(key) != plain.get(key))
+    if off:
+        raise InputError(
+            path, off[0], known.get(off[0]), f"{plain.get(off[0])}, as asked for; or another file"
+        )

@@ -4,15 +4,19 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from repose.core.responses import derived
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def error_of(column: str) -> str:
     """Column of a quantity's standard error, with ``se`` before the unit: ``aor_se_deg``."""
-    quantity, unit = column.rsplit("_", 1)
-    return f"{quantity}_se_{unit}"
+    return derived(column, "se")
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,11 @@ class Recorded:
         """Keys of a summary of runs, in its order; see `summarise_runs`."""
         pairs = ((one,) if one in self.without_error else (one, error_of(one)) for one in self.means)
         return ("status", "reason", "n_seeds", *(column for pair in pairs for column in pair))
+
+
+def of_bench(runs: "pd.DataFrame", apparatus: str) -> "pd.DataFrame":
+    """The runs of one bench test; a table without the column apparatus has a single bench test."""
+    return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
 
 
 def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dict[str, Any]:

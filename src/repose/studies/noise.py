@@ -15,6 +15,7 @@ import pandas as pd
 
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
+from repose.core.runs import of_bench
 from repose.core.targets import Target, Targets
 from repose.core.variance import CONFIDENCE, Components, residual_correlation, variance_components
 
@@ -42,11 +43,6 @@ def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
             most = int(sizes.max()) if len(sizes) else 0
             raise InputError(runs_csv, "runs a sample", most, "2 or more, of 2 samples or more")
     return runs
-
-
-def of_bench(runs: pd.DataFrame, apparatus: str) -> pd.DataFrame:
-    """The runs of one bench test; a table without the column apparatus has a single bench test."""
-    return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
 
 
 def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import train
+from repose.chain.trained import require_targets
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
@@ -24,7 +25,6 @@ from repose.core.targets import Targets
 from repose.studies import discrepancy, implausibility, noise
 from repose.studies.likelihood import log_likelihood, measured_correlation, misfit, observation
 from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
-from repose.studies.surrogates import require_targets
 from repose.surrogate.base import Predictor
 from repose.surrogate.support import Support
 

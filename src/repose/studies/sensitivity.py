@@ -15,12 +15,12 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from repose.chain.trained import read_surrogate
 from repose.core.errors import InputError
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import Definitions
 from repose.core.targets import Targets
-from repose.studies.surrogates import read_surrogate
 from repose.surrogate.base import Surrogate
 
 CONFIDENCE = 0.95

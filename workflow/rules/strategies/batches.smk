@@ -1,57 +1,62 @@
-# Batches of the strategy sequential: what each of its rules takes.
-SEQUENTIAL = f"{RESULTS}/sequential"
+# What every strategy that goes on does alike: a batch of samples is poured, measured and put into a table. Its analysis is
+# a checkpoint of its own, which knows what comes next: `sequential_batch`, `response_screening` and on, `refine_round`.
+wildcard_constraints:
+    strategy="|".join(BATCHES),
+    batch=r"(batch|round)_\d{1,4}|screening|ascent|surface|check",
 
 
-def last_advice():
-    """What the pours so far say, where they tell that they suffice; batches on the way there are asked for."""
-    batch = 0
-    while True:
-        advice = checkpoints.sequential_batch.get(batch=batch).output.advice
-        with open(advice) as file:
-            if json.load(file)["stop"]:
-                return batch
-        batch += 1
+use rule pour as batch_pour with:
+    input:
+        samples=samples_of_batch,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
+    output:
+        pours=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.pours.json",
+        berries=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.npz",
+    log:
+        f"{RESULTS}/logs/{{strategy}}/{{batch}}_{{runs}}_{{job}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_{{runs}}_{{job}}.tsv"
+    wildcard_constraints:
+        job=r"\d{3,5}",
+    params:
+        purpose=lambda wildcards: BATCHES[wildcards.strategy].purpose,
+        sample=lambda wildcards: int(wildcards.job),
+        seeds=lambda wildcards: BATCHES[wildcards.strategy].seeds(wildcards),
+    message:
+        "Pouring sample {wildcards.job} of {wildcards.strategy}, {wildcards.batch}"
 
 
-def sequential_samples(wildcards):
-    """Table of what is poured: the start, or what the batch before has asked for."""
-    return samples_of_batch(wildcards.poured)
+use rule measure_runs as measure_batch_runs with:
+    input:
+        pours=rules.batch_pour.output.pours,
+        berries=rules.batch_pour.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.json",
+    log:
+        f"{RESULTS}/logs/{{strategy}}/{{batch}}_{{runs}}_{{job}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_{{runs}}_{{job}}_measured.tsv"
+    wildcard_constraints:
+        job=r"\d{3,5}",
+    message:
+        "Measuring the runs of sample {wildcards.job} of {wildcards.strategy}, {wildcards.batch}"
 
 
-def samples_of_batch(poured):
-    """Table of what a batch pours, or the check."""
-    if poured == "batch_0":
-        return rules.sequential_start.output.samples
-    if poured == "check":
-        batch = last_advice()
-    else:
-        batch = int(poured.removeprefix("batch_")) - 1
-    return checkpoints.sequential_batch.get(batch=batch).output.following
-
-
-def sequential_jobs(wildcards):
-    """Measured jobs of a batch or of the check."""
-    return jobs_of_batch(wildcards.poured)
-
-
-def jobs_of_batch(poured):
-    """The same by the name of what is poured."""
-    if poured == "batch_0":
-        samples = range(1, config["sequential"]["start_samples"] + 1)
-    else:
-        samples = pandas.read_csv(samples_of_batch(poured))["sample"]
-    return [
-        f"{SEQUENTIAL}/{poured}/{runs}/{sample:03d}.json"
-        for runs in folders_of_targets()
-        for sample in samples
-    ]
-
-
-def batches_until(wildcards):
-    """Folders of the batches up to one."""
-    return [f"{SEQUENTIAL}/batch_{k}" for k in range(int(wildcards.batch) + 1)]
-
-
-def sequential_advices(wildcards):
-    """What each batch said."""
-    return [f"{SEQUENTIAL}/batch_{k}/advice.json" for k in range(last_advice() + 1)]
+use rule dataset as batch_dataset with:
+    input:
+        samples=samples_of_batch,
+        jobs=jobs_of_batch,
+    output:
+        dataset=f"{RESULTS}/{{strategy}}/{{batch}}/dataset.csv",
+        runs=f"{RESULTS}/{{strategy}}/{{batch}}/runs.csv",
+        summary=f"{RESULTS}/{{strategy}}/{{batch}}/dataset_summary.json",
+    log:
+        f"{RESULTS}/logs/{{strategy}}/{{batch}}_dataset.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_dataset.tsv"
+    message:
+        "Table of {wildcards.strategy}, {wildcards.batch}"

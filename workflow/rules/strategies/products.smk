@@ -12,7 +12,7 @@ ruleorder: strategy_card > card
 
 def answer_jobs(wildcards):
     """Measured runs of the answer."""
-    return jobs_of_step("check") if OF_THE_HABIT else jobs_of_batch("check")
+    return jobs_of(config["strategy"], "check")
 
 
 # Samples that the model of the strategy stands on.

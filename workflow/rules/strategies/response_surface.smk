@@ -1,9 +1,5 @@
 # The habit of the field: `strategy: response_surface`, or `snakemake --cores 2 response_surface`. Each step pours what the
 # analysis of the one before has written, so these analyses are checkpoints.
-wildcard_constraints:
-    step="screening|ascent|surface|check",
-
-
 rule response_design:
     output:
         samples=f"{HABIT}/screening/samples.csv",
@@ -27,63 +23,6 @@ rule response_design:
         "Plackett-Burman design of the screening"
     shell:
         "python -m repose stage response_design --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
-
-
-use rule pour as response_pour with:
-    input:
-        samples=f"{HABIT}/{{step}}/samples.csv",
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-        ready=ancient(rules.warm_up.output.ready),
-    output:
-        pours=f"{HABIT}/{{step}}/{{runs}}/{{job}}.pours.json",
-        berries=f"{HABIT}/{{step}}/{{runs}}/{{job}}.npz",
-    log:
-        f"{RESULTS}/logs/response_surface/{{step}}_{{runs}}_{{job}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/response_surface/{{step}}_{{runs}}_{{job}}.tsv"
-    wildcard_constraints:
-        job=r"\d{4}",
-    params:
-        purpose="response_surface",
-        sample=lambda wildcards: wildcards.job,
-        seeds=config["response_surface"]["seeds"],
-    message:
-        "Pouring sample {wildcards.job} of the {wildcards.step}"
-
-
-use rule measure_runs as measure_response_runs with:
-    input:
-        pours=rules.response_pour.output.pours,
-        berries=rules.response_pour.output.berries,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-    output:
-        result=f"{HABIT}/{{step}}/{{runs}}/{{job}}.json",
-    log:
-        f"{RESULTS}/logs/response_surface/{{step}}_{{runs}}_{{job}}_measured.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/response_surface/{{step}}_{{runs}}_{{job}}_measured.tsv"
-    wildcard_constraints:
-        job=r"\d{4}",
-    message:
-        "Measuring the runs of sample {wildcards.job} of the {wildcards.step}"
-
-
-use rule dataset as response_dataset with:
-    input:
-        samples=f"{HABIT}/{{step}}/samples.csv",
-        jobs=habit_jobs,
-    output:
-        dataset=f"{HABIT}/{{step}}/dataset.csv",
-        runs=f"{HABIT}/{{step}}/runs.csv",
-        summary=f"{HABIT}/{{step}}/dataset_summary.json",
-    log:
-        f"{RESULTS}/logs/response_surface/{{step}}_dataset.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/response_surface/{{step}}_dataset.tsv"
-    message:
-        "Table of the {wildcards.step}"
 
 
 checkpoint response_screening:

@@ -1,10 +1,5 @@
 # Few pours, each where it says most: `strategy: sequential`, or `snakemake --cores 2 sequential`. The pours of a batch run
 # in parallel. What they say is a checkpoint: it knows whether another batch follows, and where.
-wildcard_constraints:
-    batch=r"\d{1,4}",
-    poured=r"batch_\d{1,4}|check",
-
-
 rule sequential_start:
     output:
         samples=f"{SEQUENTIAL}/batch_0/samples.csv",
@@ -26,65 +21,6 @@ rule sequential_start:
         "python -m repose stage sequential_start --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
-use rule pour as sequential_pour with:
-    input:
-        samples=sequential_samples,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-        ready=ancient(rules.warm_up.output.ready),
-    output:
-        pours=f"{SEQUENTIAL}/{{poured}}/{{runs}}/{{job}}.pours.json",
-        berries=f"{SEQUENTIAL}/{{poured}}/{{runs}}/{{job}}.npz",
-    log:
-        f"{RESULTS}/logs/sequential/{{poured}}_{{runs}}_{{job}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sequential/{{poured}}_{{runs}}_{{job}}.tsv"
-    wildcard_constraints:
-        job=r"\d{3,4}",
-    params:
-        purpose="sequential",
-        sample=lambda wildcards: int(wildcards.job),
-        seeds=lambda wildcards: config["sequential"][
-            "checks" if wildcards.poured == "check" else "seeds"
-        ],
-    message:
-        "Pouring sample {wildcards.job}, {wildcards.poured}"
-
-
-use rule measure_runs as measure_sequential_runs with:
-    input:
-        pours=rules.sequential_pour.output.pours,
-        berries=rules.sequential_pour.output.berries,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-    output:
-        result=f"{SEQUENTIAL}/{{poured}}/{{runs}}/{{job}}.json",
-    log:
-        f"{RESULTS}/logs/sequential/{{poured}}_{{runs}}_{{job}}_measured.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sequential/{{poured}}_{{runs}}_{{job}}_measured.tsv"
-    wildcard_constraints:
-        job=r"\d{3,4}",
-    message:
-        "Measuring the runs of sample {wildcards.job}, {wildcards.poured}"
-
-
-use rule dataset as sequential_dataset with:
-    input:
-        samples=sequential_samples,
-        jobs=sequential_jobs,
-    output:
-        dataset=f"{SEQUENTIAL}/{{poured}}/dataset.csv",
-        runs=f"{SEQUENTIAL}/{{poured}}/runs.csv",
-        summary=f"{SEQUENTIAL}/{{poured}}/dataset_summary.json",
-    log:
-        f"{RESULTS}/logs/sequential/{{poured}}_dataset.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sequential/{{poured}}_dataset.tsv"
-    message:
-        "Table of {wildcards.poured}"
-
-
 checkpoint sequential_batch:
     input:
         lambda wildcards: expand(
@@ -93,12 +29,14 @@ checkpoint sequential_batch:
             table=("dataset", "runs"),
         ),
     output:
-        advice=f"{SEQUENTIAL}/batch_{{batch}}/advice.json",
-        following=f"{SEQUENTIAL}/batch_{{batch}}/next.csv",
+        advice=f"{SEQUENTIAL}/{{batch}}/advice.json",
+        following=f"{SEQUENTIAL}/{{batch}}/next.csv",
     log:
         f"{RESULTS}/logs/sequential/{{batch}}_advice.log",
     benchmark:
         f"{RESULTS}/benchmarks/sequential/{{batch}}_advice.tsv"
+    wildcard_constraints:
+        batch=r"batch_\d{1,4}",
     threads: 1
     resources:
         mem_mb=growing(350),
@@ -123,7 +61,7 @@ checkpoint sequential_batch:
             ),
         ),
     message:
-        "What the pours up to batch {wildcards.batch} say, and where to pour next"
+        "What the pours up to {wildcards.batch} say, and where to pour next"
     shell:
         "python -m repose stage sequential_batch {params.batches:q} --config {params.config:q} --out {params.folder:q}"
         " > {log:q} 2>&1"

@@ -20,20 +20,6 @@ def habit_numbers(step):
     ]
 
 
-def habit_jobs(wildcards):
-    """Measured jobs of a step."""
-    return jobs_of_step(wildcards.step)
-
-
-def jobs_of_step(step):
-    """The same by the name of the step."""
-    return [
-        f"{HABIT}/{step}/{runs}/{sample}.json"
-        for runs in folders_of_targets()
-        for sample in habit_numbers(step)
-    ]
-
-
 def habit_sections(*keys):
     """What an analysis depends on."""
     return sections(

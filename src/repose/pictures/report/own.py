@@ -7,7 +7,7 @@ import pandas as pd
 from repose.chain.answer import WITHIN
 from repose.pictures.report import page
 from repose.pictures.report.study import Study
-from repose.studies.own_simulator import Calibration
+from repose.studies.calibration import Calibration
 
 
 def write(found: Calibration, out_path: str | os.PathLike) -> None:
@@ -17,9 +17,9 @@ def write(found: Calibration, out_path: str | os.PathLike) -> None:
     row |= dict(zip(targets.predicted, found.mean.tolist(), strict=True))
     chance: dict[str, float | None] = dict.fromkeys(targets.names)
     shown = Study(
-        config={"label": study.label, "small_run": False},
+        config={"label": study.config["label"], "small_run": False},
         targets=targets,
-        space=study.space,
+        space=study.parameters,
         files={},
         answer=found.values,
         row=pd.Series(row),

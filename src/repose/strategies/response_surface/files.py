@@ -15,7 +15,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.strategies import answer
 from repose.strategies.response_surface import screening, surface
-from repose.strategies.response_surface.steps import CODED, usable
+from repose.strategies.response_surface.steps import CODED
 
 Path_ = str | os.PathLike
 
@@ -45,23 +45,16 @@ def run_screening(
     the mean responses at the `centre` and at the `corners`. InputError for too few usable samples.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
-    corners, middle = screening.corners_and_centre(table)
-    models = _models(corners, dataset, targets, "linear", dataset_csv)
-    centre = usable(middle, dataset, dataset_csv)[list(targets.names)].mean()
-    kept = screening.kept_factors(models, section)
-    try:
-        path = screening.path(models, centre.to_numpy(), kept, space, targets, section)
-    except ValueError as error:
-        raise InputError(dataset_csv, "targets", str(error), "a way towards the targets") from None
-    _write(screening.analysis(models, targets), out_dir)
+    one = screening.screened(table, dataset, space, targets, section, dataset_csv)
+    _write(screening.analysis(one.models, targets), out_dir)
     found = {
-        "kept": kept,
-        "dropped": [name for name in space.free if name not in kept],
-        "centre": centre.to_dict(),
-        "corners": dict(zip(targets.names, (float(one.constant) for one in models), strict=True)),
+        "kept": one.kept,
+        "dropped": [name for name in space.free if name not in one.kept],
+        "centre": one.centre.to_dict(),
+        "corners": dict(zip(targets.names, (float(model.constant) for model in one.models), strict=True)),
     }
     write_json(Path(out_dir) / "screening.json", found)
-    write_table(ascent_csv, path)
+    write_table(ascent_csv, one.path)
     return found
 
 
@@ -100,7 +93,7 @@ def run_surface(
     `coded`, `met` (whether the surfaces meet the targets) and `desirability`. InputError for too few usable samples.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
-    models = _models(table, dataset, targets, "quadratic", dataset_csv)
+    models = screening.models_of(table, dataset, targets, "quadratic", dataset_csv)
     best = surface.best_point(models, targets)
     check = surface.check_samples(table, best, space, section)
     out = Path(out_dir)
@@ -143,7 +136,7 @@ def run_check(
     told = {"surfaces_meet_targets": best["met"], "pours": sum(map(len, runs))}
     surface_csv = Path(surface_dir) / "dataset.csv"
     table, poured = _step(Path(surface_dir) / "samples.csv", surface_csv, targets)
-    models = _models(table, poured, targets, "quadratic", surface_csv)
+    models = screening.models_of(table, poured, targets, "quadratic", surface_csv)
     others, means = surface.alternatives(models, table, space, targets, config)
     steps = (
         f"Screening: {config['response_surface']['screening_runs']} runs of a Plackett-Burman design and "
@@ -167,14 +160,6 @@ def _step(samples_csv, dataset_csv, targets):
     if not any(name.startswith(CODED) for name in table):
         raise InputError(samples_csv, "columns", list(table), f"at least one that begins with {CODED}")
     return table, read_table(dataset_csv, ("sample", "status", *PARAMETERS, *targets.names))
-
-
-def _models(table, dataset, targets, order, source):
-    """Models of a step; InputError if its samples do not determine them."""
-    try:
-        return screening.models_of(table, dataset, targets, order)
-    except ValueError as error:
-        raise InputError(source, "samples that are ok", str(error), "enough for the model") from None
 
 
 def _write(tables, out_dir):

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 from repose.doe import ascent
@@ -38,6 +39,34 @@ class Analysis(NamedTuple):
     statistics: pd.DataFrame
 
 
+class Screened(NamedTuple):
+    """Result of the screening."""
+
+    models: list[Model]  # linear, one for each response
+    centre: pd.Series  # mean responses at the centre
+    kept: list[str]  # parameters of the next steps
+    path: pd.DataFrame  # samples of the ascent
+
+
+def screened(
+    table: pd.DataFrame,
+    dataset: pd.DataFrame,
+    space: ParameterSpace,
+    targets: Targets,
+    section: Mapping[str, Any],
+    source: object = "dataset",
+) -> Screened:
+    """Analyse the screening's samples; InputError, which names `source`, if they show no way towards the targets."""
+    corners, middle = corners_and_centre(table)
+    models = models_of(corners, dataset, targets, "linear", source)
+    centre = usable(middle, dataset, source)[list(targets.names)].mean()
+    kept = kept_factors(models, section)
+    try:
+        return Screened(models, centre, kept, path(models, centre.to_numpy(), kept, space, targets, section))
+    except ValueError as error:
+        raise InputError(source, "targets", str(error), "a way towards the targets") from None
+
+
 def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
     """The screening's samples: every free parameter at an end of its range; then the centre, `centres` times."""
     corners = plackett_burman(space.dimensions, section["screening_runs"])
@@ -51,15 +80,20 @@ def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]
     return table[~at_centre], table[at_centre]
 
 
-def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str) -> list[Model]:
-    """A polynomial for each response of a step; ValueError for too few usable samples.
+def models_of(
+    table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str, source: object = "dataset"
+) -> list[Model]:
+    """A polynomial for each response of a step; InputError, which names `source`, for too few usable samples.
 
     `table` has the samples with coded columns, `dataset` their means over the pours. `order` as in
     `repose.doe.model.fit`.
     """
-    runs, factors = usable(table, dataset), factors_of(table)
+    runs, factors = usable(table, dataset, source), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
-    return [fit(coded, runs[one.name].to_numpy(float), factors, order) for one in targets]
+    try:
+        return [fit(coded, runs[one.name].to_numpy(float), factors, order) for one in targets]
+    except ValueError as error:
+        raise InputError(source, "samples that are ok", str(error), "enough for the model") from None
 
 
 def analysis(models: list[Model], targets: Targets) -> Analysis:

@@ -8,7 +8,6 @@ import pandas as pd
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 
 STEPS = ("screening", "ascent", "surface", "check")
@@ -25,11 +24,11 @@ def numbers(step: str, count: int) -> list[int]:
 def samples(
     step: str, space: ParameterSpace, unit: np.ndarray, factors: Sequence[str], coded: np.ndarray
 ) -> pd.DataFrame:
-    """The samples of a step: `sample`, the six parameters, and the factors in coded units (`CODED` + name).
+    """The samples of a step: `sample`, the parameters, and the factors in coded units (`CODED` + name).
 
     `unit` (n, d) has the free parameters in the unit cube, `coded` (n, factors) the same runs in coded units.
     """
-    table = pd.DataFrame(space.values(unit), columns=list(PARAMETERS))
+    table = pd.DataFrame(space.values(unit), columns=list(space.names))
     table.insert(0, "sample", numbers(step, len(unit)))
     for name, column in zip(factors, np.asarray(coded).T, strict=True):
         table[CODED + name] = column

@@ -9,7 +9,6 @@ from scipy import stats
 from scipy.stats import qmc
 
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.doe.box_behnken import box_behnken
 from repose.doe.central_composite import central_composite
@@ -46,7 +45,7 @@ def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, An
         coded, outermost = box_behnken(len(factors), section["centres"])[0], 1.0
     else:
         coded, outermost = central_composite(len(factors), section["surface"], section["centres"])
-    middle = space.unit(points.loc[points["best"], list(PARAMETERS)].to_numpy(float))
+    middle = space.unit(points.loc[points["best"], list(space.names)].to_numpy(float))
     places = [space.free.index(name) for name in factors]
     unit = np.repeat(middle, len(coded), axis=0)
     unit[:, places] = np.clip(middle[:, places], reach, 1 - reach) + reach / outermost * coded
@@ -65,7 +64,7 @@ def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace)
     `table` has the samples of the surface.
     """
     factors = factors_of(table)
-    unit = space.unit(table[list(PARAMETERS)].to_numpy(float))
+    unit = space.unit(table[list(space.names)].to_numpy(float))
     points = np.atleast_2d(points)
     found = np.repeat(unit[:1], len(points), axis=0)
     for name, value in zip(factors, points.T, strict=True):

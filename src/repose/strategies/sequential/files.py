@@ -1,7 +1,7 @@
 """The sequential strategy on files: each batch reads the results of all batches before it."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,37 +14,20 @@ from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 from repose.strategies import answer
-from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked, start
-from repose.strategies.sequential.goal import Goal
-from repose.strategies.sequential.kriging import Kriging, Observed
+from repose.strategies.base import Studied
+from repose.strategies.sequential import strategy
+from repose.strategies.sequential.kriging import Observed
+from repose.strategies.sequential.strategy import Sequential
 
 Path_ = str | os.PathLike
-WHY = {
-    "probability": "the answer meets the targets with the probability that was asked for",
-    "out_of_reach": "probably no parameter set meets the targets: the answer is the one that comes nearest",
-    "budget": "the budget of pours is used up",
-    "noise": "the pours that are left cannot make the answer more probable: the noise is too large",
-}
 
 
-def run_start(space: ParameterSpace, section: Mapping[str, Any], seed: int, out_csv: Path_) -> pd.DataFrame:
-    """Write the samples of the start; return them (`sample` from 1, and the parameters).
-
-    `section` is `sequential` of the configuration, `seed` its `design.seed`.
-    """
-    table = _samples(space, start(space, section, seed), 1)
-    write_table(out_csv, table)
-    return table
+def run_start(study: Studied, out_csv: Path_) -> pd.DataFrame:
+    """Write the samples of the start; return them (`sample` from 1, and the parameters)."""
+    return _write_samples(Sequential().propose(study, pd.DataFrame()), out_csv)
 
 
-def run_batch(
-    folders: Sequence[Path_],
-    space: ParameterSpace,
-    targets: Targets,
-    section: Mapping[str, Any],
-    seed: int,
-    out_dir: Path_,
-) -> dict[str, Any]:
+def run_batch(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> dict[str, Any]:
     """Write the advice after the batches so far, advice.json and next.csv; return the content of advice.json.
 
     `folders` are those of all batches, the start first, each with dataset.csv and runs.csv. next.csv has the samples of
@@ -52,17 +35,13 @@ def run_batch(
     `why`, `answer`, its `probability` and predicted `responses`, `reachable` and `needed` (`Advice`), `in_reach`
     (probability that any set meets the targets) and `nearest` (least deviation of any set, Eq. 11, with its error).
     """
-    dataset, runs = _batches(folders, targets)
-    observed, failed = observed_of(dataset, runs, space, targets)
-    goal = Goal.of(targets, section["tolerance_percent"], space)
-    last, pours = len(folders) - 1, _pours(runs, targets)
+    data = _data(folders, study.targets)
     try:
-        advice = advise(observed, failed, goal, section, pours, np.random.default_rng([seed, last]))
-    except ValueError as error:
-        raise InputError(folders[-1], "pours", str(error), "enough to tell the noise") from None
-    content = {"batch": last, "pours": pours, **_in_words(advice, space, targets)}
-    following = advice.answer[None] if advice.stop else advice.batch
-    write_table(Path(out_dir) / "next.csv", _samples(space, following, int(dataset["sample"].max()) + 1))
+        found = Sequential().propose(study, data)
+    except InputError as error:
+        raise InputError(folders[-1], error.key, error.value, error.allowed) from None
+    content = {"batch": len(folders) - 1, "pours": len(data), **found.notes}
+    _write_samples(found, Path(out_dir) / "next.csv")
     write_json(Path(out_dir) / "advice.json", content)
     return content
 
@@ -71,7 +50,7 @@ def run_check(
     folders: Sequence[Path_],
     dataset_csv: Path_,
     runs_csv: Path_,
-    config: Mapping[str, Any],
+    study: Studied,
     out_dir: Path_,
 ) -> pd.DataFrame:
     """Write the course of the batches and the answer, simulated again; return the table of check.csv.
@@ -81,7 +60,7 @@ def run_check(
     `repose.strategies.answer.write`. `folders` also hold advice.json; `dataset_csv` and `runs_csv` are those of the
     answer.
     """
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    targets, space = study.targets, study.parameters
     keys: tuple[str, ...] = (
         "batch",
         "pours",
@@ -110,10 +89,10 @@ def run_check(
         for key in ("answer", "probability", "stop", "why", "pours", "needed", "in_reach", "nearest")
     }
     told |= {
-        "tolerance_percent": config["sequential"]["tolerance_percent"],
+        "tolerance_percent": study.config["sequential"]["tolerance_percent"],
         "check_pours": _pours(checked, targets),
     }
-    answer.write(_found(dataset, runs, last, config, told), checked, space, targets, out, told)
+    answer.write(_found(_data(folders, targets), last, study, told), checked, space, targets, out, told)
     return check
 
 
@@ -137,15 +116,10 @@ def _check(last, dataset, targets):
     return pd.DataFrame(rows)
 
 
-def _found(dataset, runs, last, config, told):
+def _found(data, last, study, told):
     """The answer, with other parameter sets that the same model predicts inside the ranges."""
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
-    section = config["sequential"]
-    observed, failed = observed_of(dataset, runs, space, targets)
-    model, goal = Kriging(observed), Goal.of(targets, section["tolerance_percent"], space)
-    random = np.random.default_rng([config["design"]["seed"], last["batch"]])
-    points, scores = ranked(model, goal, observed.unit, failed, random)
-    others, predicted = alternatives(points, scores, model, targets, config["miga"])
+    space, targets, section = study.parameters, study.targets, study.config["sequential"]
+    best = Sequential().answer(study, data)
     steps = (
         f"Start: {section['start_samples']} parameter sets all over the ranges, each poured {section['seeds']} times.",
         f"Batches: {last['batch']}, each about the best point so far; {told['pours']} pours in all. "
@@ -157,7 +131,7 @@ def _found(dataset, runs, last, config, told):
     means = np.array([last["responses"][name]["mean"] for name in targets.names])
     values = np.array([last["answer"][name] for name in space.names])
     note = _out_of_reach(last, targets) if last["stop"] == "out_of_reach" else ""
-    return answer.Found(values, means, space.values(others), predicted, steps, note)
+    return answer.Found(values, means, best.others, best.others_mean, steps, note)
 
 
 def _out_of_reach(last, targets):
@@ -177,23 +151,39 @@ def _out_of_reach(last, targets):
 def observed_of(
     dataset: pd.DataFrame, runs: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> tuple[Observed, np.ndarray]:
-    """The samples with an ok run as arrays, and the failed samples (f, d) in the unit cube.
+    """The samples with an ok run as arrays, and the failed samples (f, d) in the unit cube."""
+    return strategy.observed_of(data_of(dataset, runs, targets), space, targets)
 
-    Responses of several bench tests come from separate runs. The first run of each bench test makes the first pour of
-    the sample, and so on; these runs are independent, so any pairing is valid.
+
+def data_of(dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets) -> pd.DataFrame:
+    """The pours of samples as a strategy takes them, a row for each: sample, parameters, responses.
+
+    Responses of several bench tests come from separate runs. The first ok run of each bench test makes the first pour
+    of the sample, and so on; these runs are independent, so any pairing is valid. A failed sample has no response.
     """
-    unit = space.unit(dataset[list(space.names)].to_numpy(float))
-    ok = runs[runs["status"] == "ok"]
-    several = "apparatus" in ok
+    several = "apparatus" in runs
     groups = ["sample", "apparatus"] if several else ["sample"]
-    row = pd.Index(dataset["sample"]).get_indexer(ok["sample"])
-    place = ok.groupby(groups).cumcount().to_numpy()
-    values = np.full((len(dataset), int(place.max(initial=0)) + 1, len(targets)), np.nan)
+    most = runs.groupby(groups).size().groupby("sample").max().reindex(dataset["sample"], fill_value=0)
+    row = pd.Index(dataset["sample"]).get_indexer(runs["sample"])
+    ok = (runs["status"] == "ok").to_numpy() & (dataset["status"] == "ok").to_numpy()[row]
+    place = runs[ok].groupby(groups).cumcount().to_numpy()
+    values = np.full((len(dataset), int(most.max()), len(targets)), np.nan)
     for k, target in enumerate(targets):
-        own = (ok["apparatus"] == target.response.apparatus).to_numpy() if several else np.full(len(ok), True)
-        values[row[own], place[own], k] = ok[target.name].to_numpy(float)[own]
-    good = np.isfinite(values).all(axis=2).any(axis=1) & (dataset["status"] == "ok").to_numpy()
-    return Observed(unit[good], values[good]), unit[~good]
+        own = (runs[ok]["apparatus"] == target.response.apparatus).to_numpy() if several else slice(None)
+        values[row[ok][own], place[own], k] = runs[ok][target.name].to_numpy(float)[own]
+    poured = np.arange(values.shape[1]) < most.to_numpy()[:, None]
+    data = dataset.loc[dataset.index.repeat(most.to_numpy())].reset_index(drop=True)
+    data[list(targets.names)] = values[poured]
+    return data
+
+
+def _data(folders, targets):
+    """The pours of all batches, each with the number of its batch."""
+    tables = []
+    for number, folder in enumerate(folders):
+        dataset, runs = _batches([folder], targets)
+        tables.append(data_of(dataset, runs, targets).assign(batch=number))
+    return pd.concat(tables, ignore_index=True)
 
 
 def _batches(folders, targets):
@@ -212,29 +202,11 @@ def _pours(runs, targets):
     return len(runs) // len(targets.apparatus)
 
 
-def _samples(space, unit, first):
-    """Table of samples, numbered from `first`."""
-    table = pd.DataFrame(space.values(unit), columns=list(space.names))
-    table.insert(0, "sample", np.arange(first, first + len(table)))
+def _write_samples(found, path):
+    """Write and return the samples of a proposal, without their seeds, which are those of the section."""
+    table = found.samples.drop(columns="seeds")
+    write_table(path, table)
     return table
-
-
-def _in_words(advice: Advice, space, targets):
-    """The advice as the JSON file has it."""
-    return {
-        "stop": advice.stop,
-        "why": WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured",
-        "answer": dict(zip(space.names, space.values(advice.answer[None])[0].tolist(), strict=True)),
-        "probability": advice.probability,
-        "responses": {
-            target.name: {"target": target.aim, "mean": float(mean), "error": float(error)}
-            for target, mean, error in zip(targets, advice.mean, advice.error, strict=True)
-        },
-        "reachable": advice.reachable,
-        "needed": advice.needed,
-        "in_reach": advice.reach.probability,
-        "nearest": {"deviation": advice.reach.nearest, "error": advice.reach.error},
-    }
 
 
 def _row(advice, targets):

@@ -1,18 +1,21 @@
-"""The noise of a single run of the user's simulator: from replicates, as given, or estimated from single runs.
+"""The noise of a single run: from replicates, as given, or estimated from single runs.
 
 Without replicates only the scatter about a smooth surface is left: a Gaussian process whose errors have one unknown
 variance, the nugget (Rasmussen & Williams 2006, section 2.2). A rough surface without noise fits few runs as well as
 a smooth one with noise. So the variance is averaged over all shares of noise that the runs allow.
+
+This process is another than that of `repose.strategies.sequential.kriging`, which takes the noise as known: the lengths
+there have a prior and no bound of their own, and may be so short that a rough surface explains the noise.
 """
 
 import warnings
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from repose.core.errors import InputError
-from repose.strategies.sequential.kriging import Observed
-from repose.studies.own_simulator.study import OwnStudy
+from repose.strategies.sequential.kriging import BOUNDS, SMOOTHNESS, Observed
 
 REPLICATES, TOLD, ESTIMATED = "replicates", "noise_sd", "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
@@ -47,28 +50,31 @@ class Noise(NamedTuple):
         )
 
 
-def noise_of(study: OwnStudy, observed: Observed, source: object = "runs") -> Noise:
+def noise_of(
+    observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float], source: object = "runs"
+) -> Noise:
     """The noise of a single run; `observed` are samples with a good run, `source` names them in the error.
+
+    `names` are the responses, `noise_sd` the standard deviations of a run that the user gave.
 
     InputError if the replicates are all alike, or if replicates, `noise_sd` and single runs are all too few.
     """
-    names = study.targets.names
     if observed.freedom > len(names):
         try:
             return Noise(observed.noise(), dict.fromkeys(names, REPLICATES))
         except ValueError as error:
             raise InputError(source, "replicates", str(error), "runs with other random numbers") from None
-    fewest = RUNS_PER_PARAMETER * study.space.dimensions
-    if set(names) - set(study.noise_sd) and len(observed.unit) < fewest:
+    fewest = RUNS_PER_PARAMETER * observed.unit.shape[1]
+    if set(names) - set(noise_sd) and len(observed.unit) < fewest:
         allowed = (
             f"at least {len(names) + 1}: replicates, rows with the same parameters, tell the noise; or "
             f"targets.NAME.noise_sd for each response; or at least {fewest} samples, for an estimate of it"
         )
         raise InputError(source, "runs beyond the first of a sample", observed.freedom, allowed)
-    sources = {name: TOLD if name in study.noise_sd else ESTIMATED for name in names}
+    sources = {name: TOLD if name in noise_sd else ESTIMATED for name in names}
     variances = [
-        study.noise_sd[name] ** 2
-        if name in study.noise_sd
+        noise_sd[name] ** 2
+        if name in noise_sd
         else nugget(observed.unit, observed.means[:, k], 1.0 / observed.counts)
         for k, name in enumerate(names)
     ]
@@ -88,7 +94,7 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
     scale = max(float(means.std()), 1e-9 * float(np.abs(means).max()), 1e-300)
     value = (means - means.mean()) / scale
     lengths = np.ones(unit.shape[1])
-    kernel = ConstantKernel(1.0, (1e-3, 1e3)) * Matern(lengths, LENGTHS, nu=2.5)
+    kernel = ConstantKernel(1.0, BOUNDS) * Matern(lengths, LENGTHS, nu=SMOOTHNESS)
     evidence = []
     with warnings.catch_warnings():  # a length at its bound is a parameter without effect
         warnings.simplefilter("ignore")

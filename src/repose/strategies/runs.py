@@ -1,4 +1,4 @@
-"""Runs of the user's simulator: the first runs to make, and the check of the returned table."""
+"""The table of all runs of a study: the runs of a batch, the check of what comes back, and means by sample."""
 
 import math
 import os
@@ -12,39 +12,51 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import check_columns, read_rows, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.strategies.sequential.advise import start
-from repose.studies.own_simulator.study import OwnStudy
+from repose.core.runs import Recorded, summarise_runs
+from repose.core.targets import Targets
+from repose.strategies.base import Studied, strategy
 
 OK = "ok"
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
-def first_runs(study: OwnStudy) -> pd.DataFrame:
-    """The first runs, as `runs_of_points`: a Latin hypercube over the ranges, each sample several times."""
-    section = study.sequential
-    return runs_of_points(start(study.space, section, study.seed), study.space, section["seeds"], 1)
+def runs_of(samples: pd.DataFrame) -> pd.DataFrame:
+    """A row for each run of a batch's samples: `sample`, `run` from 1, and the parameters.
 
-
-def runs_of_points(unit: np.ndarray, space: ParameterSpace, seeds: int, first: int) -> pd.DataFrame:
-    """A row for each run: ``sample`` from `first`, ``run`` from 1, and the parameters.
-
-    `unit` (n, d) are samples in the unit cube. The `seeds` runs of a sample differ in the random numbers of the
-    simulator alone.
+    The runs of a sample differ in the random numbers of the simulator alone.
     """
-    values = space.values(unit).repeat(seeds, axis=0)
-    table = pd.DataFrame(values, columns=list(space.names))
-    table.insert(0, "sample", np.arange(first, first + len(unit)).repeat(seeds))
-    table.insert(1, "run", np.tile(np.arange(1, seeds + 1), len(unit)))
+    table = samples.loc[samples.index.repeat(samples["seeds"])].drop(columns="seeds").reset_index(drop=True)
+    table.insert(1, "run", table.groupby("sample").cumcount() + 1)
     return table
 
 
-def read_runs(path: str | os.PathLike, study: OwnStudy) -> pd.DataFrame:
+def next_number(data: pd.DataFrame) -> int:
+    """The number of the next sample."""
+    numbers = pd.to_numeric(data["sample"], errors="coerce")
+    return int(numbers.max()) + 1 if numbers.notna().all() else data["sample"].nunique() + 1
+
+
+def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
+    """The samples of all runs, as the stage `dataset` writes them: parameters, status, means and standard errors."""
+    ok = data[list(targets.names)].notna().all(axis=1)
+    runs = data.assign(status=np.where(ok, OK, "failed"), reason="")
+    recorded = Recorded(targets.names)
+    rows = []
+    for sample, own in runs.groupby("sample", sort=False):
+        values = own.iloc[0][list(space.names)].to_dict()
+        rows.append({"sample": sample, **values, **summarise_runs(own.to_dict("records"), recorded)})
+    table = pd.DataFrame(rows)
+    numbers = [*targets.names, *targets.errors]
+    return table.assign(**{name: table[name].astype(float) for name in numbers})
+
+
+def read_runs(path: str | os.PathLike, study: Studied) -> pd.DataFrame:
     """Read a CSV file of runs and check it by `checked_runs`."""
     return checked_runs(study, read_rows(path, what="a CSV file of runs"), path)
 
 
 def checked_runs(
-    study: OwnStudy,
+    study: Studied,
     rows: pd.DataFrame | Sequence[Mapping[str, Any]],
     source: object = "runs",
     enough: bool = True,
@@ -60,12 +72,12 @@ def checked_runs(
         rows = rows.to_dict("records")
     if not rows:
         raise InputError(source, "rows", 0, "a header and a row for each run")
-    space, names = study.space, study.targets.names
+    space, names = study.parameters, study.targets.names
     rows = _with_fixed(rows, space)
     check_columns(source, rows[0], (*space.names, *names))
     found = [_checked_row(row, study, f"{source}, row {k}") for k, row in enumerate(rows, start=1)]
     table = pd.DataFrame(found)
-    _number_samples(table, rows, space, source)
+    _number_samples(table, rows, space, source, strategy(study.config["strategy"]).repeats_points)
     table = table[["sample", "status", *space.names, *names]]
     _refuse_twice(table, rows, source)
     if enough:
@@ -73,13 +85,13 @@ def checked_runs(
     return table
 
 
-def tell(study: OwnStudy, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
-    """Add runs to a record and return all of its runs, which may be too few for a calibration.
+def add_runs(study: Studied, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
+    """Add runs to a record and return all of its runs, which may be too few for an answer.
 
     Both are CSV files; a missing record is made. The record is written as a whole, after all of it was checked; on an
     InputError it stays as it was.
     """
-    rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.space)
+    rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.parameters)
     checked_runs(study, rows, new, enough=False)
     before = read_rows(record, what="a CSV file of runs") if Path(record).exists() else []
     table = checked_runs(study, [*before, *rows], f"{record} with {new}", enough=False)
@@ -89,7 +101,7 @@ def tell(study: OwnStudy, new: str | os.PathLike, record: str | os.PathLike) -> 
 
 def _checked_row(row, study, source):
     """Parameters, status and responses of a run, as numbers."""
-    space = study.space
+    space = study.parameters
     status = str(row.get("status") or OK).strip()
     found: dict[str, Any] = {"status": OK if status.lower() == OK else status}
     for name in space.names:
@@ -126,7 +138,7 @@ def _inside(value, name, space, source):
     return min(max(value, low), high)
 
 
-def _number_samples(table, rows, space, source):
+def _number_samples(table, rows, space, source, repeats_points):
     """Put the samples' numbers into the table: rows with the same parameters are one sample."""
     sets = table[list(space.names)].apply(tuple, axis=1)
     numbers = pd.factorize(sets)[0] + 1
@@ -138,17 +150,17 @@ def _number_samples(table, rows, space, source):
                 allowed = f"one set of parameters for each sample; row {first + 1} has another one"
                 raise InputError(f"{source}, row {k + 1}", "sample", one, allowed)
             other = int(np.argmax(numbers == number))
-            if told[other] != one:
+            if told[other] != one and not repeats_points:
                 allowed = f"{told[other]}, the sample of row {other + 1} with the same parameters"
                 raise InputError(f"{source}, row {k + 1}", "sample", one, allowed)
-        if all(one.isdigit() for one in told):
-            numbers = [int(one) for one in told]
+        digits = all(one.isdigit() for one in told)
+        numbers = [int(one) for one in told] if digits else pd.factorize(pd.Series(told))[0] + 1
     table["sample"] = numbers
 
 
 def _require_enough(table, study, source):
     """Refuse too few good samples."""
-    samples, fewest = table[table["status"] == OK]["sample"].nunique(), study.space.dimensions + 2
+    samples, fewest = table[table["status"] == OK]["sample"].nunique(), study.parameters.dimensions + 2
     if samples < fewest:
         allowed = f"at least {fewest}, two more than the free parameters"
         raise InputError(source, "samples with a good run", samples, allowed)

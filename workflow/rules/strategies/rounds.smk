@@ -27,27 +27,26 @@ def searched(wildcards):
 
 def round_seeds(wildcards):
     """Seeds of one of a round's jobs."""
-    jobs = rounds.jobs(config["refine"], int(wildcards.round))
-    return {str(sample): seeds for sample, _, seeds in jobs}[wildcards.job]
+    jobs = rounds.jobs(config["refine"], int(wildcards.batch.removeprefix("round_")))
+    return {sample: seeds for sample, _, seeds in jobs}[int(wildcards.job)]
 
 
-def round_jobs(wildcards):
-    """Measured jobs of a round."""
-    return [
-        f"{REFINED}/round_{wildcards.round}/{runs}/{sample}.json"
-        for runs in folders_of_targets()
-        for sample, _, _ in rounds.jobs(config["refine"], int(wildcards.round))
-    ]
+def round_numbers(batch):
+    """Samples of a round by the name of its folder."""
+    jobs = rounds.jobs(config["refine"], int(batch.removeprefix("round_")))
+    return [sample for sample, _, _ in jobs]
 
 
 def files_of_rounds(wildcards):
     """Every file of the rounds that the loop takes, as far as they are known."""
     found = []
     for k in range(len(verdicts(wildcards))):
-        made = [*rules.refine_pour.output, *rules.measure_refine_runs.output]
-        numbers = [sample for sample, _, _ in rounds.jobs(config["refine"], k)]
-        found += expand(made, round=k, runs=folders_of_targets(), job=numbers)
-        steps = [rules.refine_propose, rules.refine_dataset, rules.refine_round]
+        batch = {"strategy": "refined", "batch": f"round_{k}"}
+        made = [*rules.batch_pour.output, *rules.measure_batch_runs.output]
+        jobs = round_numbers(batch["batch"])
+        found += expand(made, **batch, runs=folders_of_targets(), job=jobs)
+        found += expand(rules.batch_dataset.output, **batch)
+        steps = [rules.refine_propose, rules.refine_round]
         if k:
             steps += [rules.refine_data, rules.refine_network, rules.refine_search]
         found += expand([path for step in steps for path in step.output], round=k)

@@ -1,9 +1,9 @@
 """The loop closed: the search's answer is simulated, added to the data, the surrogate refitted, the search run again.
 
 Round 0 simulates the proposal of the main chain. Every round runs its proposal with many fresh seeds and a few
-neighbours with fewer, and is judged by the simulated means of the proposal alone (`repose.studies.rounds`). As long as
-these miss a target, all points so far join the training samples, the refitted surrogate is corrected near the last
-proposal, and the search runs again there: docs/refinement.md says why.
+neighbours with fewer, and is judged by the simulated means of the proposal alone (`repose.strategies.refined.rounds`).
+As long as these miss a target, all points so far join the training samples, the refitted surrogate is corrected near
+the last proposal, and the search runs again there: docs/refinement.md says why.
 """
 
 import os
@@ -18,6 +18,7 @@ import pandas as pd
 from repose.chain import invert
 from repose.chain.dataset import read_definitions
 from repose.chain.design import lhsdesign
+from repose.chain.trained import read_surrogate
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
@@ -25,8 +26,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.responses import Definitions, require_same_definitions
 from repose.core.seeds import PURPOSES
 from repose.core.targets import Targets
-from repose.studies.rounds import NEIGHBOUR, OF_A_ROUND, PROPOSAL, jobs, round_of
-from repose.studies.surrogates import read_surrogate
+from repose.strategies.refined.rounds import NEIGHBOUR, OF_A_ROUND, PROPOSAL, jobs, round_of
 from repose.surrogate.base import Surrogate
 from repose.surrogate.support import Support
 
@@ -56,22 +56,22 @@ def propose(
     """The jobs of a round: the representative solution, and neighbours around it.
 
     The neighbours are a Latin hypercube in the box in which the next round searches. `solutions` is feasible.csv,
-    `model` the searched surrogate, `section` is `refine`. Columns: sample, the six parameters, role, seeds,
+    `model` the searched surrogate, `section` is `refine`. Columns: sample, the parameters, role, seeds,
     predictions, and the search's warning of the representative solution.
     """
     best = solutions[solutions["representative"]].iloc[0]
     table = pd.DataFrame(jobs(section, round_), columns=["sample", "role", "seeds"])
     near = table["role"] == NEIGHBOUR
-    for name in PARAMETERS:
+    for name in space.names:
         table[name] = float(best[name])
     if near.any() and space.dimensions:
         rng = np.random.default_rng([study_seed, PURPOSES["refine"], OF_A_ROUND * (round_ + 1)])
         unit = lhsdesign(int(near.sum()), space.dimensions, rng=rng)
-        table.loc[near, list(PARAMETERS)] = search_box(space, best, section["reach"]).values(unit)
-    table[list(targets.predicted)] = model.predict(table[list(PARAMETERS)].to_numpy(float))
+        table.loc[near, list(space.names)] = search_box(space, best, section["reach"]).values(unit)
+    table[list(targets.predicted)] = model.predict(table[list(space.names)].to_numpy(float))
     warning = best.get("warning", "")
     table["warning"] = np.where(near, "", "" if pd.isna(warning) else warning)
-    return table[["sample", *PARAMETERS, "role", "seeds", *targets.predicted, "warning"]]
+    return table[["sample", *space.names, "role", "seeds", *targets.predicted, "warning"]]
 
 
 def extended(design: pd.DataFrame, rounds: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -107,7 +107,7 @@ def corrected(
     if not inside.any():
         raise ValueError("no usable refined sample inside the box; allowed: at least one")
     near = added[inside]
-    left = near[list(targets.names)].to_numpy(float) - model.predict(near[list(PARAMETERS)].to_numpy(float))
+    left = near[list(targets.names)].to_numpy(float) - model.predict(near[list(box.names)].to_numpy(float))
     offset = np.average(left, axis=0, weights=near["n_seeds"].to_numpy(float))
     return model.shifted(offset), offset, len(near)
 

@@ -124,72 +124,11 @@ rule refine_propose:
         " --network {input.network:q} --round {wildcards.round:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
-use rule pour as refine_pour with:
-    input:
-        samples=rules.refine_propose.output.proposal,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-        ready=ancient(rules.warm_up.output.ready),
-    output:
-        pours=f"{REFINED}/round_{{round}}/{{runs}}/{{job}}.pours.json",
-        berries=f"{REFINED}/round_{{round}}/{{runs}}/{{job}}.npz",
-    log:
-        f"{RESULTS}/logs/refined/{{round}}_{{runs}}_{{job}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_{{runs}}_{{job}}.tsv"
-    wildcard_constraints:
-        round=r"\d{1,2}",
-        job=r"\d{4,5}",
-    params:
-        purpose="refine",
-        sample=lambda wildcards: wildcards.job,
-        seeds=round_seeds,
-    message:
-        "Pouring sample {wildcards.job} of round {wildcards.round}"
-
-
-use rule measure_runs as measure_refine_runs with:
-    input:
-        pours=rules.refine_pour.output.pours,
-        berries=rules.refine_pour.output.berries,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-    output:
-        result=f"{REFINED}/round_{{round}}/{{runs}}/{{job}}.json",
-    log:
-        f"{RESULTS}/logs/refined/{{round}}_{{runs}}_{{job}}_measured.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_{{runs}}_{{job}}_measured.tsv"
-    wildcard_constraints:
-        round=r"\d{1,2}",
-        job=r"\d{4,5}",
-    message:
-        "Measuring the runs of sample {wildcards.job} of round {wildcards.round}"
-
-
-use rule dataset as refine_dataset with:
-    input:
-        samples=rules.refine_propose.output.proposal,
-        jobs=round_jobs,
-    output:
-        dataset=f"{REFINED}/round_{{round}}/dataset.csv",
-        runs=f"{REFINED}/round_{{round}}/runs.csv",
-        summary=f"{REFINED}/round_{{round}}/dataset_summary.json",
-    log:
-        f"{RESULTS}/logs/refined/{{round}}_dataset.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_dataset.tsv"
-    wildcard_constraints:
-        round=r"\d{1,2}",
-    message:
-        "Table of round {wildcards.round}"
-
-
 checkpoint refine_round:
     input:
         proposal=rules.refine_propose.output.proposal,
-        dataset=rules.refine_dataset.output.dataset,
-        runs=rules.refine_dataset.output.runs,
+        dataset=f"{REFINED}/round_{{round}}/dataset.csv",
+        runs=f"{REFINED}/round_{{round}}/runs.csv",
     output:
         verdict=f"{REFINED}/round_{{round}}/verdict.json",
         points=f"{REFINED}/round_{{round}}/round.csv",

@@ -22,10 +22,9 @@ from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Response, derived
-from repose.core.runs import Recorded, summarise_runs
+from repose.core.runs import Recorded, of_bench, summarise_runs
 from repose.core.targets import Targets
 from repose.search.objective import Objective
-from repose.studies.noise import of_bench
 
 OF_A_ROUND, FIRST_NEIGHBOUR = 1000, 101
 PROPOSAL, NEIGHBOUR = "proposal", "neighbour"
@@ -67,11 +66,16 @@ def stuck(verdict: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
 
 
 def judge(
-    proposal: pd.DataFrame, runs: pd.DataFrame, targets: Targets, section: Mapping[str, Any], round_: int
+    proposal: pd.DataFrame,
+    runs: pd.DataFrame,
+    targets: Targets,
+    section: Mapping[str, Any],
+    round_: int,
+    names: Sequence[str] = PARAMETERS,
 ) -> dict[str, Any]:
     """Result of a round as one row.
 
-    `proposal` is of `repose.studies.refine.propose`, `runs` are all runs of the round, `section` is `refine`. Columns:
+    `proposal` is of `refine.propose`, `runs` are all runs of the round, `section` is `refine`. Columns:
     parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
     objective (Eq. 11) of the simulated means; out_of_reach, where the prediction itself misses the bar; outcome of
     `OUTCOMES`, its reason, and the search's warning. NaN for a missing number.
@@ -79,7 +83,7 @@ def judge(
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
     summary = _summary(own.where(own.notna(), None), targets)
-    row: dict[str, Any] = {"round": round_, **{name: float(rows[name].iloc[0]) for name in PARAMETERS}}
+    row: dict[str, Any] = {"round": round_, **{name: float(rows[name].iloc[0]) for name in names}}
     row |= {"poured": len(own), "n_seeds": summary["n_seeds"]}
     for target in targets:
         predicted = float(rows[target.response.predicted].iloc[0])
@@ -189,7 +193,7 @@ def points(
 ) -> pd.DataFrame:
     """All points of a round, the proposal as one: the table round.csv.
 
-    `proposal` is of `repose.studies.refine.propose`, `dataset` of the round's own jobs, `row` of `judge`. Columns:
+    `proposal` is of `refine.propose`, `dataset` of the round's own jobs, `row` of `judge`. Columns:
     parameters, seeds, predicted, simulated, standard errors and status.
     """
     measured = [column for one in targets for column in (one.name, one.response.error)]

@@ -13,7 +13,7 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
-from repose.studies import refine, rounds
+from repose.strategies.refined import refine, rounds
 from repose.surrogate import load, make, names
 
 RANGES = {name: [0.0, 1.0] for name in PARAMETERS}

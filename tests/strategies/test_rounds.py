@@ -11,7 +11,7 @@ from shared import targets_of
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
-from repose.studies import rounds
+from repose.strategies.refined import rounds
 
 SECTION = {
     "seeds": 20,

@@ -1,0 +1,287 @@
+"""A strategy: from the runs so far to the samples that are simulated next, or to the answer; and the registry.
+
+To add a strategy, write a subclass of `Strategy` in a module of its own, put `@register("its_name")` above it, and
+import the module in `repose.strategies`; then the configuration knows the name, and `repose.Study` follows it.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
+import pandas as pd
+
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.core.section import Section
+from repose.core.targets import Targets
+from repose.surrogate.base import Predictor
+
+SO_FAR = "more runs may give a better answer"
+
+
+class Studied(Protocol):
+    """What a strategy reads of a study.
+
+    Attributes
+    ----------
+    config : mapping
+        Plain values by section; that of a strategy has its name. `config["design"]["seed"]` is the seed of the study.
+    parameters : ParameterSpace
+        Ranges, fixed values and priors.
+    targets : Targets
+        The measured responses.
+    """
+
+    @property
+    def config(self) -> Mapping[str, Any]: ...
+
+    @property
+    def parameters(self) -> ParameterSpace: ...
+
+    @property
+    def targets(self) -> Targets: ...
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Samples to simulate next.
+
+    Attributes
+    ----------
+    samples : pandas.DataFrame
+        `sample` (its number), a column for each parameter, and `seeds`, the number of runs of the sample.
+    notes : mapping
+        Further results of the strategy, by name.
+    """
+
+    samples: pd.DataFrame
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The parameters that meet the targets.
+
+    Attributes
+    ----------
+    values : numpy.ndarray, (p,)
+        All parameters, in the order of the study.
+    mean : numpy.ndarray, (k,)
+        Their predicted responses.
+    covariance : numpy.ndarray, (k, k)
+        Of these predictions.
+    probability : dict
+        That the simulator's means lie `within_1_percent` and `within_2_percent` of all targets, and `inside` all
+        ranges.
+    samples : pandas.DataFrame
+        The answer as the table of a `Batch`, to simulate it again.
+    why : str
+        Why the strategy asks for no more runs.
+    others : numpy.ndarray, (n, p)
+        Further parameter sets that are predicted inside all ranges, the best first.
+    others_mean : numpy.ndarray, (n, k)
+        Their predicted responses.
+    model : Predictor or None
+        The model over the whole ranges; None if the strategy has none.
+    notes : mapping
+        As in `Batch`.
+    """
+
+    values: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+    probability: dict[str, float]
+    samples: pd.DataFrame
+    why: str
+    others: np.ndarray
+    others_mean: np.ndarray
+    model: Predictor | None = None
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def error(self) -> np.ndarray:
+        """Standard errors of the predicted responses, (k,)."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+
+class Strategy(ABC):
+    """A way to calibrate.
+
+    Attributes
+    ----------
+    name : str
+        In the configuration; set by `register`.
+    settings : type of Section or None
+        The section of the configuration with the strategy's name; None for a strategy that reads other sections only.
+    repeats_points : bool
+        Whether it asks for the same parameters under several numbers of samples.
+    """
+
+    name: ClassVar[str]
+    settings: ClassVar[type[Section] | None] = None
+    repeats_points: ClassVar[bool] = False
+
+    @abstractmethod
+    def propose(self, study: Studied, data: pd.DataFrame) -> Batch | Answer:
+        """The next samples, or the answer.
+
+        The same study and the same runs give the same proposal: a study that was interrupted goes on as it would have.
+
+        Parameters
+        ----------
+        study : Studied
+            Any `repose.Study`.
+        data : pandas.DataFrame
+            All runs so far, a row for each: `sample`, parameters, responses; empty at the start. A run failed if a
+            response is NaN. With a column `batch`, the number of the proposal that the run comes from.
+
+        Returns
+        -------
+        Batch or Answer
+
+        Raises
+        ------
+        InputError
+            If the runs do not determine the model of the strategy.
+        """
+
+    def answer(self, study: Studied, data: pd.DataFrame) -> Answer:
+        """The best answer that the runs so far give.
+
+        Parameters
+        ----------
+        study, data
+            As in `propose`.
+
+        Returns
+        -------
+        Answer
+
+        Raises
+        ------
+        InputError
+            If the strategy has no answer yet.
+        """
+        found = self.propose(study, data)
+        if isinstance(found, Batch):
+            allowed = (
+                f"more: strategy {self.name} asks for {len(found.samples)} more samples before it answers"
+            )
+            raise InputError("runs", "rows", len(data), allowed)
+        return found
+
+    def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """Values of a configuration with which the strategy cannot run.
+
+        Parameters
+        ----------
+        config : mapping
+            A configuration whose sections are good, each by itself.
+
+        Returns
+        -------
+        iterator of (str, str)
+            Dotted key, and what is allowed.
+        """
+        return iter(())
+
+    def pours(self, config: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...] | None:
+        """The most runs that the strategy can ask for.
+
+        Parameters
+        ----------
+        config : mapping
+
+        Returns
+        -------
+        tuple of (str, int, int) or None
+            Purpose, number of samples, seeds of each. None if they are those of the article's method, which
+            `repose.config.cost` counts.
+        """
+        return None
+
+
+_REGISTRY: dict[str, Strategy] = {}
+Kind = TypeVar("Kind", bound=type[Strategy])
+
+
+def register(name: str) -> Callable[[Kind], Kind]:
+    """Class decorator that makes a strategy known by a name.
+
+    Parameters
+    ----------
+    name : str
+        In the configuration.
+
+    Returns
+    -------
+    callable
+        The decorator.
+
+    Raises
+    ------
+    ValueError
+        If another class has the name.
+    """
+
+    def enter(kind: Kind) -> Kind:
+        if name in _REGISTRY and type(_REGISTRY[name]) is not kind:
+            raise ValueError(f"strategy {name!r} is registered already, by {type(_REGISTRY[name]).__name__}")
+        kind.name = name
+        _REGISTRY[name] = kind()
+        return kind
+
+    return enter
+
+
+def names() -> tuple[str, ...]:
+    """Names of all strategies, in the order of their registration."""
+    return tuple(_REGISTRY)
+
+
+def strategy(name: str, source: object = "strategy") -> Strategy:
+    """The strategy of a name.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    source : object
+        Named in the error: a file or a key.
+
+    Returns
+    -------
+    Strategy
+
+    Raises
+    ------
+    InputError
+        If no strategy has this name.
+    """
+    if name not in _REGISTRY:
+        raise InputError(source, "strategy", name, f"one of {', '.join(_REGISTRY)}")
+    return _REGISTRY[name]
+
+
+def samples_of(space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1) -> pd.DataFrame:
+    """The table of a `Batch`.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    unit : numpy.ndarray, (n, d)
+        The samples' free parameters in the unit cube.
+    seeds : int
+        Runs of each sample.
+    first : int, optional
+        Number of the first sample.
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
+    table = pd.DataFrame(space.values(unit), columns=list(space.names))
+    table.insert(0, "sample", np.arange(first, first + len(table)))
+    return table.assign(seeds=seeds)

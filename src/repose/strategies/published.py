@@ -1,0 +1,86 @@
+"""The strategy `published`: the method of the article. One Latin hypercube, a surrogate, a search on it."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.chain import design
+from repose.chain.answer import WITHIN
+from repose.chain.invert import Inversion, invert
+from repose.chain.train import train
+from repose.core.probability import within
+from repose.strategies.base import Answer, Batch, Strategy, Studied, register, samples_of
+from repose.strategies.runs import next_number, samples_of_runs
+from repose.surrogate.base import Surrogate
+from repose.surrogate.support import Support
+
+
+@register("published")
+class Published(Strategy):
+    """One batch, then the answer."""
+
+    def propose(self, study: Studied, data: pd.DataFrame) -> Batch | Answer:
+        if data.empty:
+            section = study.config["design"]
+            unit = design.points(
+                section["samples"], study.parameters.dimensions, section["method"], section["seed"]
+            )
+            return Batch(samples_of(study.parameters, unit, seeds_of(study)))
+        model = fitted(study, samples_of_runs(data, study.parameters, study.targets), data)
+        found = invert(
+            model, study.parameters, study.targets, study.config["miga"], support=support_of(study, data)
+        )
+        return answer_of(
+            study, model, found, data, "the batch is simulated: the search on its surrogate answers"
+        )
+
+
+def seeds_of(study: Studied) -> int:
+    """Runs of each sample of a design: those of the bench test of the first target."""
+    return study.config[study.targets.apparatus[0]]["seeds"]
+
+
+def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> Surrogate:
+    """The surrogate of the study, fitted to the samples of its runs."""
+    settings = study.config["network"] | {"surrogate": study.config["surrogate"]}
+    runs = data.assign(status=np.where(data[list(study.targets.names)].notna().all(axis=1), "ok", "failed"))
+    return train(samples, runs, study.targets, settings, {}, "runs", study.parameters.names).model
+
+
+def support_of(study: Studied, data: pd.DataFrame) -> Support:
+    """The region that the samples with a good run cover."""
+    space = study.parameters
+    good = data[data[list(study.targets.names)].notna().all(axis=1)].drop_duplicates("sample")
+    low, high = space.complete(np.array([space.low, space.high]))
+    return Support(good[list(space.names)].to_numpy(float), low, high, space.names)
+
+
+def answer_of(study: Studied, model: Surrogate, found: Inversion, data: pd.DataFrame, why: str) -> Answer:
+    """The representative solution of a search, and the other feasible ones."""
+    space, targets = study.parameters, study.targets
+    names = list(space.names)
+    values = found.solutions.loc[0, names].to_numpy(float)
+    others = found.solutions[found.solutions["feasible"] & ~found.solutions["representative"]]
+    mean, covariance = model.predict(values[None]), model.covariance(values[None])
+    return Answer(
+        values,
+        mean[0],
+        covariance[0],
+        probability_of(mean, covariance, targets),
+        samples_of(space, space.unit(values), seeds_of(study), next_number(data)),
+        why,
+        others[names].to_numpy(float),
+        others[list(targets.predicted)].to_numpy(float),
+        model,
+        {"message": found.summary["message"]},
+    )
+
+
+def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Any) -> dict[str, float]:
+    """Probability that mean responses (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
+    reach = np.abs(targets.aim) / 100
+    ends = {
+        column: (targets.aim - one * reach, targets.aim + one * reach) for one, column in WITHIN.items()
+    } | {"inside": (targets.low, targets.high)}
+    return {name: float(within(mean, covariance, *pair)[0]) for name, pair in ends.items()}

@@ -1,0 +1,171 @@
+"""The strategy `sequential`: kriging of all runs says where the next batch is simulated, and when to stop."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from repose.chain.answer import WITHIN
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.core.section import Section, Seeds
+from repose.core.targets import Targets
+from repose.strategies.base import SO_FAR, Answer, Batch, Strategy, Studied, register, samples_of
+from repose.strategies.runs import next_number
+from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked, start
+from repose.strategies.sequential.goal import Goal
+from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
+from repose.strategies.sequential.noise import Noise, noise_of
+
+WHY = {
+    "probability": "the answer meets the targets with the probability that was asked for",
+    "out_of_reach": "probably no parameter set meets the targets: the answer is the one that comes nearest",
+    "budget": "the budget of pours is used up",
+    "noise": "the pours that are left cannot make the answer more probable: the noise is too large",
+}
+
+
+class Settings(Section):
+    """Few pours, each where it says most."""
+
+    start_samples: int = Field(ge=4, le=999)
+    seeds: Seeds
+    batch: int = Field(ge=1, le=100)
+    tolerance_percent: Annotated[float, Field(gt=0, le=50)]
+    probability: float = Field(ge=0.05, le=0.99)
+    most_pours: int = Field(ge=8, le=9999)
+    checks: int = Field(ge=2, le=500)
+
+
+@register("sequential")
+class Sequential(Strategy):
+    """A space-filling start, then batches where the targets are probably met."""
+
+    settings = Settings
+
+    def propose(self, study: Studied, data: pd.DataFrame) -> Batch | Answer:
+        space, section = study.parameters, study.config["sequential"]
+        if data.empty:
+            unit = start(space, section, study.config["design"]["seed"])
+            return Batch(samples_of(space, unit, section["seeds"]))
+        goal = _goal(study)
+        observed, failed = observed_of(data, space, study.targets)
+        noise = known_noise(study, observed)
+        try:
+            advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
+        except ValueError as error:
+            raise InputError("runs", "pours", str(error), "enough to tell the noise") from None
+        notes = _notes(advice, study)
+        if advice.stop is None:
+            return Batch(samples_of(space, advice.batch, section["seeds"], next_number(data)), notes)
+        found = self.answer(study, data)
+        if advice.stop == "out_of_reach":
+            found = _at(advice.answer, found, study, data)
+        return replace(found, why=WHY[advice.stop], notes=notes)
+
+    def answer(self, study: Studied, data: pd.DataFrame) -> Answer:
+        """The set that meets the targets most probably."""
+        space, targets, goal = study.parameters, study.targets, _goal(study)
+        observed, failed = observed_of(data, space, targets)
+        try:
+            model = Kriging(observed, known_noise(study, observed))
+        except ValueError as error:
+            raise InputError("runs", "pours", str(error), "enough to tell the noise") from None
+        points, scores = ranked(model, goal, observed.unit, failed, _random(study, data))
+        others, predicted = alternatives(points, scores, model, targets, study.config["miga"])
+        nowhere = np.empty(0)
+        found = Answer(
+            *(nowhere, nowhere, nowhere, {}, data, SO_FAR),
+            space.values(others),
+            predicted,
+            SpaceKriging(model, space),
+        )
+        return _at(points[scores.argmax()], found, study, data)
+
+    def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """A start beyond its budget or without repeats."""
+        section, responses = config["sequential"], len(config["targets"])
+        repeats = section["start_samples"] * (section["seeds"] - 1)
+        if repeats <= responses:
+            yield "sequential.seeds", "at least 2: pours of one sample tell the noise"
+        if section["start_samples"] * section["seeds"] > section["most_pours"]:
+            yield "sequential.most_pours", "at least sequential.start_samples times sequential.seeds"
+
+    def pours(self, config: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...]:
+        section = config["sequential"]
+        return (("at most", section["most_pours"] // section["seeds"], section["seeds"]),)
+
+
+def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> tuple[Observed, np.ndarray]:
+    """Samples with a good run as arrays, and the other samples (f, d) in the unit cube."""
+    names = list(targets.names)
+    number, samples = pd.factorize(data["sample"])
+    run = data[names].notna().any(axis=1).to_numpy()
+    place = data[run].groupby("sample").cumcount().to_numpy()
+    values = np.full((len(samples), int(place.max(initial=0)) + 1, len(names)), np.nan)
+    values[number[run], place] = data.loc[run, names].to_numpy(float)
+    unit = space.unit(data.drop_duplicates("sample")[list(space.names)].to_numpy(float))
+    good = np.isfinite(values).all(axis=2).any(axis=1)
+    return Observed(unit[good], values[good]), unit[~good]
+
+
+def noise_from(study: Studied, observed: Observed) -> Noise:
+    """The noise of a single run, estimated as well as the runs allow."""
+    return noise_of(observed, study.targets.names, study.config.get("noise_sd", {}))
+
+
+def known_noise(study: Studied, observed: Observed) -> np.ndarray | None:
+    """Covariance (k, k) of a single run; None where the replicates alone may tell it, as for our own pours."""
+    return noise_from(study, observed).covariance if "noise_sd" in study.config else None
+
+
+def _goal(study):
+    """The targets within the tolerance of the section."""
+    return Goal.of(study.targets, study.config["sequential"]["tolerance_percent"], study.parameters)
+
+
+def _random(study, data):
+    """Random numbers of a proposal: by the number of the last batch, or by the number of runs."""
+    turn = int(data["batch"].max()) if "batch" in data else len(data)
+    return np.random.default_rng([study.config["design"]["seed"], turn])
+
+
+def _at(unit, found, study, data):
+    """The answer at a point (d,) of the unit cube."""
+    space, targets, model = study.parameters, study.targets, found.model.model
+    mean, covariance = model.predict(unit[None])
+    probability = {
+        column: float(Goal.of(targets, percent, space).probability(mean, covariance)[0])
+        for percent, column in WITHIN.items()
+    }
+    probability["inside"] = Goal.inside(mean, covariance, targets)
+    return replace(
+        found,
+        values=space.values(unit)[0],
+        mean=mean[0],
+        covariance=covariance[0],
+        probability=probability,
+        samples=samples_of(space, unit[None], study.config["sequential"]["seeds"], next_number(data)),
+    )
+
+
+def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
+    """The advice as advice.json has it."""
+    space, targets = study.parameters, study.targets
+    return {
+        "stop": advice.stop,
+        "why": WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured",
+        "answer": dict(zip(space.names, space.values(advice.answer[None])[0].tolist(), strict=True)),
+        "probability": advice.probability,
+        "responses": {
+            target.name: {"target": target.aim, "mean": float(mean), "error": float(error)}
+            for target, mean, error in zip(targets, advice.mean, advice.error, strict=True)
+        },
+        "reachable": advice.reachable,
+        "needed": advice.needed,
+        "in_reach": advice.reach.probability,
+        "nearest": {"deviation": advice.reach.nearest, "error": advice.reach.error},
+    }

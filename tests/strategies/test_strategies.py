@@ -1,0 +1,150 @@
+"""What every strategy must fulfil, in the loop of a study with the user's own simulator of one line."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import repose
+from repose import strategies
+from repose.core.errors import InputError
+
+STUDY = {
+    "parameters": {"friction": (0.2, 0.8), "rolling": (0.01, 0.2), "sliding": (0.0, 1.0)},
+    "targets": {"angle_deg": (30.0, 1.2), "time": (4.0, 0.2, 10)},
+    "seed": 1,
+    "sequential": {"start_samples": 12, "batch": 4, "most_runs": 40},
+    "posterior": {"walkers": 32, "steps": 100},
+    "design": {"samples": 24},
+    "miga": {"islands": 2, "population": 20, "rounds": 10, "generations": 5, "solutions": 10},
+    "refine": {"rounds": 1, "seeds": 4, "block": 2, "neighbours": 2, "neighbour_seeds": 2},
+    "response_surface": {"seeds": 2, "steps": 3, "checks": 2, "surface": "rotatable"},
+}
+
+
+def simulate(samples, noise=0.005):
+    """Responses of runs, each with noise that is its own."""
+    friction, rolling = samples["friction"], samples["rolling"]
+    exact = np.column_stack(
+        [18 + 18 * friction + 40 * rolling - 6 * friction**2, 3 + 2 * friction - 2 * rolling]
+    )
+    drawn = [np.random.default_rng(run).normal(size=2) for run in samples[["sample", "run"]].to_numpy()]
+    found = pd.DataFrame(exact * (1 + noise * np.array(drawn)), columns=["angle_deg", "time"])
+    return found.assign(sample=samples["sample"], run=samples["run"])
+
+
+def walk(study):
+    """All samples that a study asks for, until it is done."""
+    asked = []
+    while not study.done:
+        asked.append(study.ask())
+        study.tell(simulate(asked[-1]))
+    return asked
+
+
+@pytest.fixture(scope="module", params=strategies.names())
+def walked(request, tmp_path_factory):
+    """A study that is done, all that it asked for, and its file."""
+    file = tmp_path_factory.mktemp(request.param) / "study.csv"
+    study = repose.Study(**STUDY, strategy=request.param, file=file)
+    return study, walk(study), file
+
+
+def test_the_four_strategies_are_known_by_name():
+    assert strategies.names() == ("published", "refined", "response_surface", "sequential")
+    with pytest.raises(InputError, match="strategy is 'brute'; allowed: one of published, "):
+        strategies.strategy("brute")
+
+
+@pytest.mark.slow
+def test_the_answer_is_right(walked):
+    study, _, _ = walked
+    found = study.answer()
+    answer = pd.DataFrame([found.parameters | {"sample": 1, "run": 1}])
+    off = simulate(answer, noise=0.0)[["angle_deg", "time"]].iloc[0] / [30.0, 4.0] - 1
+    assert abs(off).max() < 0.03
+    assert 0 <= found.probability["within_1_percent"] <= found.probability["within_2_percent"] <= 1
+    assert found.why
+    assert list(found.prediction.index) == ["angle_deg", "time"]
+    shown = found._repr_html_()
+    assert "friction" in shown
+    assert "within 1 percent" in shown
+
+
+@pytest.mark.slow
+def test_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
+    study, asked, file = walked
+    other = tmp_path / "study.csv"
+    repose.Study(**STUDY, strategy=study.config["strategy"], file=other)
+    for table in asked:
+        # each time as after a kill: before the question, and before the answer to it
+        again = repose.Study.resume(other)
+        assert again.ask().equals(table)
+        pd.testing.assert_frame_equal(repose.Study.resume(other).ask(), again.ask())
+        again.tell(simulate(table).sample(frac=1, random_state=1))
+    assert repose.Study.resume(other).done
+    assert other.read_bytes() == file.read_bytes()
+
+
+def test_what_is_told_must_be_what_was_asked(tmp_path):
+    study = repose.Study(**STUDY, file=tmp_path / "study.csv")
+    asked = study.ask()
+    told = simulate(asked)
+    for bad, words in (
+        (told[1:], r"sample and run is \['1', '1'\]; allowed: the 24 runs that `ask` gave"),
+        (told.drop(columns="time"), "also time"),
+        (told.assign(friction=0.5), "friction is 'changed'"),
+        (told.assign(time=np.inf), "time is 'inf'"),
+    ):
+        with pytest.raises(InputError, match=words):
+            study.tell(bad)
+    assert study.runs.empty
+    assert not (tmp_path / "study.csv").exists()
+    failed = told.assign(time=told["time"].mask(told["sample"] == 3))
+    study.tell(failed)
+    assert (study.runs["status"] != "ok").sum() == 2
+    with pytest.raises(InputError, match="seed is 1; allowed: 2, as asked for"):
+        repose.Study(**STUDY | {"seed": 2}, file=tmp_path / "study.csv")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"file": "study.json"}, "file is 'study.json'; allowed: a path that ends in .csv"),
+        ({"strategie": "published"}, "did you mean strategy"),
+        ({"strategy": "brute"}, "one of published, refined, response_surface, sequential"),
+        ({"design": {"samples": 3}}, "design.samples is 3; allowed: an integer from 12"),
+        ({"surrogate": "crystal"}, "surrogate is 'crystal'; allowed: .*gaussian_process"),
+        ({"targets": {"time": 4.0}}, "targets.time is 4.0; allowed: a section"),
+        (
+            {"strategy": "response_surface", "response_surface": {"most_factors": 2}},
+            "most_factors is 2; allowed: at least 3",
+        ),
+    ],
+)
+def test_bad_settings_are_refused_by_name(changes, words):
+    with pytest.raises(InputError, match=words):
+        repose.Study(**STUDY | changes)
+
+
+@pytest.mark.slow
+def test_a_study_of_our_bench_tests_is_the_same_loop():
+    from synthetic import TARGETS, responses
+
+    changes = {
+        "strategy": "sequential",
+        "sequential": {"start_samples": 16, "most_pours": 48, "seeds": 2},
+        "posterior": {"walkers": 32, "steps": 100},
+        "targets": [
+            {"response": one.name, "apparatus": "funnel", "value": one.value, "sd": one.sd}
+            | {"repetitions": one.repetitions, "range": [one.low, one.high]}
+            for one in TARGETS
+        ],
+    }
+    study, k = repose.Study.load("config/quick.yaml", overrides=changes), 0
+    while not study.done:
+        asked, k = study.ask(), k + 1
+        study.tell(asked.assign(**dict(zip(TARGETS.names, responses(asked, 0.5, k).T, strict=True))))
+    found = study.answer()
+    assert len(study.runs) <= 48
+    answer = pd.DataFrame([found.parameters])
+    assert abs(responses(answer)[0] / TARGETS.aim - 1).max() < 0.03
