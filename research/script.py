@@ -73,9 +73,9 @@ def _settings(config, apparatus):
 def _files(args: argparse.Namespace) -> Iterator[Path]:
     """Files that the options name; of a folder its dataset, if it has one."""
     for key, value in vars(args).items():
-        for one in value if isinstance(value, list) else [value]:
-            if isinstance(one, str) and key not in NOT_READ:
-                path = Path(one.partition("=")[2] if key == "input" else one)
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, str) and key not in NOT_READ:
+                path = Path(item.partition("=")[2] if key == "input" else item)
                 path = path / "dataset.csv" if path.is_dir() else path
                 if path.is_file():
                     yield path

@@ -62,7 +62,7 @@ def merged(sets):
     rows = [every.values[place.ravel() == k].reshape(-1, every.responses) for k in range(len(X))]
     most = max(map(len, rows))
     return Points(
-        X, np.array([np.pad(one, ((0, most - len(one)), (0, 0)), constant_values=np.nan) for one in rows])
+        X, np.array([np.pad(runs, ((0, most - len(runs)), (0, 0)), constant_values=np.nan) for runs in rows])
     )
 
 
@@ -70,7 +70,7 @@ def cut(design, pool):
     """Eight data sets of disjoint pours, and for each all other pours of design and pool."""
     every = points.joined([design, pool])
     quarter = np.concatenate(
-        [np.random.default_rng(k).permutation(len(one.X)) % 4 for k, one in enumerate((design, pool))]
+        [np.random.default_rng(k).permutation(len(part.X)) % 4 for k, part in enumerate((design, pool))]
     )
     for k in range(4):
         for pair in (slice(0, 2), slice(2, 4)):
@@ -90,7 +90,7 @@ def data_sets(args, names):
         for k, (own, others) in enumerate(cut(design, pool)):
             yield f"part {k + 1}", own, [others, fresh], fresh
         return
-    wholes = {"design": design, "pool": pool} | {one.name: read(one, names) for one in args.runs}
+    wholes = {"design": design, "pool": pool} | {run.name: read(run, names) for run in args.runs}
     for name, own in wholes.items():
         yield name, own, [other for key, other in wholes.items() if key != name] + [fresh], fresh
 
@@ -115,12 +115,12 @@ def targets_at(names, aim):
         [
             {
                 "response": name,
-                "value": one,
-                "sd": 0.05 * one,
+                "value": value,
+                "sd": 0.05 * value,
                 "repetitions": 10,
-                "range": [0.95 * one, 1.05 * one],
+                "range": [0.95 * value, 1.05 * value],
             }
-            for name, one in zip(names, aim.tolist(), strict=True)
+            for name, value in zip(names, aim.tolist(), strict=True)
         ]
     )
 
@@ -138,7 +138,7 @@ def answers(model, judge, names, values, space):
     for number, aim in enumerate(values):
         targets = targets_at(names, aim)
         found = expected_loss.least(model, space, targets)
-        X = np.array([[found[one] for one in PARAMETERS]])
+        X = np.array([[found[parameter] for parameter in PARAMETERS]])
         truth, unsure = judge.predict(X), judge.covariance(X)
         off = 100 * (truth[0] / aim - 1)
         row = {
@@ -183,7 +183,7 @@ def run(args, config):
                     "fit_s": cost,
                     "z_fresh": at_fresh_points(model, fresh),
                 }
-                rows += [about | one for one in answers(model, judge, names, values, space)]
+                rows += [about | answer for answer in answers(model, judge, names, values, space)]
                 pd.DataFrame(rows).to_csv(args.out, index=False, float_format="%.5g")
     return pd.DataFrame(rows)
 
@@ -311,7 +311,7 @@ def main():
     )
     args = parser.parse_args()
     if args.read:
-        table = pd.concat([pd.read_csv(one) for one in args.read], ignore_index=True)
+        table = pd.concat([pd.read_csv(path) for path in args.read], ignore_index=True)
     else:
         table = run(args, Study.load(args.config).config)
     print(*summary(table), "", *reliability(table), "", *differences(table), sep="\n")

@@ -54,7 +54,7 @@ def main():
     covariance, _ = within_covariance(runs[list(targets.names)], runs["sample"])
     sd = np.sqrt(np.diag(covariance))
     print(f"correlations of the noises\n{np.round(covariance / np.outer(sd, sd), 2)}\n")
-    titles = ("prior", "covariance", *(f"R2 {one.response.symbol}" for one in targets), "gamma")
+    titles = ("prior", "covariance", *(f"R2 {target.response.symbol}" for target in targets), "gamma")
     lines = ["| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
     for prior in ("one", "inputs"):
         for used in (False, True):

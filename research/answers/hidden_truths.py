@@ -183,7 +183,7 @@ def main():
     for number in range(*args.truths):
         same = (table["truth"] == number) & (table["responses"] == len(args.responses))
         done = table[same & (table["noise_percent"] == args.noise_percent)]["method"]
-        methods = [one for one in args.methods if one not in set(done)]
+        methods = [method for method in args.methods if method not in set(done)]
         rows = of_truth(number, simulator, args.responses, space, config, methods, args.noise_percent)
         table = pd.concat([table, pd.DataFrame(rows, columns=columns)], ignore_index=True)
         table.to_csv(args.out, index=False, float_format="%.4g")

@@ -166,7 +166,7 @@ def refine(folder, number):
             campaign.verb("refine_judge", **tables, out=here)
         last = json.loads((here / "verdict.json").read_text())
         done.append(here)
-    campaign.verb("refine_tables", *(one / "verdict.json" for one in done), out=folder)
+    campaign.verb("refine_tables", *(folder / "verdict.json" for folder in done), out=folder)
     table = pd.read_csv(folder / "rounds.csv").drop(columns=["reason", "warning", "usable"])
     table.insert(0, "campaign", number)
     return table.to_dict("records")

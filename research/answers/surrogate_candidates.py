@@ -69,7 +69,7 @@ class NetworkResampled(Candidate):
         return self
 
     def _means(self, X):
-        return np.array([one.predict(X) for one in self.members])
+        return np.array([member.predict(X) for member in self.members])
 
     def predict(self, X, return_std=False, noise=True):
         return self._means(X).mean(axis=0)

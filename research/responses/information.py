@@ -142,7 +142,7 @@ def averaged(
         prior.told(likelihood.weights(prior.predicted[row] + root @ error))
         for row, error in zip(truths, errors, strict=True)
     ]
-    joint, bits, widths, effective = (np.array([one[i] for one in found]) for i in range(4))
+    joint, bits, widths, effective = (np.array([outcome[i] for outcome in found]) for i in range(4))
     count = math.sqrt(len(truths))
     return {
         "bits": joint.mean(),

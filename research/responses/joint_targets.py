@@ -84,7 +84,7 @@ def study(
     )
     singles = [_row(space, prior, tests, (name,), told((name,)), count, wide) for name in tests.columns]
     for row, name in zip(singles, tests.columns, strict=True):
-        columns = sorted({*tests.of((name,)), *(names.index(one) for one in targets.names)})
+        columns = sorted({*tests.of((name,)), *(names.index(name) for name in targets.names)})
         beside = information.averaged(prior, truths, normal, columns, tests.covariance)
         gain = beside["all"] - base["all"]
         row["gain_bits"] = gain.mean()
@@ -95,7 +95,7 @@ def study(
         for pair in itertools.combinations(tests.columns, 2)
     ]
     ranked = sorted(_sets(tests, settings["most_tests"]), key=lambda one: _score(prior, tests, one, count))
-    sets = [_row(space, prior, tests, one, told(one), count, wide) for one in ranked[:VERIFIED]]
+    sets = [_row(space, prior, tests, choice, told(choice), count, wide) for choice in ranked[:VERIFIED]]
     everything = tuple(tests.columns)
     sets.append(_row(space, prior, tests, everything, told(everything), count, wide))
     frames = {
@@ -126,7 +126,7 @@ def study(
         "discrepancy_correlation": settings["discrepancy_correlation"],
         "sets": sum(1 for _ in _sets(tests, settings["most_tests"])),
         "least_effective_points": float(
-            min(frames[one]["effective_points"].min() for one in ("tests", "sets"))
+            min(frames[table]["effective_points"].min() for table in ("tests", "sets"))
         ),
     }
     return frames, summary

@@ -44,7 +44,7 @@ def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, floa
     """
     keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
     of_run = [found.get(key, {}) if own else {} for key, own in zip(keys, _of_the_pile(runs), strict=True)]
-    return runs.assign(**{name: [one.get(name, math.nan) for one in of_run] for name in MEASURED})
+    return runs.assign(**{name: [run.get(name, math.nan) for run in of_run] for name in MEASURED})
 
 
 def run(

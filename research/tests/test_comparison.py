@@ -208,8 +208,12 @@ def test_emulator_has_the_mean_and_the_noise_that_it_was_fitted_to(monkeypatch):
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
-    for name, one in (("main_", poured(30, 4, 1)), ("pool_", poured(40, 2, 2)), ("fresh_", poured(10, 8, 3))):
-        write(folder, name, one)
+    for name, piles in (
+        ("main_", poured(30, 4, 1)),
+        ("pool_", poured(40, 2, 2)),
+        ("fresh_", poured(10, 8, 3)),
+    ):
+        write(folder, name, piles)
     return {
         f"{a}_{b}": folder / f"{a}_{b}.csv" for a in ("main", "pool", "fresh") for b in ("dataset", "runs")
     }

@@ -109,7 +109,7 @@ def data(tmp_path_factory):
     jobs.mkdir()
     for k in range(90):
         flow = 500.0 + 400.0 * table["mus_gg"][k] + random.normal(0, 10.0, 2)
-        own = [{"status": "ok", "flow_g_s": one, "emptying_s": random.normal(1, 0.01)} for one in flow]
+        own = [{"status": "ok", "flow_g_s": rate, "emptying_s": random.normal(1, 0.01)} for rate in flow]
         own.append({"status": "jammed", "flow_g_s": None, "emptying_s": None})
         (jobs / f"{k + 1:03d}.json").write_text(
             json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": own})

@@ -125,7 +125,7 @@ def test_shared_noise_is_told_apart():
     prior = information.Prior(unit, np.column_stack([unit[:, 0], np.zeros(len(unit))]))
     alone, shared = (0.01 * np.array([[1, r], [r, 1]]) for r in (0.0, 0.99))
     observed = np.array([0.5, 0.0])
-    first, second = (prior.posterior(observed, [0, 1], one)[0] for one in (alone, shared))
+    first, second = (prior.posterior(observed, [0, 1], noise)[0] for noise in (alone, shared))
     assert second - first == pytest.approx(-0.5 * math.log2(1 - 0.99**2), abs=0.2)
 
 
@@ -298,9 +298,9 @@ def test_study_with_one_target_and_with_four(study, tmp_path, names):
     inputs = {name: tmp_path / f"{name}.csv" for name in ("responses", "information", "narrowing", "ways")}
     config = {
         "targets": [
-            {"response": one.name, "value": one.value, "sd": one.sd, "repetitions": 4}
-            | {"range": [one.low, one.high]}
-            for one in targets
+            {"response": target.name, "value": target.value, "sd": target.sd, "repetitions": 4}
+            | {"range": [target.low, target.high]}
+            for target in targets
         ]
     }
     with style.applied():

@@ -366,14 +366,14 @@ def fourth(name, value):
 
 def test_a_single_target_is_compared_alone(config):
     config["targets"] = [HEIGHT]
-    assert [one.name for one in shape_cells.compared_targets(config)] == ["height_mm"]
+    assert [target.name for target in shape_cells.compared_targets(config)] == ["height_mm"]
     assert shape_cells.published_sets(config).columns[-1] == "height_simulated_mm"
 
 
 def test_targets_that_nobody_published_are_left_out(config):
     config["targets"] = [ANGLE, fourth("packing_percent", 60.0), HEIGHT]
     config["targets"] += [fourth("drum_slip_deg", 45.0) | {"apparatus": "drum"}]
-    assert [one.name for one in shape_cells.compared_targets(config)] == ["aor_deg", "height_mm"]
+    assert [target.name for target in shape_cells.compared_targets(config)] == ["aor_deg", "height_mm"]
     config["targets"] = config["targets"][1:2]
     with pytest.raises(InputError, match="some target's predicted and simulated values"):
         shape_cells.compared_targets(config)

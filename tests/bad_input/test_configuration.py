@@ -24,7 +24,7 @@ def resolved(schema):
     """A schema with its references followed, and that of its numbers where it may also be null or auto."""
     while "$ref" in schema:
         schema = faults.schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]]
-    others = [one for one in schema.get("anyOf", []) if one not in (NULL, AUTO)]
+    others = [kind for kind in schema.get("anyOf", []) if kind not in (NULL, AUTO)]
     if len(others) != 1:
         return schema
     found = resolved(others[0])
@@ -147,7 +147,7 @@ def test_every_key_refuses_what_it_cannot_take():
     check_all(told, [(wrong, keys) for wrong, keys in kinds.items()])
 
 
-OPTIONAL = ("simulation.contact_law", "simulation.rolling_law", *(one.key for one in COMPUTED))
+OPTIONAL = ("simulation.contact_law", "simulation.rolling_law", *(setting.key for setting in COMPUTED))
 REQUIRED = [
     *(key for key, _ in leaves(faults.schema()) if not key.startswith("targets.") and key not in OPTIONAL),
     *(name for name in sections(faults.schema()) if name in faults.schema()["required"]),

@@ -75,14 +75,14 @@ def test_every_verb_refuses_files_that_it_cannot_read(refused, garbage):
         for option, _ in files_of(VERBS[name]):
             words += [f"{option}={path}"] if option.startswith("-") else [str(path)]
         if name == "figure":
-            words += [f"--input={one}={path}" for one in INPUTS_OF_A_FIGURE]
+            words += [f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE]
         assert path.stem in refused(*words)
 
     check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
 
 
 WITH_CONFIG = sorted(
-    name for name, verb in VERBS.items() if any("--config" in one.names for one in verb.options)
+    name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options)
 )
 
 
@@ -95,7 +95,7 @@ def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage
             elif keywords.get("required"):
                 words.append(f"{option}=some_file")
         if name == "figure":
-            words += [f"--input={one}=some_file" for one in INPUTS_OF_A_FIGURE]
+            words += [f"--input={key}=some_file" for key in INPUTS_OF_A_FIGURE]
         told = refused(*words)
         assert config.stem in told or "some_file" in told
 

@@ -29,7 +29,7 @@ def config(monkeypatch):
     monkeypatch.chdir(ROOT)
     found = copy.deepcopy(Study.load("config/config.yaml").config)
     found["parameters"] |= FIXED
-    found["targets"] = [one for one in found["targets"] if one["response"] == "height_mm"]
+    found["targets"] = [target for target in found["targets"] if target["response"] == "height_mm"]
     return found
 
 

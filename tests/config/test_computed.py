@@ -12,7 +12,7 @@ from repose.core import places
 from repose.core.errors import InputError
 
 CROPS = places.root() / "crops"
-KEYS = [one.key for one in computed.COMPUTED]
+KEYS = [setting.key for setting in computed.COMPUTED]
 
 
 def put(config, key, value):

@@ -89,7 +89,7 @@ def test_keys_of_earlier_configurations_are_told_where_they_went():
 def test_no_section_allows_an_unknown_key_or_forgets_one():
     schema = faults.schema()
     others = {*names(), "joint_targets", "shape_study"} - {"funnel"}
-    computed = {one.key.partition(".")[2] for one in COMPUTED}
+    computed = {setting.key.partition(".")[2] for setting in COMPUTED}
     for section in [schema, *map(faults.subschema, [[name] for name in schema["properties"]])]:
         if "properties" in section:
             assert section["additionalProperties"] is False
@@ -105,7 +105,7 @@ def test_the_models_know_what_is_computed():
         for key, one in faults.subschema([name]).get("properties", {}).items()
         if one.get("default") == "auto"
     }
-    assert found == {one.key for one in COMPUTED}
+    assert found == {setting.key for setting in COMPUTED}
 
 
 BAD_VALUES = (

@@ -56,7 +56,7 @@ def test_every_picture_of_such_a_page_is_made_by_its_commands():
         if "pictures" in entry:
             folder = (commands.ROOT / page).parent
             shown = re.findall(r"!\[[^]]*\]\(([^)]+)\)", (commands.ROOT / page).read_text())
-            paths = {str(folder.joinpath(one).resolve().relative_to(commands.ROOT)) for one in shown}
+            paths = {str(folder.joinpath(target).resolve().relative_to(commands.ROOT)) for target in shown}
             assert paths == set(entry["pictures"]), page
             assert [path for path in paths if not (commands.ROOT / path).is_file()] == [], page
 

@@ -300,8 +300,8 @@ def changes(place, jobs, finished, wanted, table):
         new = {path for path in set(after) - set(before) if path.parts[0] == "heaps"}
         same = compared(study, fresh.results()) and len(new) == poured
         table.add(name, f"{len(new)} new pours of the design, {poured} wanted", str(status), same, again)
-        for one in (fresh, study):
-            shutil.rmtree(one.folder)
+        for folder in (fresh, study):
+            shutil.rmtree(folder.folder)
 
 
 def no_room(place, jobs, wanted, targets, table):

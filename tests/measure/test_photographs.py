@@ -162,7 +162,7 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
     assert summary["height_mm"]["repetitions"] == 3
     assert "upside down" in record["photographs"][3]["refused"]
     config = Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml").config
-    assert [one["response"] for one in config["targets"]] == ["aor_deg", "height_mm"]
+    assert [target["response"] for target in config["targets"]] == ["aor_deg", "height_mm"]
     assert config["targets"][1]["value"] == summary["height_mm"]["value"]
     assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("flank", 8)
 

@@ -45,20 +45,20 @@ def made_up(folder, count):
     table4["role"] = ["representative"] + 4 * ["spread"]
     published = pd.DataFrame({"solution": ["22", "15", "representative"]})
     theirs = pd.DataFrame({"solution": ["22", "15"]})
-    for one in targets:
-        response, scale = one.response, one.sd
-        predictions[response.predicted] = one.value + 2 * scale * trend
+    for target in targets:
+        response, scale = target.response, target.sd
+        predictions[response.predicted] = target.value + 2 * scale * trend
         values = predictions[response.predicted] + rng.normal(0, 0.5 * scale, 60)
         dataset[response.name] = predictions[response.name] = values
         dataset[response.error] = 0.3 * scale
-        table4[response.predicted] = one.value
-        table4[response.simulated] = one.value + 0.5 * scale * rng.normal(size=5)
+        table4[response.predicted] = target.value
+        table4[response.simulated] = target.value + 0.5 * scale * rng.normal(size=5)
         table4[response.error] = 0.3 * scale
-        published[response.simulated] = one.value - 2 * scale + 0.5 * scale * rng.normal(size=3)
+        published[response.simulated] = target.value - 2 * scale + 0.5 * scale * rng.normal(size=3)
         published[response.error] = 0.3 * scale
         if response.name in PUBLISHED:
-            published[derived(response.name, "published_simulated")] = one.value
-            theirs[response.predicted], theirs[response.simulated] = one.value, 0.99 * one.value
+            published[derived(response.name, "published_simulated")] = target.value
+            theirs[response.predicted], theirs[response.simulated] = target.value, 0.99 * target.value
     failed = [4, 20]
     dataset.loc[failed, "status"] = "jammed"
     dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
@@ -81,7 +81,9 @@ def made_up(folder, count):
 
 def write_solutions(folder, count, feasible):
     """A table of solutions at the targets."""
-    table = pd.DataFrame({one.response.predicted: 20 * [one.value] for one in Targets.of(CHOICES[count])})
+    table = pd.DataFrame(
+        {target.response.predicted: 20 * [target.value] for target in Targets.of(CHOICES[count])}
+    )
     table.assign(feasible=feasible).to_csv(folder / "feasible.csv", index=False)
     return folder / "feasible.csv"
 
@@ -128,10 +130,12 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
         figure = figures.FIGURES[name][0](inputs, config)
         style.save(figure, tmp_path / "figure.png", small_run=False)
     told = texts(figure)
-    for one in Targets.of(CHOICES[count]).responses:
-        label = one.symbol if name == "figure10" else f"({one.unit})"
-        assert any(one.symbol in text and label in text for text in told), one.name
-    absent = {one["response"] for one in CHOICES[4]} - {one["response"] for one in CHOICES[count]}
+    for response in Targets.of(CHOICES[count]).responses:
+        label = response.symbol if name == "figure10" else f"({response.unit})"
+        assert any(response.symbol in text and label in text for text in told), response.name
+    absent = {response["response"] for response in CHOICES[4]} - {
+        response["response"] for response in CHOICES[count]
+    }
     assert not any("slip" in text for text in told) or "drum_slip_deg" not in absent
 
 

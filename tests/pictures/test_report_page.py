@@ -126,8 +126,8 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     study = made_up_study(tmp_path, targets, fixed=fixed)
     page.write(*study, {"All samples": tmp_path / "dataset.csv"}, tmp_path / "report.html")
     values, text = values_of(tmp_path / "report.html")
-    assert [one["name"] for one in values["targets"]] == [one["response"] for one in targets]
-    assert [one["name"] for one in values["parameters"] if one["fixed"]] == list(fixed)
+    assert [target["name"] for target in values["targets"]] == [target["response"] for target in targets]
+    assert [parameter["name"] for parameter in values["parameters"] if parameter["fixed"]] == list(fixed)
     assert text.count("<td") > 60 * 8
     assert "Small run" in text
     assert "The intervals are not settled" in text

@@ -118,8 +118,10 @@ class BenchTest:
         tuple of Response
             In the order of the targets.
         """
-        own = {one.name: one for one in self.responses}
-        return tuple(own[one["response"]] for one in config["targets"] if one["apparatus"] == self.name)
+        own = {response.name: response for response in self.responses}
+        return tuple(
+            own[target["response"]] for target in config["targets"] if target["apparatus"] == self.name
+        )
 
     def recorded_for(self, config: Config) -> Recorded:
         """What the tables of a study keep of the bench test's runs: the targets first.
@@ -133,7 +135,7 @@ class BenchTest:
         -------
         Recorded
         """
-        return self.recorded.beginning_with(tuple(one.name for one in self.wanted(config)))
+        return self.recorded.beginning_with(tuple(response.name for response in self.wanted(config)))
 
 
 _REGISTRY: dict[str, BenchTest] = {}

@@ -52,7 +52,7 @@ RESPONSES = (
         (*VESSEL, "cylinder.core_margin_mm"),
     ),
 )
-MEASURED = tuple(one.name for one in RESPONSES)
+MEASURED = tuple(response.name for response in RESPONSES)
 RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 
 # --- what its configuration asks ------------------------------------------------------------------

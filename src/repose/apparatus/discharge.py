@@ -48,7 +48,7 @@ RESPONSES = (
     Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
     Response("flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL),
 )
-MEASURED = tuple(one.name for one in RESPONSES)
+MEASURED = tuple(response.name for response in RESPONSES)
 RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
 # --- what its configuration asks ------------------------------------------------------------------

@@ -60,7 +60,10 @@ RESPONSES = (
         lambda run: run.get("after_surface_deg"),
     ),
 )
-RECORDED = Recorded(means=tuple(one.name for one in RESPONSES), single=tuple(one.name for one in RESPONSES))
+RECORDED = Recorded(
+    means=tuple(response.name for response in RESPONSES),
+    single=tuple(response.name for response in RESPONSES),
+)
 
 # --- the vessel ---------------------------------------------------------------------------------
 
@@ -462,7 +465,7 @@ def measure(
 
     measured, _ = drum_tables.measured_run(record, arrays, config, particle)
     ok = measured["status"] == "ok"
-    return measured | {one.name: one.of(measured) if ok else None for one in RESPONSES}
+    return measured | {response.name: response.of(measured) if ok else None for response in RESPONSES}
 
 
 def longest_s(config: Config) -> float:

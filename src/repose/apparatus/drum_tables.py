@@ -209,17 +209,17 @@ def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -
 
     records = [pd.DataFrame({key: arrays[key] for key in RECORD[1:]}) for _, arrays in runs]
     profiles = [pd.DataFrame(arrays["profile"], columns=PROFILE[1:]) for _, arrays in runs]
-    seeds = [one["seed"] for one, _ in runs]
-    table = pd.DataFrame([one for one, _ in runs])
+    seeds = [run["seed"] for run, _ in runs]
+    table = pd.DataFrame([run for run, _ in runs])
     return {
         "runs": table,
         "summary": summarise(table),
         "record": pd.concat(
-            [one.assign(seed=seed)[RECORD] for one, seed in zip(records, seeds, strict=True)],
+            [record.assign(seed=seed)[RECORD] for record, seed in zip(records, seeds, strict=True)],
             ignore_index=True,
         ),
         "profile": pd.concat(
-            [one.assign(seed=seed)[PROFILE] for one, seed in zip(profiles, seeds, strict=True)],
+            [profile.assign(seed=seed)[PROFILE] for profile, seed in zip(profiles, seeds, strict=True)],
             ignore_index=True,
         ),
     }

@@ -348,7 +348,7 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
         if low <= needed <= high:
             return sentence, True
         wanted = [
-            math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(one)) ** 2) for one in (high, low)
+            math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2) for angle in (high, low)
         ]
         return (
             f"{sentence}; poured grains take {low:g} to {high:g} deg: {_needed(config, grain_m3, wanted)}",
@@ -370,7 +370,7 @@ def _needed(config, grain_m3, volumes_m3):
 
 def _target(config, response):
     """Value of a target of the funnel, None where it is none."""
-    return next((one["value"] for one in config["targets"] if one["response"] == response), None)
+    return next((target["value"] for target in config["targets"] if target["response"] == response), None)
 
 
 def _litres(volume_m3):
@@ -590,7 +590,7 @@ def measure(
     from repose.measure.saved_piles import pile_responses
 
     settings = MeasureSettings.of(config["measure"], berry)
-    wanted = [one.name for one in BENCH.wanted(config)]
+    wanted = [response.name for response in BENCH.wanted(config)]
     more = [name for name in wanted if name not in ALWAYS and name not in record]
     judged = {key: record[key] for key in ("seed", "status", "reason")}
     measured = dict.fromkeys((*ALWAYS, *more))

@@ -133,13 +133,13 @@ def measure_job(
     job = read_pours(path)
     test = bench(job.get("apparatus", UNNAMED), path)
     pours = job.pop("pours")
-    for one in pours:
-        if one["status"] not in test.statuses:
-            raise InputError(path, "status", one["status"], ", ".join(test.statuses))
+    for pour in pours:
+        if pour["status"] not in test.statuses:
+            raise InputError(path, "status", pour["status"], ", ".join(test.statuses))
     arrays = saved_positions(positions_beside(path))
     runs = [
-        test.measure(one, pour_arrays(arrays, one["seed"], path, test.kept), config, particle, berry)
-        for one in pours
+        test.measure(pour, pour_arrays(arrays, pour["seed"], path, test.kept), config, particle, berry)
+        for pour in pours
     ]
     result = job | {"summary": summarise_runs(runs, test.recorded_for(config)), "runs": runs}
     out = path.parent if out_dir is None else Path(out_dir)

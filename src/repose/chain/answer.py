@@ -194,7 +194,7 @@ def read_files(
         parameters={name: float(found[name]) for name in PARAMETERS},
         feasible=summary["feasible"],
         message=summary["message"],
-        checks=tuple(_check(one, rows[one.name], check_csv) for one in targets),
+        checks=tuple(_check(target, rows[target.name], check_csv) for target in targets),
         folder=Path(config["results_dir"]),
         files=FILES[strategy],
         out_of_reach=summary.get("stop") == "out_of_reach",

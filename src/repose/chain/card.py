@@ -67,7 +67,7 @@ def make(
         "wall": {key: config["wall"][key] for key in WALL},
         "laws": laws(config),
     }
-    tests = {one.name: described(config, one.response, berry) for one in targets}
+    tests = {target.name: described(config, target.response, berry) for target in targets}
     return assembled(about, tests, answer, space, targets, feasible, posterior)
 
 
@@ -105,8 +105,8 @@ def assembled(
         },
         "interval": RANGE if posterior is None else POSTERIOR,
         "correlations": {
-            one: {other: round(float(correlations.loc[one, other]), 4) for other in space.free}
-            for one in space.free
+            parameter: {other: round(float(correlations.loc[parameter, other]), 4) for other in space.free}
+            for parameter in space.free
         },
         "tests": [
             _test(check, target, about) | dict(tests[target.name])
@@ -371,7 +371,10 @@ def in_words(card: Mapping[str, Any]) -> str:
             f"Material card: {card['material']}; targets {MET[card['met']]}",
             *_about(card),
             f"parameters [{card['interval']}]:",
-            *(f"  {name:7} {_value(one):32} {one['meaning']}" for name, one in card["parameters"].items()),
+            *(
+                f"  {name:7} {_value(parameter):32} {parameter['meaning']}"
+                for name, parameter in card["parameters"].items()
+            ),
             "correlations of 0.5 and more: "
             + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
             "tests:",
@@ -536,7 +539,7 @@ def _moduli(part):
 def _plain(value: Any) -> str:
     """A value of a table."""
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return " x ".join(f"{one:.4g}" for one in value)
+        return " x ".join(f"{item:.4g}" for item in value)
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "none"}[value]
     return f"{value:.4g}" if isinstance(value, int | float) else str(value)

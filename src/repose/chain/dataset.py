@@ -90,7 +90,7 @@ def job_files(words: Iterable[str], samples_csv: str | os.PathLike) -> list[Path
     """Paths of job files. A folder stands for the files of all samples of the design in it."""
     paths = [Path(word) for word in words]
     samples = read_rows(samples_csv, ("sample",)) if any(path.is_dir() for path in paths) else []
-    names = [f"{one['sample'].zfill(3)}.json" for one in samples]
+    names = [f"{row['sample'].zfill(3)}.json" for row in samples]
     return [file for path in paths for file in ([path / name for name in names] if path.is_dir() else [path])]
 
 
@@ -177,21 +177,21 @@ def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
     if not job["runs"]:
         raise InputError(path, "runs", [], "at least one run")
     statuses = bench(apparatus, path).statuses
-    for i, one in enumerate(job["runs"]):
-        if not isinstance(one, dict) or one.get("status") not in statuses:
-            value = one.get("status") if isinstance(one, dict) else one
+    for i, run in enumerate(job["runs"]):
+        if not isinstance(run, dict) or run.get("status") not in statuses:
+            value = run.get("status") if isinstance(run, dict) else run
             raise InputError(path, f"runs[{i}].status", value, ", ".join(statuses))
         for key in _own(targets, apparatus):
-            value = one.get(key)
+            value = run.get(key)
             finite = isinstance(value, int | float) and math.isfinite(value)
-            if one["status"] == "ok" and not finite:
+            if run["status"] == "ok" and not finite:
                 raise InputError(path, f"runs[{i}].{key}", value, "a finite number, as the run is ok")
     return job, apparatus
 
 
 def _own(targets, apparatus):
     """Names of the targets of a bench test."""
-    return tuple(one.name for one in targets if one.response.apparatus == apparatus)
+    return tuple(target.name for target in targets if target.response.apparatus == apparatus)
 
 
 def _merged(summaries):
@@ -199,13 +199,13 @@ def _merged(summaries):
     first, *others = summaries.values()
     if not others:
         return first
-    merged = {key: value for one in summaries.values() for key, value in one.items()}
-    failed = [one["status"] for one in summaries.values() if one["status"] != "ok"]
+    merged = {key: value for summary in summaries.values() for key, value in summary.items()}
+    failed = [summary["status"] for summary in summaries.values() if summary["status"] != "ok"]
     merged["status"] = failed[0] if failed else "ok"
     merged["reason"] = "; ".join(
-        f"{name}: {one['reason']}" for name, one in summaries.items() if one["reason"]
+        f"{name}: {summary['reason']}" for name, summary in summaries.items() if summary["reason"]
     )
-    merged["n_seeds"] = min(one["n_seeds"] for one in summaries.values())
+    merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())
     return merged
 
 
@@ -216,9 +216,9 @@ def _all_runs(samples, jobs, targets):
     for name in targets.apparatus:
         columns |= dict.fromkeys(recorded(name, targets).single)
     rows = [
-        {"sample": sample, "apparatus": name, **one}
+        {"sample": sample, "apparatus": name, **run}
         for sample in samples
         for name in targets.apparatus
-        for one in jobs[name][sample]["runs"]
+        for run in jobs[name][sample]["runs"]
     ]
     return pd.DataFrame(rows, columns=list(columns))

@@ -77,7 +77,8 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     error, reach = np.sqrt(np.diagonal(covariance[0])), np.abs(aim) / 100
     square = ((mean[0] - aim) ** 2 + error**2) / aim**2
     chances = {
-        f"{one:g} %": within(mean, covariance, aim - one * reach, aim + one * reach) for one in PERCENT
+        f"{percent:g} %": within(mean, covariance, aim - percent * reach, aim + percent * reach)
+        for percent in PERCENT
     }
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),

@@ -57,9 +57,11 @@ def invert(
     expected loss, or of least objective. Among sets that meet the targets equally well, those near the means of the
     priors come first. With a support, solutions beyond the samples get a warning.
     """
-    for one in targets:
-        if not one.low <= one.aim <= one.high:
-            raise InputError("targets", one.name, one.aim, f"inside its range {[one.low, one.high]}")
+    for target in targets:
+        if not target.low <= target.aim <= target.high:
+            raise InputError(
+                "targets", target.name, target.aim, f"inside its range {[target.low, target.high]}"
+            )
     respond, preference = on_free_parameters(surrogate, space), Preference.of(space)
     objective = Objective.of(targets, preference.largest if preference else 0.0)
     archive, history, feasible_met = search(respond, objective, space.dimensions, settings, preference)
@@ -174,9 +176,9 @@ def intervals(
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
     """The result of the search as text, from the responses (k,) of the representative."""
-    ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
+    ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
     best = f"the answer is predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
-    wanted = targets.in_words([f"{one.aim:g}" for one in targets])
+    wanted = targets.in_words([f"{target.aim:g}" for target in targets])
     off = targets.in_words([f"{value:.2f}" for value in abs(responses - targets.aim)])
     off += f" from the target {wanted}"
     if n_feasible:

@@ -65,7 +65,7 @@ class Replicates:
         weights = []
         for apparatus in targets.apparatus:
             own = ok[ok["apparatus"] == apparatus] if "apparatus" in ok else ok
-            columns = [k for k, one in enumerate(targets) if one.response.apparatus == apparatus]
+            columns = [k for k, target in enumerate(targets) if target.response.apparatus == apparatus]
             block, count = within_covariance(own[[targets.names[k] for k in columns]], own["sample"])
             if not (count > len(columns) and np.linalg.eigvalsh(block)[0] > 0):
                 return None
@@ -161,7 +161,9 @@ def run(
 def message(metrics: Mapping[str, Any]) -> str:
     """The training as text: errors at unseen samples, and for a network the result of its starts."""
     responses = metrics["test"].items()
-    words = [f"{name}: R2 {one['r2']:.3f}, error {one['rmse']:.3g}" for name, one in responses if one["r2"]]
+    words = [
+        f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}" for name, score in responses if score["r2"]
+    ]
     lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
     if metrics["n_fitted"] == metrics["n_samples"]:
         lines.append(f"then fitted to all {metrics['n_fitted']} samples")
@@ -284,6 +286,6 @@ def _predictions(samples, rows, Y, P, targets):
     table = pd.DataFrame({"sample": samples, "split": ""})
     for name in SPLITS:
         table.loc[rows[name], "split"] = name
-    for k, one in enumerate(targets.responses):
-        table[one.name], table[one.predicted] = Y[:, k], P[:, k]
+    for k, target in enumerate(targets):
+        table[target.name], table[target.response.predicted] = Y[:, k], P[:, k]
     return table

@@ -98,8 +98,10 @@ def validate(
     marks solutions beyond the samples.
     """
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
-    simulated = simulated.rename(columns={one.name: one.simulated for one in targets.responses})
-    numbers = [column for one in targets.responses for column in (one.simulated, one.error)]
+    simulated = simulated.rename(
+        columns={response.name: response.simulated for response in targets.responses}
+    )
+    numbers = [column for response in targets.responses for column in (response.simulated, response.error)]
     simulated[numbers] = simulated[numbers].astype(float)  # None of a failed solution, or of one seed, to NaN
     rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
 
@@ -121,11 +123,14 @@ def validate(
 def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
     """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution."""
     table = rows[["sample", "solution", "role", *PARAMETERS]].copy()
-    for one in responses:
-        table[one.predicted], table[one.simulated] = rows[one.predicted], rows[one.simulated]
-        table[one.error] = rows[one.error]
-        off = (rows[one.predicted] - rows[one.simulated]).abs()
-        table[f"{one.quantity}_error_percent"] = 100 * off / rows[one.simulated]
+    for response in responses:
+        table[response.predicted], table[response.simulated] = (
+            rows[response.predicted],
+            rows[response.simulated],
+        )
+        table[response.error] = rows[response.error]
+        off = (rows[response.predicted] - rows[response.simulated]).abs()
+        table[f"{response.quantity}_error_percent"] = 100 * off / rows[response.simulated]
     table[list(ENDED)] = rows[list(ENDED)]
     return table
 
@@ -133,18 +138,18 @@ def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
 def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
     """The representative solution's simulation against the physical measurement, a row for each response."""
     rows = []
-    for one in targets:
-        simulated = row[one.response.simulated]
+    for target in targets:
+        simulated = row[target.response.simulated]
         rows.append(
             {
-                "response": one.name,
-                "physical_mean": one.value,
-                "physical_sd": one.sd,
-                "predicted": row[one.response.predicted],
+                "response": target.name,
+                "physical_mean": target.value,
+                "physical_sd": target.sd,
+                "predicted": row[target.response.predicted],
                 "simulated": simulated,
-                "simulated_se": row[one.response.error],
-                "error_percent": 100 * abs(simulated - one.value) / abs(one.value),
-                "within_one_sd": bool(abs(simulated - one.value) <= one.sd),
+                "simulated_se": row[target.response.error],
+                "error_percent": 100 * abs(simulated - target.value) / abs(target.value),
+                "within_one_sd": bool(abs(simulated - target.value) <= target.sd),
                 "n_seeds": row["n_seeds"],
                 "status": row["status"],
             }
@@ -159,7 +164,9 @@ def with_chances(
 
     The new columns are empty if fewer than two runs could be measured.
     """
-    chances = {f"within_{one:g}_percent": chance_of_meeting(runs, targets, one)["all"] for one in PERCENT}
+    chances = {
+        f"within_{percent:g}_percent": chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT
+    }
     return table.assign(**chances)
 
 
@@ -173,13 +180,13 @@ def beside_published(
     table = rows[["sample", "solution", *PARAMETERS]].copy()
     if published is not None:
         theirs = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])
-        for one in published_responses(published, responses):
-            simulated = theirs[one.simulated].to_numpy(float)
-            table[derived(one.name, "published_predicted")] = rows[one.predicted]
-            table[derived(one.name, "published_simulated")] = simulated
-            table[one.simulated] = rows[one.simulated]
-            table[one.error] = rows[one.error]
-            table[derived(one.name, "difference")] = rows[one.simulated] - simulated
+        for response in published_responses(published, responses):
+            simulated = theirs[response.simulated].to_numpy(float)
+            table[derived(response.name, "published_predicted")] = rows[response.predicted]
+            table[derived(response.name, "published_simulated")] = simulated
+            table[response.simulated] = rows[response.simulated]
+            table[response.error] = rows[response.error]
+            table[derived(response.name, "difference")] = rows[response.simulated] - simulated
     table[list(ENDED)] = rows[list(ENDED)]
     return table
 

@@ -41,7 +41,7 @@ def check(args: argparse.Namespace) -> None:
     config, berry, particle = study.config, study.grain, study.particle
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     written, _ = loader.read_layers([args.config])
-    numbers = [f"{one.key} {get(config, one.key)}" for one in computed.asked(written)]
+    numbers = [f"{setting.key} {get(config, setting.key)}" for setting in computed.asked(written)]
     if numbers:
         print(f"computed, since they are auto or not given: {', '.join(numbers)}")
     for line in (*_about_the_grain(config, berry, particle), *_about_the_targets(config)):
@@ -97,14 +97,14 @@ def about_step(step_s: float, limit: "Limit") -> str:
 
 def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
     """Warnings of measurements whose scatter is unknown."""
-    for one in config["targets"]:
-        name, piles = one["response"], one["repetitions"]
+    for target in config["targets"]:
+        name, piles = target["response"], target["repetitions"]
         if piles < FEWEST_PILES:
             yield (
                 f"{name}: WARNING: repetitions is {piles}; fewer than {FEWEST_PILES} hardly tell how piles scatter, "
                 "and all intervals stand on that: measure more piles"
             )
-        if one["sd"] == 0:
+        if target["sd"] == 0:
             yield (
                 f"{name}: WARNING: sd is 0, as if every pile were the same; the intervals are too narrow: give the "
                 "standard deviation of the measured piles"
@@ -141,7 +141,7 @@ def plan(args: argparse.Namespace) -> None:
     print("probability that the answer of strategy: sequential lies within 1 % and 2 % of all targets:")
     print(f"{'pours':>7} {'1 %':>12} {'2 %':>12}")
     for row in found.budgets.to_dict("records"):
-        shares = (f"within_{one:g}_percent" for one in plan.TOLERANCES)
+        shares = (f"within_{percent:g}_percent" for percent in plan.TOLERANCES)
         chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
         print(f"{row['pours']:>7} {chances}")
     print("from hidden truths with six free parameters, docs/sequential.md", flush=True)

@@ -73,17 +73,17 @@ def measure(args: argparse.Namespace) -> None:
             raise InputError("command line", "--out", args.out, "another folder than that of the photographs")
     scale, how = _scale(args), _settings(args)
     found = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
-    for one, overlay in zip(found, overlays, strict=True):
-        if one.measurement is not None:
-            shown = drawing.overlay(one.view, one.measurement)
+    for photograph, overlay in zip(found, overlays, strict=True):
+        if photograph.measurement is not None:
+            shown = drawing.overlay(photograph.view, photograph.measurement)
         else:
-            shown = drawing.overlay_of_refused(one.view, one.pile)
+            shown = drawing.overlay_of_refused(photograph.view, photograph.pile)
         write_image(overlay, shown)
     allowed = "a pile with two flanks, seen from the side; {} shows what was taken for the pile"
-    if all(one.measurement is None for one in found):
+    if all(photograph.measurement is None for photograph in found):
         raise_together(
-            InputError(one.path, "pile", one.refused, allowed.format(overlay))
-            for one, overlay in zip(found, overlays, strict=True)
+            InputError(photograph.path, "pile", photograph.refused, allowed.format(overlay))
+            for photograph, overlay in zip(found, overlays, strict=True)
         )
     made = tables(found, how)
     write_tables(made, how, out)

@@ -59,9 +59,9 @@ def files_of(args: argparse.Namespace) -> Iterator[Path]:
             from repose.chain.dataset import job_files
 
             value = list(map(str, job_files(value, args.samples)))
-        for one in value if isinstance(value, list) else [value]:
-            if isinstance(one, str):
-                path = Path(one.partition("=")[2] if option == "input" else one)
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, str):
+                path = Path(item.partition("=")[2] if option == "input" else item)
                 path = path / "dataset.csv" if path.is_dir() else path
                 if path.is_file():
                     yield path

@@ -56,7 +56,7 @@ def asked(config: Config) -> list[Computed]:
 
     The configuration may lack sections, and hold values that are not allowed.
     """
-    return [one for one in COMPUTED if _value(config, one.key) == AUTO]
+    return [setting for setting in COMPUTED if _value(config, setting.key) == AUTO]
 
 
 def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) 
 
     sets = [{name: range_of(name, config["parameters"][name])[0] for name in PARAMETERS}]
     sets += published_sets(config["validation"]["published"])
-    lowest = {name: min(one[name] for one in sets) for name in PARAMETERS}
+    lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
     return longest_time_step(config, lowest, particle, mean)
 
 

@@ -111,7 +111,7 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
     if "enum" in schema:
         return " or ".join(map(str, schema["enum"]))
     if "anyOf" in schema:
-        kinds = [allowed_by(one) for one in schema["anyOf"]]
+        kinds = [allowed_by(kind) for kind in schema["anyOf"]]
         numbers = " or ".join(kind for kind in kinds if kind != AUTO)
         return f"{AUTO}, or {numbers}" if AUTO in kinds else numbers
     if "properties" in schema:
@@ -148,10 +148,10 @@ def _errors(config: Any) -> list[_Error]:
     try:
         settings_type().model_validate(config)
     except ValidationError as error:
-        found = [_error(one) for one in error.errors(include_url=False, include_input=False)]
-        inside = {one.path[0] for one in found if len(one.path) > 1}
+        found = [_error(fault) for fault in error.errors(include_url=False, include_input=False)]
+        inside = {fault.path[0] for fault in found if len(fault.path) > 1}
         # a list is also too short where all its entries have faults
-        found = [one for one in found if one.type != "too_short" or inside.isdisjoint(one.path)]
+        found = [fault for fault in found if fault.type != "too_short" or inside.isdisjoint(fault.path)]
         return sorted(found, key=lambda one: (one.type not in UNKNOWN, one.path))
     return []
 

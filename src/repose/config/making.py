@@ -57,12 +57,12 @@ class Making:
         from repose.config import faults
 
         self.faults, self.bad = faults.check(self.config, self.source)
-        asked = [one for one in computed.asked(self.config) if self._may_read(one.section)]
-        for one in asked:
-            self.config = computed.filled(self.config, one.key, computed.AUTO)
+        asked = [setting for setting in computed.asked(self.config) if self._may_read(setting.section)]
+        for setting in asked:
+            self.config = computed.filled(self.config, setting.key, computed.AUTO)
         if inputs:
             self._read_files()
-        if inputs or any(one.needs_grain for one in asked):
+        if inputs or any(setting.needs_grain for setting in asked):
             self._make_grain()
         self._compute(asked)
         for rule in rules(self.config):
@@ -133,14 +133,14 @@ class Making:
 
     def _compute(self, asked: Iterable[computed.Computed]) -> None:
         """Replace each `auto` by its number; where that cannot be found, the key is one with a fault."""
-        for one in asked:
+        for setting in asked:
             value = None
-            if self._may_read(*one.sections) and not (one.needs_grain and self.particle is None):
-                value = self._found(one.key, one.of, self.config, self.mean, self.particle)
+            if self._may_read(*setting.sections) and not (setting.needs_grain and self.particle is None):
+                value = self._found(setting.key, setting.of, self.config, self.mean, self.particle)
             if value is None:
-                self.bad.add(one.key)
+                self.bad.add(setting.key)
             else:
-                self.config = computed.filled(self.config, one.key, value)
+                self.config = computed.filled(self.config, setting.key, value)
 
     def _fit_together(self) -> None:
         """Check the grain against the bench tests and the time step."""

@@ -228,7 +228,7 @@ class Target(Section):
 
     def contradictions(self) -> Contradictions:
         """A response that no bench test gives, and values outside the allowed range."""
-        known = {one.name: one for one in responses_of(self.apparatus)}
+        known = {response.name: response for response in responses_of(self.apparatus)}
         if not known:
             yield "apparatus", f"one of {', '.join(names())}"
         elif self.response not in known:
@@ -427,6 +427,8 @@ def settings_type() -> type[Settings]:
 @cache
 def _settings_type(apparatus):
     """The model for these bench tests."""
-    sections: dict[str, Any] = {name: (one, ...) for name, one in STRATEGIES.items() if one is not None}
+    sections: dict[str, Any] = {
+        name: (section, ...) for name, section in STRATEGIES.items() if section is not None
+    }
     sections |= {name: (bench(name).settings, ... if name == "funnel" else ABSENT) for name in apparatus}
     return create_model("Configuration", __base__=Settings, **sections)

@@ -89,8 +89,8 @@ def _characters(node, known):
         if isinstance(node, yaml.ScalarNode):
             known[id(node)] = 1 + len(node.value)
         else:
-            inside = (one for item in node.value for one in (item if isinstance(item, tuple) else (item,)))
-            known[id(node)] = 1 + sum(_characters(one, known) for one in inside)
+            inside = (part for item in node.value for part in (item if isinstance(item, tuple) else (item,)))
+            known[id(node)] = 1 + sum(_characters(part, known) for part in inside)
     return known[id(node)]
 
 

@@ -65,14 +65,14 @@ def contradictions(results_dir: str) -> Faults:
     kept = [root / own for root in roots for own in OUR_OWN]
     around = {*roots, Path.home()}
     inside = any(folder.is_relative_to(own) for own in (*kept, places.PACKAGE))
-    if inside or any(one.is_relative_to(folder) for one in around):
+    if inside or any(path.is_relative_to(folder) for path in around):
         yield "results_dir", f"a folder of its own, not around the project and outside {', '.join(OUR_OWN)}"
 
 
 def taken(results_dir: str) -> Faults:
     """Faults of the present content of the folder, as (key, what is allowed)."""
     folder = Path(results_dir)
-    if any(one.exists() and not one.is_dir() for one in (folder, *folder.parents)):
+    if any(path.exists() and not path.is_dir() for path in (folder, *folder.parents)):
         yield "results_dir", "a folder; a file is in its way"
     elif folder.is_dir() and not _is_a_study(folder):
         there = [name for name in WRITTEN if (folder / name).exists()]

@@ -57,7 +57,9 @@ def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     """Settings that the measurement of a run reads."""
     test = bench(apparatus)
     own = (f"{apparatus}.{key}" for key in test.measured_by)
-    return sections(config, "measure", *own) | {"responses": [one.name for one in test.wanted(config)]}
+    return sections(config, "measure", *own) | {
+        "responses": [response.name for response in test.wanted(config)]
+    }
 
 
 def settings_of(
@@ -78,7 +80,7 @@ def settings_of(
     elif verb == "measure_runs":
         chosen = measuring(config, apparatus)
     elif verb == "dataset":
-        chosen = {"responses": [one["response"] for one in config["targets"]]}
+        chosen = {"responses": [target["response"] for target in config["targets"]]}
     elif verb in KEYS:
         chosen = sections(config, *KEYS[verb])
     else:

@@ -58,8 +58,8 @@ def tell(fault: object) -> None:
 
 def _in_yaml(value):
     """A value as it is written in YAML; texts in quotes."""
-    if isinstance(value, list) and not any(isinstance(one, list | dict) for one in value):
+    if isinstance(value, list) and not any(isinstance(item, list | dict) for item in value):
         text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
         return text if len(text) <= MOST_SHOWN else shown(value)
     words = ("null", None), ("true", True), ("false", False)
-    return next((word for word, one in words if one is value), shown(value))
+    return next((word for word, constant in words if constant is value), shown(value))

@@ -87,10 +87,10 @@ _REGISTRY: dict[str, Response] = {}
 
 def register(*responses: Response) -> None:
     """Make responses of a bench test known by their names; ValueError if another response has one."""
-    for one in responses:
-        if _REGISTRY.setdefault(one.name, one) != one:
+    for response in responses:
+        if _REGISTRY.setdefault(response.name, response) != response:
             raise ValueError(
-                f"response {one.name!r} is registered already, by {_REGISTRY[one.name].apparatus}"
+                f"response {response.name!r} is registered already, by {_REGISTRY[response.name].apparatus}"
             )
 
 
@@ -103,7 +103,7 @@ def response(name: str, source: object = "response") -> Response:
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:
     """All responses of a bench test, in the order of their registration."""
-    return tuple(one for one in _REGISTRY.values() if one.apparatus == apparatus)
+    return tuple(response for response in _REGISTRY.values() if response.apparatus == apparatus)
 
 
 def require_same_definitions(found: Definitions, path: object, wanted: Definitions, other: object) -> None:

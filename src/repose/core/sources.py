@@ -82,7 +82,7 @@ def _used_by(verb: str) -> Iterator[str]:
             names |= used
             waiting += used
     for node in _parsed(path).body:
-        if isinstance(node, ast.ImportFrom) and {one.asname or one.name for one in node.names} & names:
+        if isinstance(node, ast.ImportFrom) and {alias.asname or alias.name for alias in node.names} & names:
             yield from _imports(node)
 
 

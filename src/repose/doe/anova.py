@@ -46,7 +46,8 @@ def anova(model: Model) -> pd.DataFrame:
     inverse = np.diag(np.asarray(ols.normalized_cov_params))[first:]
     partial = model.coefficients**2 / inverse
     rows += [
-        _row(name, float(one), 1, error, df_residual) for name, one in zip(model.labels, partial, strict=True)
+        _row(name, float(squares), 1, error, df_residual)
+        for name, squares in zip(model.labels, partial, strict=True)
     ]
     rows.append(_row("residual", residual, df_residual))
     pure, df_pure = pure_error(model)

@@ -30,7 +30,7 @@ def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: Ar
     mean (Derringer and Suich 1980).
     """
     predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
-    aims, low, high = (np.asarray(one, dtype=float) for one in (aims, low, high))
+    aims, low, high = (np.asarray(numbers, dtype=float) for numbers in (aims, low, high))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(
             predicted < aims, (predicted - low) / (aims - low), (high - predicted) / (high - aims)
@@ -53,7 +53,7 @@ def optimum(
     bounds = [(-1.0, 1.0)] * count
 
     def misses(point):
-        return np.array([float(one.predict(point[None])[0]) for one in models]) - aims
+        return np.array([float(model.predict(point[None])[0]) for model in models]) - aims
 
     def squared(point):
         return float(((misses(point) / scale) ** 2).sum())

@@ -59,9 +59,9 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
     given = focal_px or PHONE_FOCAL * long_side
     guess = np.array([[given, 0, size[0] / 2 - 0.5], [0, given, size[1] / 2 - 0.5], [0, 0, 1.0]])
     places = [
-        np.column_stack([one.places_mm, np.zeros(len(one.places_mm))]).astype(np.float32) for one in views
+        np.column_stack([view.places_mm, np.zeros(len(view.places_mm))]).astype(np.float32) for view in views
     ]
-    pixels = [one.pixels.astype(np.float32) for one in views]
+    pixels = [view.pixels.astype(np.float32) for view in views]
     shared = (
         cv2.CALIB_USE_INTRINSIC_GUESS
         | cv2.CALIB_FIX_PRINCIPAL_POINT

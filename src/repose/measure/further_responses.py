@@ -51,7 +51,7 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
     taken = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
         taken.add(MEAN_KEYS[definition])
-    return tuple(one.name for one in responses_of(BENCH) if one.name not in taken)
+    return tuple(response.name for response in responses_of(BENCH) if response.name not in taken)
 
 
 def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:

@@ -198,8 +198,8 @@ def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
         return math.degrees(math.atan(math.sqrt(math.tan(math.radians(angle)) ** 2 + lost)))
 
     angles = {
-        name: Angle(level(one.left_deg), level(one.right_deg), level(one.aor_deg), one.lines)
-        for name, one in measurement.angles.items()
+        name: Angle(level(angle.left_deg), level(angle.right_deg), level(angle.aor_deg), angle.lines)
+        for name, angle in measurement.angles.items()
     }
     return replace(measurement, angles=angles)
 

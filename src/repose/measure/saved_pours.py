@@ -22,9 +22,9 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     pours = job.get("pours")
     if not str(path).endswith(POURS) or not isinstance(pours, list) or not pours:
         raise InputError(path, "pours", pours, WHAT)
-    for one in pours:
-        if not isinstance(one, dict) or not isinstance(one.get("status"), str) or "seed" not in one:
-            raise InputError(path, "pours", one, "records with a seed and a status")
+    for pour in pours:
+        if not isinstance(pour, dict) or not isinstance(pour.get("status"), str) or "seed" not in pour:
+            raise InputError(path, "pours", pour, "records with a seed and a status")
     return job
 
 

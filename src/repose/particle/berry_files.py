@@ -74,7 +74,7 @@ def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> di
     InputError if a key is missing, or a quantity of the berry is no positive number.
     """
     berry = read_json(path, needed, WRITTEN)
-    for key in (*needed, *(one for one in POSITIVE if one in berry)):
+    for key in (*needed, *(key for key in POSITIVE if key in berry)):
         value = berry[key]
         if type(value) not in (int, float) or not (math.isfinite(value) and value > 0):
             raise InputError(path, key, value, f"a positive number in {WRITTEN}")

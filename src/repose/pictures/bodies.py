@@ -111,7 +111,7 @@ def _tessellated(
 ) -> Bodies:
     """`Bodies` of convex parts."""
     tessellated = [tessellate(shape) for shape in shapes]
-    points, normals = (np.array([one[k] for one in tessellated]) for k in range(2))
+    points, normals = (np.array([body[k] for body in tessellated]) for k in range(2))
     triangles = tessellated[0][2]
     turn = rotation_matrices(quaternions)
     vertices = np.einsum("nij,nvj->nvi", turn, scales[:, None, None] * points[shape_ids])

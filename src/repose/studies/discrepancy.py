@@ -40,7 +40,7 @@ def of_targets(
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     apparatus = [
-        one.apparatus for one in targets.responses
+        response.apparatus for response in targets.responses
     ]  # responses of a user's own simulator are not registered
     return covariance(targets.names, percent / 100 * np.abs(targets.value), means, correlation, apparatus)
 
@@ -121,7 +121,7 @@ def covariance(
     if apparatus is None:
         apparatus = [response(name).apparatus for name in names]
     for test in dict.fromkeys(apparatus):
-        rows = np.flatnonzero([one == test for one in apparatus])
+        rows = np.flatnonzero([bench == test for bench in apparatus])
         along = _signs(means[:, rows]) * sd[rows]
         own = correlation * np.outer(along, along)
         np.fill_diagonal(own, sd[rows] ** 2)

@@ -48,7 +48,7 @@ def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float 
     """
     if isinstance(stated, str):
         return simulated
-    bench = np.array([one.response.apparatus for one in targets])
+    bench = np.array([target.response.apparatus for target in targets])
     found = np.where(bench[:, None] == bench, float(stated), 0.0)
     np.fill_diagonal(found, 1.0)
     return found

@@ -66,7 +66,7 @@ def within_correlation(
     """
     matrix, pairs = np.eye(len(targets)), {}
     for bench in targets.apparatus:
-        rows = [k for k, one in enumerate(targets) if one.response.apparatus == bench]
+        rows = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
         # the same runs for all pairs of a bench test, so that the matrix is positive semidefinite
         ok = usable(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):

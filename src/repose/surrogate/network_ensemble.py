@@ -64,13 +64,15 @@ class NetworkEnsemble(Surrogate):
         if not return_std:
             return mean
         variance = np.diagonal(self.covariance(X), axis1=1, axis2=2)
-        return mean, np.sqrt(variance + noise * np.mean([one.noise_std_**2 for one in self.members_], axis=0))
+        return mean, np.sqrt(
+            variance + noise * np.mean([member.noise_std_**2 for member in self.members_], axis=0)
+        )
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Covariance of the mixture's means, without noise (LPB17)."""
         means = self._means(X)
         off = means - means.mean(axis=0)
-        own = np.mean([one.covariance(X) for one in self.members_], axis=0)
+        own = np.mean([member.covariance(X) for member in self.members_], axis=0)
         return own + np.einsum("mni,mnj->nij", off, off) / len(self.members_)
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -79,7 +81,7 @@ class NetworkEnsemble(Surrogate):
 
     def shifted(self, offset: np.ndarray) -> Self:
         moved = copy.copy(self)
-        moved.members_ = [one.shifted(offset) for one in self.members_]
+        moved.members_ = [member.shifted(offset) for member in self.members_]
         return moved
 
     def report(self) -> dict[str, Any]:
@@ -94,7 +96,7 @@ class NetworkEnsemble(Surrogate):
         """The best network as its own file has it, and what differs in each other one."""
         best, *others = self.members_
         content = best.to_dict()
-        return content | {"others": [_what_differs(one.to_dict()) for one in others]}
+        return content | {"others": [_what_differs(member.to_dict()) for member in others]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -117,7 +119,7 @@ class NetworkEnsemble(Surrogate):
 
     def _stacked(self, key):
         """One of the arrays of `OF_EACH` for all networks (members, ...)."""
-        return np.array([getattr(one, f"{key}_") for one in self.members_])
+        return np.array([getattr(member, f"{key}_") for member in self.members_])
 
     def _as_one(self):
         """Arrays of the network that has the neurons of all members."""

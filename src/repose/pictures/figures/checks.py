@@ -23,7 +23,7 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     column of panels. Inputs: ``table4`` of the verb validate, optionally ``published``.
     """
     targets = style.targets_of(config)
-    simulated = [one.response.simulated for one in targets]
+    simulated = [target.response.simulated for target in targets]
     ours = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
     theirs = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
     published = published_responses(theirs.columns, targets.responses)
@@ -57,7 +57,7 @@ def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) ->
     Input: ``published``, the published solutions as simulated here.
     """
     targets = style.targets_of(config)
-    simulated = [one.response.simulated for one in targets]
+    simulated = [target.response.simulated for target in targets]
     table = read_table(inputs["published"], ("solution", *simulated, *targets.errors))
     count = len(targets)
     figure = style.new_figure(style.PAGE, 2.9 * style.grid_rows(count))

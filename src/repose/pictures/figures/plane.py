@@ -32,7 +32,7 @@ def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}
     good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
     solutions = read_table(inputs["feasible"], ("feasible", *targets.predicted))
-    simulated = [one.simulated for one in targets.responses]
+    simulated = [response.simulated for response in targets.responses]
     checked = read_table(inputs["table4"], ("role", *targets.predicted, *simulated, *targets.errors))
     answer = checked[checked["role"] == "representative"].iloc[0]
     pairs = list(combinations(targets, 2))
@@ -53,7 +53,7 @@ def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up
     for key, table in tables.items():
         label, colour = SAMPLES[key]
         x, y = table[across.name], table[up.name]
-        dx, dy = (table[one.response.error].fillna(0.0) for one in (across, up))
+        dx, dy = (table[target.response.error].fillna(0.0) for target in (across, up))
         panel.errorbar(x, y, xerr=dx, yerr=dy, fmt="none", elinewidth=0.4, ecolor=colour, alpha=0.25)
         panel.plot(x, y, "o", ms=2.6, mew=0, color=colour, label=f"{len(table)} {label} (bars: ± SE)")
 
@@ -78,8 +78,8 @@ def _found(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Targ
     look = {"ms": 7, "mfc": "white", "color": style.RED, "zorder": 6}
     panel.plot(answer[x.predicted], answer[y.predicted], "s", **look, label="answer, predicted")
     errors = {
-        axis: None if pd.isna(answer[one.error]) else answer[one.error]
-        for axis, one in (("xerr", x), ("yerr", y))
+        axis: None if pd.isna(answer[response.error]) else answer[response.error]
+        for axis, response in (("xerr", x), ("yerr", y))
     }
     look = {
         "fmt": "s",

@@ -49,7 +49,7 @@ def content(study: Study) -> dict[str, Any]:
     """Data for the scripts: plain values without NaN."""
     found: dict[str, Any] = {
         "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
-        "targets": [_target(study, one) for one in study.targets],
+        "targets": [_target(study, target) for target in study.targets],
         "copy": for_copy(study),
         "model": (
             prediction.for_page(study.surrogate, study.space, study.answer) if study.surrogate else None

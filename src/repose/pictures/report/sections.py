@@ -86,12 +86,12 @@ def verdict(study: Study) -> tuple[str, str]:
 
 def _checks(study):
     """The answer's simulated responses beside the measured ones."""
-    for one in study.targets:
-        simulated, error = (study.number(key) for key in (one.response.simulated, one.response.error))
+    for target in study.targets:
+        simulated, error = (study.number(key) for key in (target.response.simulated, target.response.error))
         ended = int(study.number("n_seeds")), text(study.row.get("status"))
         yield Check(
-            *(one.response.label, one.response.unit, simulated, error, *ended),
-            *(one.value, one.sd, one.low, one.high),
+            *(target.response.label, target.response.unit, simulated, error, *ended),
+            *(target.value, target.sd, target.low, target.high),
         )
 
 
@@ -145,7 +145,7 @@ def _how_well_known(study):
 def check(study: Study) -> str:
     """Measured, predicted and simulated responses, and the pile."""
     head = ["response", "measured", "asked for", "predicted", "simulated", "difference", "inside"]
-    rows = [_response_row(study, one) for one in study.targets]
+    rows = [_response_row(study, target) for target in study.targets]
     trouble = text(study.row.get("reason"))
     return "\n".join(
         [
@@ -230,7 +230,7 @@ def other_parameters(study: Study) -> str:
 
 def how_found(study: Study) -> str:
     """The steps with their numbers and figures."""
-    steps = "".join(f"<li>{html.escape(one)}</li>" for one in _steps(study))
+    steps = "".join(f"<li>{html.escape(step)}</li>" for step in _steps(study))
     pictures = "".join(
         picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
     )
@@ -274,9 +274,9 @@ def _accuracy(study):
     """Accuracy of the surrogate on samples that were not used in its training."""
     test: dict[str, Any] = study.metrics.get("test") or {}
     parts = [
-        f"{one.response.label} to {test[one.name]['rmse']:.2g} {one.response.unit} (R² {test[one.name]['r2']:.2f})"
-        for one in study.targets
-        if one.name in test and np.isfinite(test[one.name].get("rmse") or np.nan)
+        f"{response.label} to {test[response.name]['rmse']:.2g} {response.unit} (R² {test[response.name]['r2']:.2f})"
+        for response in study.targets.responses
+        if response.name in test and np.isfinite(test[response.name].get("rmse") or np.nan)
     ]
     if not parts:
         return "its accuracy was not tested."

@@ -97,7 +97,9 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         answer=rows.iloc[0][list(PARAMETERS)].to_numpy(float),
         row=rows.iloc[0],
         chance=chance_of_meeting(_runs(jobs, targets), targets),
-        within={one: chance_of_meeting(_runs(jobs, targets), targets, one)["all"] for one in PERCENT},
+        within={
+            percent: chance_of_meeting(_runs(jobs, targets), targets, percent)["all"] for percent in PERCENT
+        },
         posterior=posterior,
         surrogate=_surrogate(files, targets, space),
         feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
