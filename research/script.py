@@ -9,7 +9,7 @@ from typing import Any
 from repose.config import stands_on
 from repose.config.study import Study
 from repose.core import places, provenance
-from repose.core.errors import BAD_INPUT, InputError, tell
+from repose.core.errors import BAD_INPUT, InputError, print_fault
 from repose.core.lock import joined_folder
 from research import settings
 
@@ -59,7 +59,7 @@ class Script:
                 config = Study.load(args.config).config
                 text = args.work(args, config | settings.of(config))
         except (InputError, OSError) as error:
-            tell(error)
+            print_fault(error)
             sys.exit(BAD_INPUT)
         if text:
             print(text)

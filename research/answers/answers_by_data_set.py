@@ -253,19 +253,21 @@ def reliability(table):
             for percent in PERCENT
         ]
         every = pd.concat(parts, ignore_index=True)
-        for place, one in every.groupby(pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True):
-            difference, error = by_sets(one, one["met"].astype(float) - one["stated"])
+        for place, part in every.groupby(
+            pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True
+        ):
+            difference, error = by_sets(part, part["met"].astype(float) - part["stated"])
             # where all sets achieve 1.00 their scatter tells nothing
-            error = max(error, np.sqrt((one["stated"] * (1 - one["stated"])).sum()) / len(one))
-            counts = one["set"].nunique() >= FEWEST_SETS
+            error = max(error, np.sqrt((part["stated"] * (1 - part["stated"])).sum()) / len(part))
+            counts = part["set"].nunique() >= FEWEST_SETS
             agrees = ("yes" if abs(difference) <= 2 * error else "no") if counts else "few"
             cells = [
                 name,
                 place,
-                len(one),
-                one["set"].nunique(),
-                f"{one['stated'].mean():.2f}",
-                f"{one['met'].mean():.2f}",
+                len(part),
+                part["set"].nunique(),
+                f"{part['stated'].mean():.2f}",
+                f"{part['met'].mean():.2f}",
             ]
             yield "| " + " | ".join(map(str, [*cells, f"{difference:+.2f} ± {error:.2f}", agrees])) + " |"
 
@@ -277,8 +279,8 @@ def differences(table):
     default = square[square.index.get_level_values("surrogate") == "network_ensemble"]
     for name, own in square.groupby(level="surrogate", sort=False):
         both = pd.concat([own.droplevel("surrogate"), default.droplevel("surrogate")], axis=1, join="inner")
-        one, other = both.groupby("set").mean().to_numpy().T
-        more = (one - other) / (np.sqrt(one.mean()) + np.sqrt(other.mean()))
+        first, second = both.groupby("set").mean().to_numpy().T
+        more = (first - second) / (np.sqrt(first.mean()) + np.sqrt(second.mean()))
         beside = f"{more.mean():+.3f} ± {more.std(ddof=1) / np.sqrt(len(more)):.3f} over {len(more)} sets"
         yield f"{name}: rms {np.sqrt(own.mean()):.3f} %, more than network_ensemble by {beside}"
 

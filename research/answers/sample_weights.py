@@ -43,8 +43,8 @@ def trial(training, fresh):
         network = BayesianBP(hidden=12, epochs=400, goal=0.0, starts=3, prior="inputs")
         for model in (network, GaussianProcess()):
             mean = model.fit(training.X, training.means(), precision=weight).predict(fresh.X)
-            one = scores.accuracy(fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0])
-            found[model.name, way] = one["explainable"]
+            accuracy = scores.accuracy(fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0])
+            found[model.name, way] = accuracy["explainable"]
     return found
 
 

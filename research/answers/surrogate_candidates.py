@@ -64,8 +64,8 @@ class NetworkResampled(Candidate):
         self.members = []
         for k in range(REFITS):
             count = np.bincount(random.integers(len(X), size=len(X)), minlength=len(X))
-            one = BayesianBP.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
-            self.members.append(one.fit(X, Y, count, precision, noise_covariance, noise_freedom))
+            network = BayesianBP.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
+            self.members.append(network.fit(X, Y, count, precision, noise_covariance, noise_freedom))
         return self
 
     def _means(self, X):
@@ -193,8 +193,8 @@ class Kriging(Candidate):
         normal = np.random.default_rng(1).standard_normal((HALF_DRAWS, len(best)))
         return [np.clip(best + root @ z, -LIMIT, LIMIT) for z in np.vstack([normal, -normal])]
 
-    def between(self, theta, one, other):
-        a, b = one / np.exp(theta[1:-1]), other / np.exp(theta[1:-1])
+    def between(self, theta, first, second):
+        a, b = first / np.exp(theta[1:-1]), second / np.exp(theta[1:-1])
         square = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
         return 1.0 + np.exp(theta[0]) * self.covariance_of(np.maximum(square, 0.0))[0]
 

@@ -81,10 +81,10 @@ def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | No
     means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predict(fresh.X)
     found = []
     for k in range(fresh.responses):
-        one = scores.accuracy(means[:, k], errors[:, k], mean[:, k])
+        score = scores.accuracy(means[:, k], errors[:, k], mean[:, k])
         if std is not None:
-            one |= scores.calibration(means[:, k], errors[:, k], mean[:, k], std[:, k])
-        found.append(one)
+            score |= scores.calibration(means[:, k], errors[:, k], mean[:, k], std[:, k])
+        found.append(score)
     return found
 
 

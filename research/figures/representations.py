@@ -87,8 +87,8 @@ def _one_definition(
 
 def _published(sets: pd.DataFrame, shown: list[Target]) -> pd.DataFrame:
     """Published values of each set: the value found less the difference."""
-    one = sets[sets["kind"] == "published"].drop_duplicates("set")
-    return pd.DataFrame({t.name: one[t.name] - one[derived(t.name, "difference")] for t in shown})
+    published = sets[sets["kind"] == "published"].drop_duplicates("set")
+    return pd.DataFrame({t.name: published[t.name] - published[derived(t.name, "difference")] for t in shown})
 
 
 def _ranges(panel: Axes, shown: list[Target]) -> None:

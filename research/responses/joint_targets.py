@@ -94,7 +94,9 @@ def study(
         _row(space, prior, tests, pair, told(pair), count, wide)
         for pair in itertools.combinations(tests.columns, 2)
     ]
-    ranked = sorted(_sets(tests, settings["most_tests"]), key=lambda one: _score(prior, tests, one, count))
+    ranked = sorted(
+        _sets(tests, settings["most_tests"]), key=lambda chosen: _score(prior, tests, chosen, count)
+    )
     sets = [_row(space, prior, tests, choice, told(choice), count, wide) for choice in ranked[:VERIFIED]]
     everything = tuple(tests.columns)
     sets.append(_row(space, prior, tests, everything, told(everything), count, wide))

@@ -28,7 +28,7 @@ def of_pours(
     found = {}
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
-        arrays = saved_pours.saved_positions(saved_pours.positions_beside(path))
+        arrays = saved_pours.saved_positions(saved_pours.positions_file(path))
         for record in job["pours"]:
             key = (job["sample"], record["seed"])
             if key in good:

@@ -153,7 +153,7 @@ def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.
     runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
     about = [read_json(path.with_suffix(".json"), ABOUT, "a file of the part cell") for path in paths]
     listed = list(config["shape_study"]["particles"])
-    about.sort(key=lambda one: listed.index(one["particle"]))
+    about.sort(key=lambda entry: listed.index(entry["particle"]))
     measured = config["shape_study"]["measured_mass_g"], config["berry"]["density_kg_m3"]
     return shape_tables.Study(runs, about, published_sets(config), targets, *measured)
 

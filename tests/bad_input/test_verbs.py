@@ -96,8 +96,8 @@ def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage
                 words.append(f"{option}=some_file")
         if name == "figure":
             words += [f"--input={key}=some_file" for key in INPUTS_OF_A_FIGURE]
-        told = refused(*words)
-        assert config.stem in told or "some_file" in told
+        message = refused(*words)
+        assert config.stem in message or "some_file" in message
 
     del garbage["header"]  # a line of text, which YAML takes for a value
     del garbage["deep"]  # every verb reads it by the same function, see test_configuration.py
@@ -218,10 +218,10 @@ CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"
 def test_a_card_and_a_configuration_of_two_studies(refused):
     """Wheat's friction with another crop's density would be a deck of no grain."""
     words = ["export", "--to=edem", f"--card={CARD}"]
-    told = refused(*words, "--config=config/config.yaml")
-    assert f"{CARD}: material is 'wheat'; allowed: recommended, as in config/config.yaml" in told
+    message = refused(*words, "--config=config/config.yaml")
+    assert f"{CARD}: material is 'wheat'; allowed: recommended, as in config/config.yaml" in message
     for key in ("grain.density_kg_m3", "grain.shear_modulus_pa", "grain.mean_axes_mm", "wall.poisson_ratio"):
-        assert key in told
+        assert key in message
     assert "--config is None" in refused(*words)
 
 

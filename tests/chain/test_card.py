@@ -109,18 +109,18 @@ def test_the_grain_is_the_simulated_body(config, solutions):
     assert grain["spheres_mm"] == []
 
 
-def test_the_laws_are_told_by_the_laws_that_the_study_chose(config):
-    told = card.laws(config)
-    assert told["normal"].startswith("Hertz")
-    assert "mu_s times the size of the damped normal force" in told["tangential"]
+def test_the_laws_are_reported_by_the_laws_that_the_study_chose(config):
+    result = card.laws(config)
+    assert result["normal"].startswith("Hertz")
+    assert "mu_s times the size of the damped normal force" in result["tangential"]
     config["simulation"] |= {"contact_law": "linear_spring", "tension": "keep"}
     other = card.laws(config)
     assert other["normal"].startswith("linear spring")
     assert "mu_r times the elastic part of the normal force" in other["rolling"]
-    assert set(told) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
+    assert set(result) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
 
 
-def test_each_test_tells_its_definition_and_how_the_bench_test_is_done(config, solutions):
+def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, solutions):
     height = made(config, solutions)["tests"][0]
     assert height["definition"]["name"] == "Height"
     assert height["bench"]["berries"] == 500
@@ -139,7 +139,7 @@ def test_each_test_tells_its_definition_and_how_the_bench_test_is_done(config, s
     assert "fit_from" not in secant["settings"]
 
 
-def test_a_card_that_is_not_there_is_told_so(capsys):
+def test_a_card_that_is_not_there_is_reported_so(capsys):
     assert main(["card", "show", "nowhere.json"]) == 2
     assert "nowhere.json: file is 'No such file or directory'; allowed: " in capsys.readouterr().err
 
@@ -154,7 +154,7 @@ def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
     assert "'laws' is a required property" in str(caught.value)
 
 
-def test_a_card_tells_how_near_it_is_wherever_its_runs_tell_it(config, solutions):
+def test_a_card_gives_how_near_it_is_wherever_its_runs_tell_it(config, solutions):
     card.check(made(config, solutions, runs=1, within=None), "card")
     with pytest.raises(InputError, match=r"mine: within\.2 % is None; allowed: .* as each test has 2 runs"):
         card.check(made(config, solutions, runs=2, within=None), "mine")
@@ -201,7 +201,7 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     assert any("Another definition of height_mm" in line for line in card.compared(one, other).splitlines())
 
 
-def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, capsys):
+def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, capsys):
     (tmp_path / "card.json").write_text(
         json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None))
     )

@@ -72,7 +72,7 @@ def test_every_key_is_explained():
         assert all(f"`{key}`" in explained for key in faults.subschema([name]).get("properties", ())), name
 
 
-def test_keys_of_earlier_configurations_are_told_where_they_went():
+def test_keys_of_earlier_configurations_are_reported_where_they_went():
     def told(given, message):
         with pytest.raises(InputError, match=message):
             Study.load(overrides=given, inputs=True)
@@ -167,7 +167,7 @@ BAD_VALUES = (
 )
 
 
-def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config):
+def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config):
     def told(key, value, allowed):
         changed = copy.deepcopy(config)
         put(changed, key, value)
@@ -181,19 +181,19 @@ def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config):
     check_all(told, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES])
 
 
-def test_a_mistyped_key_is_told_with_the_one_that_was_meant(config):
+def test_a_mistyped_key_is_reported_with_the_one_that_was_meant(config):
     config["funnel"]["seads"] = config["funnel"].pop("seeds")
     with pytest.raises(InputError, match=r"funnel\.seads is 6; .*did you mean seeds"):
         Study.of(config, "my.yaml")
 
 
-def test_a_mistyped_section_is_told_once(config):
+def test_a_mistyped_section_is_reported_once(config):
     config["refin"] = config.pop("refine")
     with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
         Study.of(config, "my.yaml")
 
 
-def test_a_missing_key_is_told(config):
+def test_a_missing_key_is_reported(config):
     del config["miga"]["distance"]
     with pytest.raises(InputError, match=r"my.yaml: miga\.distance is null; .*the key is missing"):
         Study.of(config, "my.yaml")

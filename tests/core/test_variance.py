@@ -92,6 +92,6 @@ def test_residual_correlation_leaves_out_what_lies_between_samples():
         ([1.0], ["a", "a"], r"shape \(1,\)"),
     ],
 )
-def test_bad_values_are_told(values, groups, message):
+def test_bad_values_are_reported(values, groups, message):
     with pytest.raises(ValueError, match=message):
         variance.variance_components(values, groups)

@@ -274,7 +274,7 @@ def told(rolling=0.1, motion=TURNING, frame=False, **laws):
     return [str(one.message) for one in found]
 
 
-def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_told_once():
+def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_reported_once():
     (message,) = told()
     assert "rolling_frame_rad_s" in message
     assert "epsd" in message
@@ -290,5 +290,5 @@ def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_told_once():
     ],
     ids=["frame", "no rolling friction", "translation", "epsd"],
 )
-def test_a_wall_that_does_no_harm_to_rolling_is_not_told(harmless):
+def test_a_wall_that_does_no_harm_to_rolling_is_not_reported(harmless):
     assert told(**harmless) == []

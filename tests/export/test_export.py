@@ -202,7 +202,7 @@ def test_the_equivalent_restitution_gives_the_calibrated_rebound(config, job, te
     assert (typed == pytest.approx(restitution)) == (tension == "keep")
 
 
-def test_a_damping_that_liggghts_cannot_take_is_told(job):
+def test_a_damping_that_liggghts_cannot_take_is_reported(job):
     strong = replace(job, grains=replace(job.grains, damping_ratio=1.2))
     assert laws.equivalent_restitution(strong.grains, LEAST_RESTITUTION) == LEAST_RESTITUTION
     assert "stronger than coefficientRestitution" in export.PROGRAMS["liggghts"](strong)["in.pour"]

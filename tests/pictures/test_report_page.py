@@ -173,8 +173,8 @@ def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, t
     found = re.search(r'class="verdict (\w+)">(.*?)</p>', (tmp_path / "report.html").read_text())
     assert found.group(1) == kind
     assert words in found.group(2)
-    told = (tmp_path / "report.html").read_text()
-    assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", told)
+    text = (tmp_path / "report.html").read_text()
+    assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
 
 
 def test_faults_name_the_input(tmp_path):

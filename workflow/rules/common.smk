@@ -13,7 +13,7 @@ from repose.chain import answer as answers
 from repose.config import cost, loader, results_folder, stands_on
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import BAD_INPUT, InputError, tell
+from repose.core.errors import BAD_INPUT, InputError, print_fault
 from repose.core.lock import take_folder
 from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
@@ -28,7 +28,7 @@ shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH;
 
 def refuse(fault):
     """Tell a fault of the input as the verbs do, and end with their status: no work."""
-    tell(fault)
+    print_fault(fault)
     sys.exit(BAD_INPUT)
 
 

@@ -36,7 +36,7 @@ NAME = "cylinder"
 POINTS = 1000  # of a berry, over which its share in the core is counted
 STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
 
-# --- what it gives --------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------------------
 
 VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
 RESPONSES = (
@@ -55,7 +55,7 @@ RESPONSES = (
 MEASURED = tuple(response.name for response in RESPONSES)
 RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 
-# --- what its configuration asks ------------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------------------
 
 
 class Settings(Section):

@@ -32,9 +32,9 @@ NAME = "drum"
 STATUSES = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
 WALLS = ("shell", "near_cap", "far_cap")
 
-# --- what it gives --------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------------------
 
-# How the surface of the bed is seen, and what counts as a slip.
+# Keys that define the surface of the bed, and a slip.
 SEEN = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
 RESPONSES = (
     Response(
@@ -107,7 +107,7 @@ class Drum:
         return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)
 
 
-# --- what its configuration asks ------------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------------------
 
 
 class Settings(Section):
@@ -254,7 +254,7 @@ RECORD = _Row._fields
 
 @dataclass(frozen=True)
 class Rotation:
-    """One run: its record over T times, the frames of N berries at these times, and what judges the run."""
+    """One run: its record over T times, the frames of N berries at these times, and numbers by which it is judged."""
 
     record: dict  # columns (T,) of `RECORD`
     centres_m: np.ndarray  # (T, N, 3)
@@ -417,7 +417,7 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Fill and turn once; with `interval_s` the frames are those of the record.
+    """Fill and turn once; with `interval_s` the frames are at the times of the record.
 
     The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N,
     4) and ``turned_STATE_deg`` for start, report, before and after.

@@ -23,13 +23,13 @@ def chance_of_meeting(
     otherwise inside its range. None where fewer than two runs gave the response.
     """
     random = np.random.default_rng(SEED)
-    found: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
+    chances: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
     together = np.ones(DRAWS, dtype=bool)
     for bench in targets.apparatus:
         own = [target for target in targets if target.response.apparatus == bench]
         values = _values(runs.get(bench, ()), own)
         if len(values) < 2:
-            return found
+            return chances
         drawn = _means(values, random)
         for k, target in enumerate(own):
             if percent is None:
@@ -37,10 +37,10 @@ def chance_of_meeting(
             else:
                 low, high = (target.aim + side * percent / 100 * abs(target.aim) for side in (-1, 1))
             inside = (drawn[:, k] >= low) & (drawn[:, k] <= high)
-            found[target.name] = float(inside.mean())
+            chances[target.name] = float(inside.mean())
             together &= inside
-    found["all"] = float(together.mean())
-    return found
+    chances["all"] = float(together.mean())
+    return chances
 
 
 def _values(runs, own):

@@ -36,7 +36,7 @@ def assemble(
     """The dataset (a row for each sample) and the single runs (a row for each run) of a study.
 
     `jobs` has the job of each sample by bench test (`read_jobs`). The dataset has the parameters, `status`, `reason`,
-    `n_seeds`, then means and standard errors, those of the targets first. A sample is ok if it is ok in every bench
+    `n_seeds`, then means and standard errors, the targets first. A sample is ok if it is ok in every bench
     test; `n_seeds` is then the smallest number of ok runs. With several bench tests the runs have a column `apparatus`.
     """
     summaries = [
@@ -149,14 +149,16 @@ def read_jobs(
             allowed = f"a sample of the table, once; also in {source[apparatus, sample]}"
             raise InputError(path, "sample", sample, allowed)
         for name in PARAMETERS:
-            value, wanted = job["parameters"].get(name), float(expected.at[sample, name])
+            value, expected_value = job["parameters"].get(name), float(expected.at[sample, name])
             if not isinstance(value, int | float) or not math.isclose(
-                value, wanted, rel_tol=1e-6, abs_tol=1e-9
+                value, expected_value, rel_tol=1e-6, abs_tol=1e-9
             ):
-                raise InputError(path, f"parameters.{name}", value, f"{wanted}, as in the table of samples")
+                raise InputError(
+                    path, f"parameters.{name}", value, f"{expected_value}, as in the table of samples"
+                )
         jobs[apparatus][sample], source[apparatus, sample] = job, path
-    for name, found in jobs.items():
-        missing = [int(sample) for sample in expected.index if sample not in found]
+    for name, by_sample in jobs.items():
+        missing = [int(sample) for sample in expected.index if sample not in by_sample]
         if missing:
             raise InputError(f"jobs of the {name}", "samples without a file", missing, "one file a sample")
     return jobs

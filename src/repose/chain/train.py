@@ -147,9 +147,9 @@ def run(
     """
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
-    found, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(found, summary_json, definitions or {}, source)
-    training = train(dataset, runs, targets, settings, definitions or found, dataset_csv)
+    of_dataset, summary_json = read_definitions(dataset_csv)
+    require_same_definitions(of_dataset, summary_json, definitions or {}, source)
+    training = train(dataset, runs, targets, settings, definitions or of_dataset, dataset_csv)
     out = Path(out_dir)
     training.model.save(out / "network.json")
     write_json(out / "metrics.json", training.metrics)
@@ -170,10 +170,10 @@ def message(metrics: Mapping[str, Any]) -> str:
     if "starts" in metrics:
         lines.append(
             f"{metrics['converged_starts']} of {metrics['starts']} starts converged; the data determine "
-            f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the one that is kept"
+            f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the kept network"
         )
     if "members" in metrics:
-        lines.append(f"{metrics['members']} networks predict; what they disagree about is in the error")
+        lines.append(f"{metrics['members']} networks predict; their disagreement is part of the error")
     if metrics.get("at_cap"):
         lines.append(f"at the cap of their regularisation, so held at zero: {', '.join(metrics['at_cap'])}")
     return "\n".join(lines)
@@ -194,8 +194,8 @@ def restore(
     of_all = set(_finally(model.outputs)) <= set(predictions)
     predicted = _finally(model.outputs) if of_all else predicted
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
-    found, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(model.definitions, surrogate_json, found, summary_json)
+    definitions, summary_json = read_definitions(dataset_csv)
+    require_same_definitions(model.definitions, surrogate_json, definitions, summary_json)
     usable = table[table["status"] == "ok"].set_index("sample")
     trained = predictions[(predictions["split"] == "train") | of_all]
     missing = sorted(set(trained["sample"]) - set(usable.index))
@@ -264,16 +264,16 @@ def _three_ways(usable, runs, Y, P, errors, test, names):
     """R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
     position = {sample: i for i, sample in zip(test, usable["sample"].iloc[test], strict=True)}
     ok = runs[(runs["status"] == "ok") & runs["sample"].isin(list(position))]
-    found = {}
+    scores = {}
     for k, name in enumerate(names):
         single = ok[ok[name].notna()]
         row = [position[sample] for sample in single["sample"]]
-        found[name] = {
+        scores[name] = {
             "sample_means": r2(Y[test, k], P[test, k]),
             "single_runs": r2(single[name].to_numpy(float), P[row, k]),
             "noise_corrected": r2_noise_corrected(Y[test, k], P[test, k], errors[test, k]),
         }
-    return found
+    return scores
 
 
 def _finally(names):

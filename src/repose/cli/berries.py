@@ -1,4 +1,4 @@
-"""The berry and its particle: from files that the options name, or made from the configuration."""
+"""The berry and its particle: read from files, or made from the configuration."""
 
 from collections.abc import Mapping
 from os import PathLike

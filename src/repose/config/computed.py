@@ -51,8 +51,8 @@ class Computed(NamedTuple):
         return "berry" in self.reads
 
 
-def asked(config: Config) -> list[Computed]:
-    """Keys of a configuration that are `auto` or missing, in an order in which each can be computed.
+def to_compute(config: Config) -> list[Computed]:
+    """Settings of a configuration that are `auto` or missing, in the order of their computation.
 
     The configuration may lack sections, and hold values that are not allowed.
     """
@@ -70,7 +70,7 @@ def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
 def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
     """The longest time step that the engine takes for every set of parameters of a study and its published table.
 
-    The time step of the configuration is not read; `mean` is the result of the verb `berry`.
+    The time step of the configuration is not read; `mean` is the mean grain, as the verb `berry` writes it.
     """
     from repose.apparatus.scene import longest_time_step
 
@@ -94,8 +94,8 @@ def axes_mm(berry: Mapping[str, Any]) -> Sequence[float]:
 def _value(config, key):
     """Value of a key; `auto` if only the key is missing, None without its section."""
     section, name = key.split(".")
-    found = config.get(section)
-    return found.get(name, AUTO) if isinstance(found, Mapping) else None
+    values = config.get(section)
+    return values.get(name, AUTO) if isinstance(values, Mapping) else None
 
 
 def _diameter_mm(berry):

@@ -60,7 +60,7 @@ def strategy_contradictions(config: Mapping[str, Any]) -> Pairs:
         section, responses = config["sequential"], len(config["targets"])
         repeats = section["start_samples"] * (section["seeds"] - 1)
         if repeats <= responses:
-            yield "sequential.seeds", "at least 2: pours of one sample tell the noise"
+            yield "sequential.seeds", "at least 2: the noise comes from pours of one sample"
         if section["start_samples"] * section["seeds"] > section["most_pours"]:
             yield "sequential.most_pours", "at least sequential.start_samples times sequential.seeds"
     if config["strategy"] != "response_surface":

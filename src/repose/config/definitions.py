@@ -9,7 +9,7 @@ from repose.config.reading import get
 from repose.core.responses import Definitions, Response, derived
 from repose.core.targets import Targets
 
-CHOSEN = "measure.response"  # names the definition of a response that has several
+CHOSEN = "measure.response"  # chooses one of several definitions of a response
 GRAIN = "berry_height_mm"
 
 
@@ -31,21 +31,21 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
     """Definition of a response and settings of its bench test, with the units in the keys.
 
     `definition` holds its `name` and `settings`, the keys that it reads; `bench` the keys of the bench test's section
-    that a run reads. `berry`, the result of the verb `berry`, gives the grain's height where the configuration has
+    that a run reads. The grain's height comes from `berry`, the result of the verb `berry`, if the configuration has
     none.
     """
     from repose.measure.settings import MeasureSettings
 
-    one, test = response, bench(response.apparatus)
-    if CHOSEN in one.definition:
+    chosen, test = response, bench(response.apparatus)
+    if CHOSEN in chosen.definition:
         own = {other.name: other for other in test.responses}
-        one = own[derived(one.name, get(config, CHOSEN))]
-    settings = {key.rpartition(".")[2]: get(config, key) for key in one.definition}
+        chosen = own[derived(chosen.name, get(config, CHOSEN))]
+    settings = {key.rpartition(".")[2]: get(config, key) for key in chosen.definition}
     if GRAIN in settings:
         height = MeasureSettings.of(config["measure"], berry).berry_height_mm
         settings[GRAIN] = None if height is None else float(f"{height:.6g}")
     section = stands_on.pouring(config, test.name)[test.name]
     return {
-        "definition": {"name": one.label, "settings": settings},
+        "definition": {"name": chosen.label, "settings": settings},
         "bench": {key: section[key] for key in test.settings.model_fields if key in section},
     }

@@ -49,7 +49,7 @@ NOT_RESULTS = ("benchmarks", "logs")  # written anew by every job
 RESULTS = tuple(name for name in WRITTEN if name not in NOT_RESULTS)
 CHANGED = (
     *("content", "something else"),
-    "what repose wrote; remove this file, which is damaged or edited, and give the same command again",
+    "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
 )
 NOT_OURS = (
     *("file", "there already"),
@@ -69,7 +69,7 @@ def contradictions(results_dir: str) -> Faults:
         yield "results_dir", f"a folder of its own, not around the project and outside {', '.join(OUR_OWN)}"
 
 
-def taken(results_dir: str) -> Faults:
+def existing_results(results_dir: str) -> Faults:
     """Faults of the present content of the folder, as (key, what is allowed)."""
     folder = Path(results_dir)
     if any(path.exists() and not path.is_dir() for path in (folder, *folder.parents)):
@@ -79,27 +79,27 @@ def taken(results_dir: str) -> Faults:
         if there:
             yield (
                 "results_dir",
-                f"a new folder, or one that a study wrote; there is {there[0]}, which no study of repose wrote",
+                f"a new folder, or the folder of a study; there is {there[0]}, which no study of repose wrote",
             )
 
 
-def refuse_strange(results_dir: str, is_result: Callable[[str], bool]) -> None:
-    """Refuse a folder where a result was changed, or where a foreign file lies in the place of a result.
+def check_no_foreign_files(results_dir: str, is_result: Callable[[str], bool]) -> None:
+    """Raise InputError if a result was changed, or if a foreign file has the name of a result.
 
     A changed result would make its followers wrong, and snakemake would remove a file in the place of a result.
     `is_result` takes a path. One InputError holds all faults.
     """
-    found: dict[str, tuple[str, str, str]] = {}
+    faults: dict[str, tuple[str, str, str]] = {}
     places: list[tuple[str, Sequence[str]]] = [(results_dir, WRITTEN)]
     places += [(at, names) for part in RESULTS for at, _, names in os.walk(f"{results_dir}/{part}")]
     for folder, names in places:
         known = ledger.names(folder)
-        found |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in names}
+        faults |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in names}
         for path in (f"{folder}/{name}" for name in names if name not in known):
             # an empty file holds nothing to lose; snakemake makes such marks
             if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
-                found[path] = NOT_OURS
-    raise_together([InputError(path, *told) for path, told in sorted(found.items())])
+                faults[path] = NOT_OURS
+    raise_together([InputError(path, *fault) for path, fault in sorted(faults.items())])
 
 
 def _is_a_study(folder):
@@ -108,9 +108,9 @@ def _is_a_study(folder):
         return True
     for path in folder.glob("config*.json"):
         try:
-            found = json.loads(path.read_bytes())
+            content = json.loads(path.read_bytes())
         except ValueError:
             continue
-        if isinstance(found, dict) and {"label", "results_dir"} <= set(found):
+        if isinstance(content, dict) and {"label", "results_dir"} <= set(content):
             return True
     return False

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A study: its settings, and what follows from them.
+    """A study: its settings, and everything derived from them.
 
     Make it by `Study.load`, by `Study.of` from Python, or by `Study.of_results` in a job.
 
@@ -46,9 +46,9 @@ class Study:
         Parameters
         ----------
         *files : path
-            YAML or JSON files. Each may hold only the keys that differ; it lies over the one before it, and all lie
-            over the defaults. A complete file needs no default. What `write_resolved` wrote was checked, and is read as
-            it is.
+            YAML or JSON files. Each may hold only the keys that differ; it overrides the files before it, and all
+            override the defaults. A complete file needs no default. A file of `write_resolved` was checked before,
+            and is read unchanged.
         overrides : mapping, optional
             Nested values over those of all files; their texts are read as YAML.
         inputs : bool, optional
@@ -103,7 +103,7 @@ class Study:
         Parameters
         ----------
         path : path
-            `RESULTS/config.json`, which holds what was checked. Nothing is checked again.
+            `RESULTS/config.json`, which was checked before. Nothing is checked again.
 
         Returns
         -------

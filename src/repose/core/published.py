@@ -14,12 +14,12 @@ MOST = 899  # their sample numbers are 101 to 999
 
 
 def beside(path: str | os.PathLike | None, table: str) -> Path | None:
-    """Another published table of the crop, beside that of the solutions `path`; None if there is none.
+    """Another published table of the crop, in the folder of the solutions `path`; None if there is none.
 
     table1.csv holds sizes, table3.csv intervals of the parameters.
     """
-    found = None if path is None else Path(path).with_name(table)
-    return found if found and found.is_file() else None
+    sibling = None if path is None else Path(path).with_name(table)
+    return sibling if sibling and sibling.is_file() else None
 
 
 def representative(path: str | os.PathLike | None) -> dict[str, float]:

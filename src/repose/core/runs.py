@@ -24,7 +24,7 @@ class Recorded:
     single: tuple[str, ...] = ()  # columns of the table of single runs
 
     def beginning_with(self, targets: Sequence[str]) -> "Recorded":
-        """The same with other columns in front, each with its standard error."""
+        """The same columns after these targets, each target with its standard error."""
         return Recorded(
             tuple(dict.fromkeys((*targets, *self.means))),
             tuple(mean for mean in self.without_error if mean not in targets),

@@ -123,7 +123,7 @@ class Targets(Sequence[Target]):
     def in_words(self, numbers: Sequence[str]) -> str:
         """Text with a number for each target and its unit: ``32.5 deg and 66.1 mm``.
 
-        If two targets have the same unit, each number stands with its response.
+        If two targets have the same unit, each number is preceded by the symbol of its response.
         """
         units = [target.response.unit for target in self]
         several = len(set(units)) < len(units)

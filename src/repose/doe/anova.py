@@ -96,18 +96,18 @@ def effects(model: Model) -> pd.DataFrame:
     """
     first = 1 + model.block_columns
     table = anova(model).set_index("source")
-    found = pd.DataFrame(
+    estimates = pd.DataFrame(
         {
             "term": model.labels,
             "coefficient": model.coefficients,
             "standard_error": np.asarray(model.ols.bse)[first:] if model.ols.df_resid else math.nan,
         }
     )
-    found["t"] = (found["coefficient"] / found["standard_error"]).abs()
-    found["p"] = table.loc[model.labels, "p"].to_numpy()
+    estimates["t"] = (estimates["coefficient"] / estimates["standard_error"]).abs()
+    estimates["p"] = table.loc[model.labels, "p"].to_numpy()
     partial = table.loc[model.labels, "sum_of_squares"].to_numpy(float)
-    found["contribution_percent"] = 100 * partial / float(table.loc["total", "sum_of_squares"])
-    return found.sort_values("contribution_percent", ascending=False, ignore_index=True)
+    estimates["contribution_percent"] = 100 * partial / float(table.loc["total", "sum_of_squares"])
+    return estimates.sort_values("contribution_percent", ascending=False, ignore_index=True)
 
 
 def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:

@@ -59,12 +59,12 @@ def optimum(
         return float(((misses(point) / scale) ** 2).sum())
 
     starts = np.vstack([np.zeros(count), 0.5 * two_level(count), np.eye(count), -np.eye(count)])
-    found = [
+    ends = [
         optimize.minimize(squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14).x for start in starts
     ]
-    best = min(found, key=squared)
+    best = min(ends, key=squared)
     if np.abs(misses(best) / scale).max() < 1e-3:
-        meeting = [_nearest(point, misses, scale, bounds) for point in found if squared(point) < 1e-6]
+        meeting = [_nearest(point, misses, scale, bounds) for point in ends if squared(point) < 1e-6]
         exact = [point for point in meeting if np.abs(misses(point) / scale).max() < MET]
         best = min(exact, key=lambda point: float(point @ point)) if exact else best
     predicted = misses(best) + aims

@@ -29,7 +29,7 @@ def deck(job: Job) -> dict[str, str]:
     low, high = (_on_line(cone, place) for place in (cone.first, cone.last))
     text = filled(
         "lammps.in",
-        head=differences(job, "# ", _told(job)),
+        head=differences(job, "# ", _differences(job)),
         seed=job.seed,
         half=half,
         below=job.bounding_radius_m,
@@ -113,9 +113,9 @@ def _tube(job, law):
     )
 
 
-def _told(job):
+def _differences(job):
     """Differences of LAMMPS from this engine."""
-    told = [
+    lines = [
         rolled(job),
         damped_alone(),
         undamped_tangent(),
@@ -123,8 +123,8 @@ def _told(job):
         "the edge of the outlet is sharp",
     ]
     if job.tension == "release":
-        told.append(
+        lines.append(
             "the second number of hertz/material is the restitution that gives the study's damping; with limit_damping "
             "an impact then ends with the restitution calibrated"
         )
-    return told
+    return lines

@@ -22,10 +22,10 @@ class Tables(NamedTuple):
     summary: pd.DataFrame  # a row per definition: response, value (mean), sd, repetitions
 
 
-def tables(found: Sequence[Photograph], how: MeasureSettings) -> Tables:
+def tables(measured: Sequence[Photograph], how: MeasureSettings) -> Tables:
     """Tables of photographs, at least one of which was measured."""
     rows = []
-    for photograph in found:
+    for photograph in measured:
         numbers: dict[str, Any] = (
             photograph.measurement.record() if photograph.measurement is not None else {}
         )
@@ -72,7 +72,7 @@ def targets(made: Tables, how: MeasureSettings) -> str:
             f"  - response: {row.response}",
             "    apparatus: funnel",
             f"    value: {row.value:.3f}",
-            "    sd: null # one pile tells no scatter" if single else f"    sd: {row.sd:.3f}",
+            "    sd: null # one pile gives no scatter" if single else f"    sd: {row.sd:.3f}",
             f"    repetitions: {row.repetitions}",
             "    range: [null, null] # what counts as met"
             if single
@@ -89,11 +89,11 @@ def as_record(made: Tables) -> dict[str, list]:
     }
 
 
-def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
+def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
     """The text that the verb prints; `out` is the folder of the overlays."""
-    wide = max(len(photograph.path.name) for photograph in found)
+    wide = max(len(photograph.path.name) for photograph in photographs)
     lines = []
-    for photograph in found:
+    for photograph in photographs:
         seen = photograph.measurement
         if seen is None:
             text = f"refused: {photograph.refused}"
@@ -118,8 +118,8 @@ def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: P
     lines.append(f"height of a grain: {grain}")
     if made.summary["sd"].isna().any():
         lines.append(
-            "one pile tells no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
+            "one pile gives no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
         )
-    lines += sorted({f"note: {photograph.note}" for photograph in found if photograph.note})
+    lines += sorted({f"note: {photograph.note}" for photograph in photographs if photograph.note})
     lines.append(f"look at the overlays in {out}; the targets of a study: {out / 'targets.yaml'}")
     return "\n".join(lines)

@@ -21,7 +21,7 @@ COMPRESSION_COLUMNS = (
     "width_2_mm",
     "breadth_mm",
 )
-WRITTEN = "what the verb berry wrote"
+WRITTEN = "the file of the verb berry"
 # Quantities in it besides the axes.
 POSITIVE = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "scale_low", "scale_high")
 # A comment line with this word marks a file whose rows were not measured but made to match a published table.

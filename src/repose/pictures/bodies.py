@@ -64,7 +64,7 @@ def place_bodies(
     """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own.
 
     `centres` are in m, `quaternions` w, x, y, z, body to world; `shape_ids` (N,) are places in `shapes`. The order is
-    that of the input; parts are ordered by shape.
+    kept; parts are ordered by shape.
     """
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)

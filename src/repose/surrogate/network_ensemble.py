@@ -1,4 +1,4 @@
-"""The mean of the networks that several starts ended with, with the scatter among them in its errors.
+"""The mean of the networks at the ends of several starts, with their scatter in its errors.
 
 Starts of `repose.surrogate.bayesian_bp.BayesianBP` end at different networks, whose evidence hardly differs. The error
 bars of each are those about its own weights; the disagreement of the networks is in none of them. Here the prediction
@@ -93,10 +93,10 @@ class NetworkEnsemble(Surrogate):
         return [row | {"member": row["start"] in self.near_} for row in self.members_[0].start_rows()]
 
     def to_dict(self) -> dict[str, Any]:
-        """The best network as its own file has it, and what differs in each other one."""
+        """The best network as in its own file, and the own part of each other network."""
         best, *others = self.members_
         content = best.to_dict()
-        return content | {"others": [_what_differs(member.to_dict()) for member in others]}
+        return content | {"others": [_own_part(member.to_dict()) for member in others]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -131,7 +131,7 @@ class NetworkEnsemble(Surrogate):
         }
 
 
-def _what_differs(content):
+def _own_part(content):
     """Weights and their regularisation; scalings and samples are the same in all networks."""
-    found = {key: content[key] for key in OF_EACH}
-    return found | {"training": {key: content["training"][key] for key in ("alpha", "beta")}}
+    own = {key: content[key] for key in OF_EACH}
+    return own | {"training": {key: content["training"][key] for key in ("alpha", "beta")}}

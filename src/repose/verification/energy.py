@@ -142,9 +142,9 @@ def pair_hits(
         energies = simulation.kinetic_energies()
         most = np.maximum(most, (energies[0::2] + energies[1::2]) / start)
     # a pair that still touches holds elastic energy: its impact is not finished
-    apart = np.ones(n, bool)
-    apart[simulation.contacts()[:, 0] // 2] = False
-    return most[apart], ((energies[0::2] + energies[1::2]) / start)[apart]
+    separated = np.ones(n, bool)
+    separated[simulation.contacts()[:, 0] // 2] = False
+    return most[separated], ((energies[0::2] + energies[1::2]) / start)[separated]
 
 
 def funnel_hits(
