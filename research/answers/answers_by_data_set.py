@@ -257,7 +257,7 @@ def reliability(table):
             pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True
         ):
             difference, error = by_sets(part, part["met"].astype(float) - part["stated"])
-            # where all sets achieve 1.00 their scatter tells nothing
+            # where all sets achieve 1.00 their scatter has no information
             error = max(error, np.sqrt((part["stated"] * (1 - part["stated"])).sum()) / len(part))
             counts = part["set"].nunique() >= FEWEST_SETS
             agrees = ("yes" if abs(difference) <= 2 * error else "no") if counts else "few"

@@ -4,7 +4,7 @@ network_of_part   `network_ensemble`, fitted to the training part alone
 network_resampled 16 networks of one start each, each of samples drawn with replacement; the scatter is the error
 network_process   `network_ensemble` plus a Gaussian process of its residuals, whose error is added
 process_of_part   `gaussian_process`, fitted to the training part alone
-kriging           Gaussian process of Matern 5/2, noise told by the replicates, lengths and variances drawn
+kriging           Gaussian process of Matern 5/2, noise from the replicates, lengths and variances drawn
 kriging_smooth    the same, squared exponential
 """
 

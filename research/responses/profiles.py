@@ -100,12 +100,12 @@ def study(
         for correlated in (0.0, settings["discrepancy_correlation"]) if percent else (0.0,):
             spread = _discrepancy(percent, correlated, centre, directions, own, known, settings)
             covariance = error + spread[np.ix_(kept, kept)]
-            told = {
+            by_set = {
                 label: information.averaged(prior, truths, normal, columns, covariance)
                 for label, columns in sets.items()
             }
-            for label, found in told.items():
-                gain = found["all"] - told["both numbers"]["all"]
+            for label, found in by_set.items():
+                gain = found["all"] - by_set["both numbers"]["all"]
                 row = {"discrepancy_percent": percent, "discrepancy_correlation": correlated, "set": label}
                 row |= {"bits": found["bits"], "bits_se": found["bits_se"], "gain_bits": gain.mean()}
                 row["gain_se_bits"] = gain.std(ddof=1) / np.sqrt(len(gain))

@@ -1,5 +1,5 @@
 # Only on request, `snakemake -s research/Snakefile --cores 2 measurement_study`: the definitions of the angle compared on this study's piles.
-PUBLISHED_REPRESENTATIVE = [REPRESENTATIVE, *THEIRS][-1]
+PUBLISHED_REPRESENTATIVE = [REPRESENTATIVE, *PUBLISHED_SOLUTIONS][-1]
 
 
 rule measurement_study:

@@ -1,5 +1,5 @@
 # Particle, tension, filling and definition of the angle beside the published piles. A target of its own:
-# `snakemake -s research/Snakefile --cores 2 shape_study`. The selection is a checkpoint: it tells what is poured again with fresh seeds.
+# `snakemake -s research/Snakefile --cores 2 shape_study`. The selection is a checkpoint: it determines the cells that are poured again with fresh seeds.
 import pandas
 
 from research.shape import shape_cells

@@ -150,7 +150,7 @@ def test_central_composite_designs_are_balanced_and_orthogonal(n, corners):
     x = 2 * unit[:size] - 1
     assert (np.abs(x).sum(axis=1) == 6).sum() == corners
     np.testing.assert_array_equal(x.T @ x, (corners + 2) * np.eye(6))
-    # a fraction of 16 corners cannot tell all products of two apart, the others can
+    # a fraction of 16 corners cannot separate all products of two, the others can
     assert np.linalg.matrix_rank(quadratic_terms(unit[:size])) == (28 if corners > 16 else 20)
     np.testing.assert_array_equal(unit[size:], unit[: n - size])
 

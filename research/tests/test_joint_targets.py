@@ -61,7 +61,7 @@ def test_discrepancies_are_correlated_in_a_bench_test_with_the_signs_of_the_desi
     assert discrepancy.covariance(names, sd, means, 0.0) == pytest.approx(np.diag(sd**2))
 
 
-def test_a_direct_test_gives_what_a_normal_posterior_does():
+def test_a_direct_test_has_the_information_of_a_normal_posterior():
     tests = observables.tests_of(["height_mm"], np.eye(1), SPACE, SETTINGS)
     assert tests.columns == {"pile": [0], "direct e_gp": [1], "direct mus_gp": [2]}
     assert np.diag(tests.covariance) == pytest.approx([1.0, 0.05**2, 0.05**2])  # places in a range of 2

@@ -1,4 +1,4 @@
-"""What a further response tells: noise, surrogates and information on linear models with closed forms."""
+"""Information of a further response: noise, surrogates and information on linear models with closed forms."""
 
 import json
 import math
@@ -119,7 +119,7 @@ def test_weights_and_bits_are_those_of_the_normal_density():
     assert information.joint_bits(np.array([1.0, 0.0, 1e-300, 0.0])) == 2.0
 
 
-def test_shared_noise_is_reported_apart():
+def test_shared_noise_is_separated():
     """Two responses of one parameter each, noises of correlation 0.99: their difference is exact."""
     unit = stats.qmc.Sobol(6, rng=1).random(2**15)
     prior = information.Prior(unit, np.column_stack([unit[:, 0], np.zeros(len(unit))]))
@@ -214,7 +214,7 @@ def study(tmp_path_factory):
     return (folder / "runs.csv", folder / "dataset.csv"), drum
 
 
-def test_study_finds_the_response_that_gives_something_new(study, tmp_path):
+def test_study_finds_the_response_that_adds_information(study, tmp_path):
     files, drum = study
     data = further_runs.read(*files, TARGETS, "secant", [drum])
     assert "packing" in second_responses.run(data, TARGETS, SPACE, SETTINGS, tmp_path)

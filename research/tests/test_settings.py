@@ -45,7 +45,7 @@ def test_unknown_keys_and_wrong_types_are_reported_together(tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("section", settings.read(settings.HERE / "config.yaml"))
-def test_a_configuration_that_still_has_a_section_is_reported_where_it_went(section):
+def test_a_moved_section_is_reported_with_its_new_place(section):
     with pytest.raises(InputError, match=f"{section} is .*; allowed: now .* research"):
         Study.load(overrides={section: {"seed": 1}})
 

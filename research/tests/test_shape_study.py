@@ -112,7 +112,7 @@ def test_no_two_kinds_of_pours_share_a_seed():
         ("sensitivities", {"rate_per_s": -1.0}, "funnel.rate_per_s"),
     ],
 )
-def test_a_variant_that_is_no_configuration_is_refused_by_name(config, section, changes, key):
+def test_an_invalid_variant_is_refused_by_name(config, section, changes, key):
     config["shape_study"][section]["odd"] = changes
     with pytest.raises(InputError) as caught:
         shape_cells.check(config, "my.yaml")

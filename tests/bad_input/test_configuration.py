@@ -131,7 +131,7 @@ def with_value(key, value):
 def test_every_key_refuses_what_it_cannot_take():
     """All keys get a value that is wrong in the same way; the message has each of them."""
 
-    def told(keys):
+    def check_reported(keys):
         config = copy.deepcopy(GOOD)
         for key, value in keys.items():
             section, last = holder(config, key)
@@ -144,7 +144,7 @@ def test_every_key_refuses_what_it_cannot_take():
     for key, wrong, value in CASES:
         # a list that is replaced has no entries of its own to break
         kinds.setdefault(f"{wrong} (targets)" if key == "targets" else wrong, {})[key] = value
-    check_all(told, [(wrong, keys) for wrong, keys in kinds.items()])
+    check_all(check_reported, [(wrong, keys) for wrong, keys in kinds.items()])
 
 
 OPTIONAL = ("simulation.contact_law", "simulation.rolling_law", *(setting.key for setting in COMPUTED))

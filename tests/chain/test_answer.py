@@ -73,7 +73,7 @@ def test_failed_runs_have_no_number(tmp_path):
     assert "no number" in str(found)
     assert "misses aor_deg, which has no number." in found.verdict
     assert found.within == {1.0: None, 2.0: None}
-    assert "how near the means are to their targets is not known" in str(found)
+    assert "the distance of the means from their targets is unknown" in str(found)
 
 
 def test_a_study_that_has_not_run_is_reported(tmp_path):

@@ -18,7 +18,7 @@ from repose.dem.time_steps import Limit
         (3.0e-5, ""),
     ],
 )
-def test_a_time_step_far_below_the_longest_is_reported_with_what_a_longer_one_saves(step_s, told):
+def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time(step_s, told):
     limit = Limit(4.09e-5, "as a pile has it")
     assert checking.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{told}")
 

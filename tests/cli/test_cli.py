@@ -132,7 +132,7 @@ def test_a_reader_that_stops_reading_ends_a_verb_without_a_traceback():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_check_gives_the_number_of_pours(capsys):
+def test_check_prints_the_number_of_pours(capsys):
     assert main(["check"]) == 0
     out = capsys.readouterr().out
     assert "150 parameter sets x 6 seeds = 900 pours" in out
@@ -315,7 +315,7 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
         (["design", "--config=own.yaml"], None, False),
     ],
 )
-def test_a_folder_without_a_configuration_is_reported_whose_crop_it_gets(
+def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
     words, own, told, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)

@@ -105,7 +105,7 @@ def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
     assert {"response_surface", "sequential", "uncertainty"} <= set(named)
 
 
-def test_the_list_gives_which_strategy_a_configuration_cannot_take(monkeypatch, capsys):
+def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatch, capsys):
     """A crop with two free parameters has too few for a Box-Behnken design."""
     monkeypatch.chdir(places.root() / "crops/wheat")
     assert main(["run", "--list"]) == 0
@@ -149,7 +149,7 @@ def test_a_target_that_nothing_makes_is_bad_input(monkeypatch, capsys):
     assert "MissingRuleException" not in output
 
 
-def test_configurations_are_reported_from_targets():
+def test_configurations_are_distinguished_from_targets():
     words = ["results/card.json", "--configfile", "mine.yaml", "more.json", "page", "--cores", "2"]
     assert run.configurations(words) == ["mine.yaml", "more.json"]
     assert run.configurations(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]

@@ -113,7 +113,7 @@ def test_a_study_has_numbers(by_hand, monkeypatch):
         assert Study.of(config).config[section][name] == pytest.approx(by_hand[section][name], rel=0.35), key
 
 
-def test_what_cannot_be_computed_is_reported_by_its_cause(folder, capsys):
+def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder, capsys):
     (folder / "sizes.csv").unlink()
     with pytest.raises(InputError) as caught:
         Study.load("config.yaml")

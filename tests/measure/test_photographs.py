@@ -93,7 +93,7 @@ def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, b
     status, told = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)
     assert status == 2
     assert reason in told
-    assert "out/pile.png shows what was taken for the pile" in told
+    assert "out/pile.png shows the part taken for the pile" in told
     assert (tmp_path / "out/pile.png").is_file()
 
 
@@ -125,7 +125,7 @@ def test_a_shadow_at_the_foot_is_refused_unless_the_plate_is_known(tmp_path, cap
 
 @pytest.mark.parametrize("tone", [60, 130])
 @pytest.mark.parametrize("beyond", [-40, 0, 30])
-def test_a_shadow_wider_than_the_pile_is_reported_by_its_colour(tmp_path, capsys, tone, beyond):
+def test_a_shadow_wider_than_the_pile_is_recognised_by_its_colour(tmp_path, capsys, tone, beyond):
     picture = np.full((340, 600, 3), 220, np.uint8)
     cv2.rectangle(picture, (60 - beyond, 300), (540 + beyond, 318), (tone, tone, tone), -1)
     cv2.fillPoly(picture, [np.array(PILE)], (40, 40, 110))

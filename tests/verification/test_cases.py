@@ -102,7 +102,7 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named():
 
 
 @pytest.mark.parametrize("names", [["aor_deg"], ["aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg"]])
-def test_piles_are_reported_by_the_targets_of_the_configuration(names, monkeypatch):
+def test_piles_are_compared_by_the_targets_of_the_configuration(names, monkeypatch):
     """One curve for each target that a pile has; the mean and its error over the seeds."""
     record = {"status": "ok", "aor_deg": 30.0, "height_mm": 60.0, "base_radius_mm": 110.0}
     pours = [record, {name: value + 2 if name != "status" else value for name, value in record.items()}]

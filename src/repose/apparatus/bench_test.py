@@ -105,7 +105,7 @@ class BenchTest:
     kept: tuple[str, ...] = ()
     in_words: str = ""
 
-    def wanted(self, config: Config) -> tuple[Response, ...]:
+    def target_responses(self, config: Config) -> tuple[Response, ...]:
         """Responses of the bench test that are targets of a configuration.
 
         Parameters
@@ -135,7 +135,9 @@ class BenchTest:
         -------
         Recorded
         """
-        return self.recorded.beginning_with(tuple(response.name for response in self.wanted(config)))
+        return self.recorded.beginning_with(
+            tuple(response.name for response in self.target_responses(config))
+        )
 
 
 _REGISTRY: dict[str, BenchTest] = {}

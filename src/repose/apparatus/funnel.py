@@ -590,7 +590,7 @@ def measure(
     from repose.measure.saved_piles import pile_responses
 
     settings = MeasureSettings.of(config["measure"], berry)
-    targets = [response.name for response in BENCH.wanted(config)]
+    targets = [response.name for response in BENCH.target_responses(config)]
     more = [name for name in targets if name not in ALWAYS and name not in record]
     judged = {key: record[key] for key in ("seed", "status", "reason")}
     measured = dict.fromkeys((*ALWAYS, *more))

@@ -94,15 +94,15 @@ class Check:
         return f"{self.response} by {-self.margin:.2g} {self.unit}"
 
     def __str__(self) -> str:
-        wanted = f"target {self.low:g} to {self.high:g} {self.unit}"
+        aimed = f"target {self.low:g} to {self.high:g} {self.unit}"
         if self.simulated is None or self.margin is None:
-            return f"{self.response}: no number, the runs ended {self.status}; {wanted}: NOT met"
+            return f"{self.response}: no number, the runs ended {self.status}; {aimed}: NOT met"
         error = "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
         verdict = "met" if self.met else "NOT met"
         side = "inside" if self.met else "outside"
         return (
             f"{self.response}: simulated {self.simulated:.4g}{error} {self.unit} (runs: {self.runs}), measured "
-            f"{self.measured:.4g}; {wanted}: {verdict}, {abs(self.margin):.2g} {self.unit} {side}"
+            f"{self.measured:.4g}; {aimed}: {verdict}, {abs(self.margin):.2g} {self.unit} {side}"
         )
 
 

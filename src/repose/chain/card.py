@@ -360,7 +360,7 @@ def _same(first, second):
 # --- shown ----------------------------------------------------------------------------------------
 
 
-def in_words(card: Mapping[str, Any]) -> str:
+def describe(card: Mapping[str, Any]) -> str:
     """A card as text for people."""
     made = card["made_by"]
     free = list(card["correlations"])
@@ -378,7 +378,7 @@ def in_words(card: Mapping[str, Any]) -> str:
             "correlations of 0.5 and more: "
             + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
             "tests:",
-            *(f"  {line}" for test in card["tests"] for line in _test_in_words(test)),
+            *(f"  {line}" for test in card["tests"] for line in _test_lines(test)),
             f"  {nearness(map(_check, card['tests']))}",
             *(f"  all within {key}: probability {_chance(value)}" for key, value in card["within"].items()),
             *(f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()),
@@ -417,7 +417,7 @@ def compared(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     rows = [["", *names]]
     for name in dict.fromkeys([*first["parameters"], *second["parameters"]]):
         pair = [card["parameters"].get(name) for card in (first, second)]
-        note = [_apart(*pair)] if all(pair) else []
+        note = [_overlap_note(*pair)] if all(pair) else []
         rows.append([name, *(_value(value) if value else "-" for value in pair), *note])
     tests = [{test["response"]: test for test in card["tests"]} for card in (first, second)]
     for name in dict.fromkeys([*tests[0], *tests[1]]):
@@ -476,7 +476,7 @@ def _unlike(first, second):
     return "; ".join(f"{key} {mine} | {theirs}" for key, mine, theirs in differing)
 
 
-def _apart(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+def _overlap_note(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     """Whether two intervals overlap."""
     ends = [value for part in (first, second) for value in (part["low"], part["high"])]
     if None in ends:
@@ -504,7 +504,7 @@ def _check(test):
     return Check(**{field.name: test[field.name] for field in fields(Check)})
 
 
-def _test_in_words(test):
+def _test_lines(test):
     """A test with the definition of its response."""
     error = "" if test["standard_error"] is None else f" +- {test['standard_error']:.2g}"
     simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}{error} {test['unit']}"

@@ -28,7 +28,7 @@ def card(args: argparse.Namespace) -> None:
     if len(args.cards) != needed:
         raise InputError("command line", f"card {args.action}", args.cards, f"files: {needed}")
     cards = [card.read(path) for path in args.cards]
-    print(card.in_words(cards[0]) if args.action == "show" else card.compared(*cards))
+    print(card.describe(cards[0]) if args.action == "show" else card.compared(*cards))
 
 
 @family.verb(

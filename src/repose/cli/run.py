@@ -208,11 +208,11 @@ def snakemake_arguments(words: list[str]) -> list[str]:
         if word.startswith("-"):
             option, equals, path = word.partition("=")
             expected = "" if equals else option
-            options.append(f"{option}={_found(option, path)}" if equals else word)
+            options.append(f"{option}={_resolved(option, path)}" if equals else word)
         elif expected in CONFIG_OPTIONS and Path(word).suffix not in CONFIG_SUFFIXES:
             targets.append(word)
         else:
-            options.append(_found(expected, word))
+            options.append(_resolved(expected, word))
     if not _given(options, CORES_OPTIONS):
         options = ["--cores", "all", *options]
     if not _given(options, SNAKEFILE_OPTIONS):
@@ -220,7 +220,7 @@ def snakemake_arguments(words: list[str]) -> list[str]:
     return [*targets, *options]
 
 
-def _found(option, path):
+def _resolved(option, path):
     """A value of an option; a configuration or profile missing in the working folder is the built-in one."""
     return str(places.find(path)) if option in (*CONFIG_OPTIONS, *PROFILE_OPTIONS) else path
 

@@ -88,12 +88,12 @@ def _over_each_other(
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
-    return _with_files_found(config), Origin(
+    return _with_files_resolved(config), Origin(
         origin, str(files[-1]) if files else "", str(places.find(places.METHOD_CONFIG))
     )
 
 
-def _with_files_found(config):
+def _with_files_resolved(config):
     """The configuration, with built-in files for the named files that the working folder lacks."""
     for section, keys in FILES.items():
         for key in keys:

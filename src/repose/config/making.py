@@ -96,7 +96,7 @@ class Making:
             self.faults.append(YamlError(owner_of(self.source, key), key, get(self.config, key), allowed))
             self.bad.add(key)
 
-    def _found(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
+    def _result_of(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
         """Result of a function; if it refuses its arguments, None, with a further fault of the key."""
         try:
             return function(*arguments)
@@ -116,27 +116,27 @@ class Making:
             if path is not None and not Path(path).is_file():
                 self._add([(key, "an existing file, relative to the folder of the project")])
         if self._may_use("berry.sizes"):
-            self._found("berry.sizes", read_sizes, self.config["berry"]["sizes"])
+            self._result_of("berry.sizes", read_sizes, self.config["berry"]["sizes"])
         if self._may_use("validation.published") and self._may_read("targets"):
             published = self.config["validation"]["published"]
             responses = Targets.of(self.config["targets"]).responses
-            self._found("validation.published", check_published, published, responses)
+            self._result_of("validation.published", check_published, published, responses)
 
     def _make_grain(self) -> None:
         """Make the mean berry and its particle."""
         from repose.particle import build
 
         if self.mean is None and self._may_read(*GRAIN):
-            self.mean = self._found("berry", _mean_berry, self.config)
+            self.mean = self._result_of("berry", _mean_berry, self.config)
         if self.mean is not None and self.particle is None:
-            self.particle = self._found("berry", build.of_settings, self.mean, self.config["berry"])
+            self.particle = self._result_of("berry", build.of_settings, self.mean, self.config["berry"])
 
     def _compute(self, pending: Iterable[computed.Computed]) -> None:
         """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
         for setting in pending:
             value = None
             if self._may_read(*setting.sections) and not (setting.needs_grain and self.particle is None):
-                value = self._found(setting.key, setting.of, self.config, self.mean, self.particle)
+                value = self._result_of(setting.key, setting.of, self.config, self.mean, self.particle)
             if value is None:
                 self.bad.add(setting.key)
             else:

@@ -17,7 +17,7 @@ from repose.core.ledger import LEDGER
 from repose.core.seeds import UNNAMED
 
 # Folders of the project that results must never be written into.
-OUR_OWN = (
+PROJECT_FOLDERS = (
     *("src", "config", "resources", "workflow", "profiles", "tests", "docs", "examples", "benchmarks"),
     "results/published",
 )
@@ -51,7 +51,7 @@ CHANGED = (
     *("content", "something else"),
     "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
 )
-NOT_OURS = (
+FOREIGN = (
     *("file", "there already"),
     "a file that repose wrote; a result of the study has this name: move yours away",
 )
@@ -62,11 +62,14 @@ def contradictions(results_dir: str) -> Faults:
     """Faults of the path alone, as (key, what is allowed)."""
     folder = Path(results_dir).resolve()
     roots = {Path.cwd(), places.root().resolve()}
-    kept = [root / own for root in roots for own in OUR_OWN]
+    kept = [root / own for root in roots for own in PROJECT_FOLDERS]
     around = {*roots, Path.home()}
     inside = any(folder.is_relative_to(own) for own in (*kept, places.PACKAGE))
     if inside or any(path.is_relative_to(folder) for path in around):
-        yield "results_dir", f"a folder of its own, not around the project and outside {', '.join(OUR_OWN)}"
+        yield (
+            "results_dir",
+            f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}",
+        )
 
 
 def existing_results(results_dir: str) -> Faults:
@@ -98,7 +101,7 @@ def check_no_foreign_files(results_dir: str, is_result: Callable[[str], bool]) -
         for path in (f"{folder}/{name}" for name in names if name not in known):
             # an empty file holds nothing to lose; snakemake makes such marks
             if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
-                faults[path] = NOT_OURS
+                faults[path] = FOREIGN
     raise_together([InputError(path, *fault) for path, fault in sorted(faults.items())])
 
 

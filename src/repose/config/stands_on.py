@@ -58,7 +58,7 @@ def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     test = bench(apparatus)
     own = (f"{apparatus}.{key}" for key in test.measured_by)
     return sections(config, "measure", *own) | {
-        "responses": [response.name for response in test.wanted(config)]
+        "responses": [response.name for response in test.target_responses(config)]
     }
 
 

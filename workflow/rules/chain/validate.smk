@@ -1,6 +1,8 @@
-# Numbers in solutions.csv: ours from 1, the representative first; the published ones from 101.
-OURS = [f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)]
-THEIRS = [
+# Numbers in solutions.csv: own solutions from 1, the representative first; the published ones from 101.
+OWN_SOLUTIONS = [
+    f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)
+]
+PUBLISHED_SOLUTIONS = [
     f"{101 + k}"
     for k in range(
         published_count(config["validation"]["published"], STUDY.targets.responses)
@@ -98,7 +100,7 @@ rule validate:
         jobs=expand(
             rules.measure_validation_runs.output.result,
             runs=folders_of_targets(),
-            sample=OURS + THEIRS,
+            sample=OWN_SOLUTIONS + PUBLISHED_SOLUTIONS,
         ),
         dataset=rules.dataset.output.dataset,
     output:

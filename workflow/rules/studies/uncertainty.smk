@@ -83,7 +83,7 @@ rule sensitivity_tables:
         " > {log:q} 2>&1"
 
 
-# Each figure: its folder, its name in the report, and what it shows.
+# Each figure: its folder, its name in the report, and its inputs.
 UNCERTAINTY_FIGURES = {
     "noise": (
         "noise",

@@ -65,7 +65,7 @@ def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) ->
     figure = style.new_figure(style.PAGE, 2.9 * style.grid_rows(count))
     panels = style.grid(figure, count)
     for panel, target in zip(panels, targets, strict=True):
-        _published_and_ours(panel, table, target)
+        _published_and_simulated(panel, table, target)
     style.name_panels(panels)
     # A response that was not published has no marks of the article's simulation, and no label for them.
     fullest = max(panels, key=lambda panel: len(panel.get_legend_handles_labels()[1]))
@@ -73,7 +73,7 @@ def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) ->
     return figure
 
 
-def _published_and_ours(panel: Axes, table: pd.DataFrame, target: Target) -> None:
+def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """One response of the published solutions, as published and as simulated here."""
     x, response = np.arange(len(table)), target.response
     _band(panel, target)
@@ -119,12 +119,12 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
         capsize=2,
         label="simulated",
     )
-    for place, before, theirs in zip(x, predicted, simulated, strict=True):
-        if not np.isfinite(theirs) or theirs == 0:
+    for place, before, after in zip(x, predicted, simulated, strict=True):
+        if not np.isfinite(after) or after == 0:
             continue
         panel.annotate(
-            f"{100 * abs((before - theirs) / theirs):.1f}",
-            (place, min(before, theirs)),
+            f"{100 * abs((before - after) / after):.1f}",
+            (place, min(before, after)),
             xytext=(0, -9),
             textcoords="offset points",
             ha="center",

@@ -41,8 +41,8 @@ def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     panels = style.grid(figure, len(pairs))
     for panel, (across, up) in zip(panels, pairs, strict=True):
         _samples(panel, good, across, up)
-        _asked_for(panel, across, up)
-        _found(panel, solutions, answer, across, up)
+        _targets(panel, across, up)
+        _solutions(panel, solutions, answer, across, up)
     style.name_panels(panels)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
@@ -58,7 +58,7 @@ def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up
         panel.plot(x, y, "o", ms=2.6, mew=0, color=colour, label=f"{len(table)} {label} (bars: ± SE)")
 
 
-def _asked_for(panel: Axes, across: Target, up: Target) -> None:
+def _targets(panel: Axes, across: Target, up: Target) -> None:
     """The box of the target ranges, and the measured piles."""
     sides = across.high - across.low, up.high - up.low
     look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3}
@@ -69,7 +69,7 @@ def _asked_for(panel: Axes, across: Target, up: Target) -> None:
     panel.set(xlabel=style.response_label(across.response), ylabel=style.response_label(up.response))
 
 
-def _found(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
+def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
     """Predictions of the solutions, and the answer as predicted and as simulated."""
     x, y = across.response, up.response
     kind = "feasible solutions" if solutions["feasible"].any() else "nearest solutions, none feasible"
