@@ -1,4 +1,4 @@
-"""How a script runs here: its options, the study's configuration, and a record of provenance in each result."""
+"""Frame of a script: its options, the study's configuration, and a record of provenance in each result."""
 
 import argparse
 import sys

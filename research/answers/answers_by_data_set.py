@@ -1,4 +1,4 @@
-"""How near the answers are, and how sure they may be, over independent data sets: real pours alone, no emulator.
+"""Errors and stated probabilities of the answers over independent data sets: real pours alone, no emulator.
 
     python -m research.answers.answers_by_data_set --out answers.csv
     python -m research.answers.answers_by_data_set --sets whole --runs second_run third_run --out answers_whole.csv

@@ -1,4 +1,4 @@
-"""What it costs to train a study's targets as if their noises were independent.
+"""Cost of training a study's targets as if their noises were independent.
 
 python -m research.answers.correlated_noise --dataset results/dataset.csv --runs results/runs.csv --splits 8
 

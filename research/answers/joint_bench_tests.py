@@ -1,4 +1,4 @@
-"""Which few tests narrow the parameters: the default berry's design, run in small versions of the further bench tests.
+"""Few tests that narrow the parameters: the default berry's design, run in small versions of the further bench tests.
 
     python -m research.answers.joint_bench_tests --samples 60 --out results/joint
 

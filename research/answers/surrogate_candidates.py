@@ -22,7 +22,7 @@ REFITS = 16
 
 
 class Candidate(Surrogate):
-    """What a candidate leaves out: it is neither saved nor searched by the island search."""
+    """Methods that a candidate lacks: it is neither saved nor searched by the island search."""
 
     settings: dict
 

@@ -26,7 +26,7 @@ class Points(NamedTuple):
         return self.values.shape[2]
 
     def good(self) -> np.ndarray:
-        """Which runs have all responses, (points, seeds)."""
+        """Mask (points, seeds) of the runs that have all responses."""
         return np.isfinite(self.values).all(axis=2)
 
     def means(self) -> np.ndarray:

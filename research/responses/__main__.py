@@ -1,4 +1,4 @@
-"""What to measure next: further responses of the pile, other bench tests, direct tests of a parameter."""
+"""The next measurement: further responses of the pile, other bench tests, direct tests of a parameter."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Which particle, tension, filling and definition of the angle: combinations at the published solutions.
+"""Choice of particle, tension, filling and definition of the angle: combinations at the published solutions.
 
 A publication gives parameter sets with the piles that they made in its simulator. It may leave open the details of its
 particle, its contact law's tension, its funnel and its angle. Here each particle (`shape_study.particles`, changes of

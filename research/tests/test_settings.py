@@ -51,7 +51,7 @@ def test_a_moved_section_is_reported_with_its_new_place(section):
 
 
 def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
-    """What matched.yaml changes is a cell of the shape study."""
+    """The changes of matched.yaml are a cell of the shape study."""
     monkeypatch.chdir(settings.HERE.parent)
     config = Study.load("config/matched.yaml").config
     study = settings.of(config)["shape_study"]

@@ -123,7 +123,7 @@ class Vessel:
         return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
 
     def inside(self, centres_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
-        """Which centres lie in the cylinder, at least `margin_m` away from wall, floor and rim."""
+        """Mask of the centres that lie in the cylinder, at least `margin_m` away from wall, floor and rim."""
         x, y, z = np.asarray(centres_m, float).T
         between = (z > margin_m) & (z < self.height_m - margin_m)
         return between & (np.hypot(x, y) < self.radius_m - margin_m)

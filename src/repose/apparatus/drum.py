@@ -102,7 +102,7 @@ class Drum:
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Which berries (N,), by their centres, lie inside the drum."""
+        """Mask (N,) of the berries whose centres lie inside the drum."""
         inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
         return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)
 
@@ -460,7 +460,7 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """What `repose.apparatus.drum_tables.measured_run` finds, and the responses under their public names."""
+    """The result of `repose.apparatus.drum_tables.measured_run`, and the responses under their public names."""
     from repose.apparatus import drum_tables
 
     measured, _ = drum_tables.measured_run(record, arrays, config, particle)

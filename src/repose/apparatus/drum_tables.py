@@ -126,7 +126,7 @@ def measured_run(
 
 
 def _of_slip(record, arrays, config, particle):
-    """How the berries moved in the slip; None where no berry lies under the part of the surface that is fitted."""
+    """Motion of the berries in the slip; None where no berry lies under the part of the surface that is fitted."""
     centres = arrays["position_before"], arrays["position_after"]
     before = surface_of(centres[0], arrays["quaternion_before"], arrays["scale"], config, particle)
     turned_rad = math.radians(record["after_turned_deg"] - record["before_turned_deg"])

@@ -278,7 +278,7 @@ def advice(
 
 
 def _softer(config, berry, longest_step_s):
-    """How far the shear modulus may be lowered, with its effect on the pile and on the time step."""
+    """The allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
     step, modulus = SimulationSettings.of(config).time_step_s, berry["shear_modulus_pa"]
     sinking, softest = softening(config, berry)
     now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
@@ -300,7 +300,7 @@ class Softening(NamedTuple):
 
 
 def softening(config: Config, berry: Mapping[str, Any]) -> Softening:
-    """How much a pile gives way under its own weight, and the softest grain whose pile hardly does.
+    """Sinking of a pile under its own weight, and the softest grain whose pile hardly sinks.
 
     A grain of diameter d at depth z carries the weight above its own area, F = p rho g z d^2, with p the packing.
     By Hertz two such grains approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean of this over the depth

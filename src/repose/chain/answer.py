@@ -14,7 +14,7 @@ from repose.core.targets import Targets
 
 
 class Files(NamedTuple):
-    """Where a strategy writes its answer, in the folder of results."""
+    """Files of the answer of a strategy, in the folder of results."""
 
     rule: str  # the last rule that writes them
     summary: str  # the answer

@@ -120,7 +120,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
 
 
 def _settings(args: argparse.Namespace) -> "MeasureSettings":
-    """How photographs are measured: outside a study the angle of repose is the line fit, the grain the folder's."""
+    """Settings of the measurement; outside a study the angle of repose is the line fit, the grain the folder's."""
     from repose.measure.settings import MeasureSettings
 
     if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:

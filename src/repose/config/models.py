@@ -185,7 +185,7 @@ class Simulation(Section):
 
 
 class Measure(Section):
-    """How a pile is measured."""
+    """Measurement of a pile."""
 
     views: int = Field(ge=1, le=360)
     mm_per_pixel: Annotated[float, Field(ge=0.02, le=5)] | Auto = AUTO
@@ -253,7 +253,7 @@ class Target(Section):
 
 
 class Network(Section):
-    """How a surrogate is trained."""
+    """Training of a surrogate."""
 
     hidden: int = Field(ge=1, le=100)
     epochs: int = Field(ge=1, le=100000)

@@ -1,4 +1,4 @@
-"""How the posterior depends on the discrepancy, and the region of parameters that the measurements do not exclude.
+"""Dependence of the posterior on the discrepancy, and the region of parameters that the measurements do not exclude.
 
 Both weigh the same points of a Sobol sequence over the prior, so nothing is sampled anew and the results are
 deterministic.

@@ -1,4 +1,4 @@
-"""Which parameter moves which response, by the surrogate: Sobol indices and main effects.
+"""Effects of the parameters on the responses, by the surrogate: Sobol indices and main effects.
 
 The indices use the estimators of Saltelli et al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence,
 as scipy.stats.sobol_indices has them. The free parameters are independent and uniform on their ranges; prior

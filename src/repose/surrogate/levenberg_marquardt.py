@@ -98,7 +98,7 @@ class _State(NamedTuple):
         return self.beta * self.at.JJ + np.diag(self.of_weight)
 
     def decrement(self):
-        """How far F lies above the minimum of its quadratic model."""
+        """Height of F above the minimum of its quadratic model."""
         g = self.half_gradient()
         return float(g @ np.linalg.solve(self.half_hessian(), g))
 

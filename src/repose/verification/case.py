@@ -126,7 +126,7 @@ class Effort:
 
     @property
     def tension(self) -> str:
-        """How a contact ends."""
+        """Tension at the end of a contact."""
         return self.laws.get("tension", "keep")
 
 

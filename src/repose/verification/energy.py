@@ -238,7 +238,7 @@ def energy_of_hits(effort: Effort) -> Result:
 
 
 def elastic_impacts(effort: Effort) -> Result:
-    """How far the force is from conservative: e = 1 and no friction; pairs, spheres as a control, and a funnel."""
+    """Deviation from a conservative force: e = 1 and no friction; pairs, spheres as a control, and a funnel."""
     bodies = (
         ("berries", BERRY_M, STEP),
         ("berries, a fifth of the time step", BERRY_M, STEP / 5),
