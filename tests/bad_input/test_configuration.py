@@ -291,4 +291,4 @@ def test_nothing_to_calibrate_is_reported(refused, tmp_path):
         message = refused(verb, "--config", "mine.yaml")
         assert len(message.splitlines()) == 1
         assert "mine.yaml: parameters is " in message
-        assert "at least one that is not fixed" in message
+        assert "at least one free parameter" in message

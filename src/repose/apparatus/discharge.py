@@ -233,7 +233,7 @@ def _fill_and_rest(simulation, factory, section, settings, seed, run_to, scales)
 def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     """Mass flow in the middle of a discharge: from `FROM_SHARE` to `TO_SHARE` of all mass, over the time it took.
 
-    NaN where that is no time. The bodies of times exit_s (N,) and masses (N,) come in any order.
+    NaN if it took no time. The bodies of times exit_s (N,) and masses (N,) come in any order.
     """
     order = np.argsort(exit_s, kind="stable")
     when, mass = exit_s[order], np.cumsum(mass_kg[order])

@@ -258,7 +258,7 @@ def _validator():
 
 
 def check(card: Mapping[str, Any], source: object) -> None:
-    """Raise InputError, for all faults at once, if the content is no card, or lacks a computable probability.
+    """Raise InputError, for all faults at once, if the content is not a card, or lacks a computable probability.
 
     `source` names the file in the message.
     """
@@ -280,7 +280,7 @@ def check(card: Mapping[str, Any], source: object) -> None:
 
 
 def read(path: str | PathLike) -> dict[str, Any]:
-    """Read a card; raise InputError if the file cannot be read or is no card."""
+    """Read a card; raise InputError if the file cannot be read or is not a card."""
     card = read_json(path, (), WHAT)
     check(card, path)
     return card

@@ -167,7 +167,7 @@ def read_jobs(
 def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
     """A job and the name of its bench test.
 
-    InputError if the file is no job of a bench test of the targets, a run has an unknown status, or an ok run has no
+    InputError if the file is not a job of a bench test of the targets, a run has an unknown status, or an ok run has no
     finite number for a target.
     """
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")

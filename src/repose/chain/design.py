@@ -148,7 +148,7 @@ def run(
 
 
 def _is_integer(value):
-    """True for an int that is no bool."""
+    """True for an int other than a bool."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 

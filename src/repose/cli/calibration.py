@@ -113,7 +113,7 @@ def published_solutions(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "compare predicted and simulated responses of our solutions (Table 4) and of the published ones",
+    "compare predicted and simulated responses of the study's and the published solutions (Table 4)",
     example="results/validation/heaps/???.json",
     out="results/validation",
     options=[

@@ -36,7 +36,7 @@ def bench(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "run the simulator's verification suite: compare its answers with known ones",
+    "run the simulator's verification suite: compare its results with known answers",
     example="--out results/verification --case chung1",
     out="results/verification",
     options=[

@@ -43,7 +43,7 @@ def read_layers(
 
 
 def layers(files: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
-    """The files of a configuration, each to be read over the one before it: the default ones, then those given.
+    """The files of a configuration, each to be read over the one before it: the defaults, then the given files.
 
     The built-in crop is a default only if no other file defines a crop. So a missing key of a crop is reported, and no
     number of another crop is used.

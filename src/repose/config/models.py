@@ -162,7 +162,7 @@ class Parameters(Section):
     def contradictions(self) -> Contradictions:
         """No free parameter."""
         if all(hasattr(value, "fixed") for _, value in self):
-            yield "", "at least one that is not fixed: there is nothing to calibrate"
+            yield "", "at least one free parameter: there is nothing to calibrate"
 
 
 class Design(Section):

@@ -71,7 +71,7 @@ def remove(path: str | os.PathLike) -> None:
 def changed(folder: str | os.PathLike) -> list[Path]:
     """Files that this program wrote in a folder and that differ since: edited, or damaged; without lost files.
 
-    Subfolders are not searched. InputError if the folder's ledger is no ledger, here and in `names`.
+    Subfolders are not searched. InputError if the folder's ledger is invalid, here and in `names`.
     """
     digests = defaultdict(set)
     for line in _lines(Path(folder)):

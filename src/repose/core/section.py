@@ -27,7 +27,7 @@ Berries = Annotated[int, Field(ge=1, le=20000)]
 
 
 class Section(BaseModel):
-    """A section: every key known, no value converted; 8.0 is no integer, true no number, and numbers are finite."""
+    """A section: all keys known, no value converted; 8.0 is not an integer, true not a number; numbers are finite."""
 
     model_config = ConfigDict(
         extra="forbid",

@@ -87,7 +87,7 @@ def measure_all(
 ) -> list[Photograph]:
     """Measure photographs; `lens` are photographs of the sheet alone, by the same camera.
 
-    A bad photograph is refused in its result. Raises InputError if a file is no picture or a photograph of the lens
+    A bad photograph is refused in its result. Raises InputError if a file is not a picture or a photograph of the lens
     shows no sheet.
     """
     if scale.mm_per_pixel is not None:
@@ -157,7 +157,7 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
 def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
     """Measure a photograph without a sheet, or a silhouette; `scale` has `mm_per_pixel`.
 
-    Raises InputError if the file is no picture, or `base_row` does not lie in it.
+    Raises InputError if the file is not a picture, or `base_row` does not lie in it.
     """
     image, times = load(path)
     image, base = _levelled(image, scale.level_deg, scale.base_row and scale.base_row / times)

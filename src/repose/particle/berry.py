@@ -74,7 +74,7 @@ def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
-    """Statistics of the sizes (`read_sizes`) beside the published ones (Table 1), a row for each dimension.
+    """Statistics of the sizes (`read_sizes`) beside the published values (Table 1), a row for each dimension.
 
     `dimension`, `unit`, `n`, `maximum`, `minimum`, `mean`, `sd` (n - 1), then `published_*` and `difference_*`
     (measured minus published); empty without a published value.

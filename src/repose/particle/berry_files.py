@@ -32,7 +32,7 @@ def read_sizes(path: str | PathLike) -> pd.DataFrame:
     """Full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry.
 
     Lines that start with # are comments; `attrs["reconstruction"]` is True if a comment marks the file as a
-    reconstruction. InputError if a value is no positive number, or not long >= major >= minor.
+    reconstruction. InputError if a value is not a positive number, or not long >= major >= minor.
     """
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
@@ -71,7 +71,7 @@ def read_compression(path: str | PathLike) -> pd.DataFrame:
 def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> dict[str, Any]:
     """The file of the verb berry; `needed` are keys that it must have.
 
-    InputError if a key is missing, or a quantity of the berry is no positive number.
+    InputError if a key is missing, or a quantity of the berry is not a positive number.
     """
     berry = read_json(path, needed, WRITTEN)
     for key in (*needed, *(key for key in POSITIVE if key in berry)):

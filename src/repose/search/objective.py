@@ -110,7 +110,7 @@ class Archive:
     """The best distinct points out of any number met, in bounded memory.
 
     Two points are distinct when they lie at least `distance` apart, Euclidean in normalised parameters. A point is
-    kept, best fitness first, when it is distinct from every better one that is kept. `points` (kept, dimensions) and
+    kept, best fitness first, when it is distinct from every better kept point. `points` (kept, dimensions) and
     `fitness` (kept,) are up to date after `thin`; `buffer` is the number of points that wait for it.
     """
 

@@ -31,7 +31,7 @@ class NoiseFloor(NamedTuple):
 
 
 def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """All runs of a study, failed ones included, from the table of `repose.chain.dataset`.
+    """All runs of a study, including failed runs, from the table of `repose.chain.dataset`.
 
     InputError if a target has no sample with two usable runs, or usable runs of one sample alone.
     """

@@ -36,9 +36,9 @@ def indices(
 ) -> dict[str, np.ndarray]:
     """First-order and total Sobol indices with intervals, each (outputs, d).
 
-    `function` maps points (n, d) to (n, outputs); it is evaluated at samples (d + 2) points. `low` and `high` (d,) are
-    ranges. `resamples` of the rows give percentile intervals by bootstrap. ValueError if `samples` is no power of two,
-    or an output does not vary.
+    `function` maps points (n, d) to (n, outputs); it is evaluated at samples (d + 2) points. `low` and `high` (d,)
+    are ranges. `resamples` of the rows give percentile intervals by bootstrap. ValueError if `samples` is not a power
+    of two, or an output does not vary.
     """
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples!r}; allowed: a power of two")

@@ -52,7 +52,7 @@ def folded(title: str, frame: pd.DataFrame) -> str:
 
 
 def picture(path: str | os.PathLike, caption: str) -> str:
-    """A picture embedded in the page; a photograph is reduced. InputError if the file is no picture."""
+    """A picture embedded in the page; a photograph is reduced. InputError if the file is not a picture."""
     try:
         with Image.open(path) as opened:
             image = opened.convert("RGB")

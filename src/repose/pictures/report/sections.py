@@ -85,7 +85,7 @@ def verdict(study: Study) -> tuple[str, str]:
 
 
 def _checks(study):
-    """The answer's simulated responses beside the measured ones."""
+    """The answer's simulated and measured responses."""
     for target in study.targets:
         simulated, error = (study.number(key) for key in (target.response.simulated, target.response.error))
         ended = int(study.number("n_seeds")), text(study.row.get("status"))
