@@ -147,7 +147,7 @@ rule draw_shape_study:
         " --input combinations={input.combinations:q} --input sets={input.sets:q} > {log:q} 2>&1"
 
 
-# Every file by name, as in the method's chain: one that is lost is made again.
+# Every file by name, as in the method's chain: a lost file is made again.
 rule shape_study:
     input:
         first_cells,

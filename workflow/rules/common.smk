@@ -1,4 +1,4 @@
-# What the rules share: the checked configuration, and the Python that runs the verbs.
+# Shared by all rules: the checked configuration, and the Python that runs the verbs.
 import base64
 import json
 import os

@@ -1,4 +1,4 @@
-# Numbers in solutions.csv: own solutions from 1, the representative first; the published ones from 101.
+# Numbers in solutions.csv: own solutions from 1, the representative first; published solutions from 101.
 OWN_SOLUTIONS = [
     f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)
 ]
@@ -35,7 +35,7 @@ rule solutions:
         " > {log:q} 2>&1"
 
 
-# In a table of their own, so that another answer of the search is no reason to pour the published ones again.
+# In a table of their own, so that another answer of the search is no reason to pour the published solutions again.
 rule published_solutions:
     input:
         published=config["validation"]["published"] or [],

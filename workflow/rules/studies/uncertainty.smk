@@ -1,4 +1,4 @@
-# How sure the answer is. Targets of their own: `snakemake --cores 2 uncertainty`, or noise, posterior, sensitivity.
+# Uncertainty of the answer. Targets of their own: `snakemake --cores 2 uncertainty`, or noise, posterior, sensitivity.
 rule noise_tables:
     input:
         runs=rules.dataset.output.runs,
