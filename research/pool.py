@@ -29,8 +29,8 @@ SETS = {"pool": PointSet("", "samples", 0), "fresh": PointSet("fresh_", "fresh_s
 
 def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> pd.DataFrame:
     """Points of a set of `SETS`: ``sample`` from 1, and the six parameters; `settings` is the section `pool`."""
-    one = SETS[name]
-    unit = design.sobol(settings[one.size], space.dimensions, [settings["seed"], one.scrambling])
+    chosen = SETS[name]
+    unit = design.sobol(settings[chosen.size], space.dimensions, [settings["seed"], chosen.scrambling])
     return design.parameter_sets(unit, space)
 
 

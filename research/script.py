@@ -1,4 +1,4 @@
-"""How a script runs here: its options, the study's configuration, and a record of provenance in each result."""
+"""Frame of a script: its options, the study's configuration, and a record of provenance in each result."""
 
 import argparse
 import sys
@@ -9,7 +9,7 @@ from typing import Any
 from repose.config import stands_on
 from repose.config.study import Study
 from repose.core import places, provenance
-from repose.core.errors import BAD_INPUT, InputError, tell
+from repose.core.errors import BAD_INPUT, InputError, print_fault
 from repose.core.lock import joined_folder
 from research import settings
 
@@ -59,7 +59,7 @@ class Script:
                 config = Study.load(args.config).config
                 text = args.work(args, config | settings.of(config))
         except (InputError, OSError) as error:
-            tell(error)
+            print_fault(error)
             sys.exit(BAD_INPUT)
         if text:
             print(text)
@@ -73,9 +73,9 @@ def _settings(config, apparatus):
 def _files(args: argparse.Namespace) -> Iterator[Path]:
     """Files that the options name; of a folder its dataset, if it has one."""
     for key, value in vars(args).items():
-        for one in value if isinstance(value, list) else [value]:
-            if isinstance(one, str) and key not in NOT_READ:
-                path = Path(one.partition("=")[2] if key == "input" else one)
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, str) and key not in NOT_READ:
+                path = Path(item.partition("=")[2] if key == "input" else item)
                 path = path / "dataset.csv" if path.is_dir() else path
                 if path.is_file():
                     yield path

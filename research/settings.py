@@ -61,5 +61,5 @@ def _faults(given: Any, known: Any, source: str, prefix: str = "") -> Iterator[I
 def _alike(value, like):
     """Whether a value has the type of a default; an integer is a number, too."""
     if isinstance(like, list) and isinstance(value, list):
-        return all(_alike(one, like[0]) if like else isinstance(one, str) for one in value)
+        return all(_alike(item, like[0]) if like else isinstance(item, str) for item in value)
     return type(value) is type(like) or (type(value) is int and type(like) is float)

@@ -1,1 +1,1 @@
-"""How right and how sure answers are, from known truths and independent data: each runs by hand."""
+"""Accuracy and stated probability of answers, from known truths and independent data; each script runs by hand."""

@@ -1,4 +1,4 @@
-"""How near the answers are, and how sure they may be, over independent data sets: real pours alone, no emulator.
+"""Errors and stated probabilities of the answers over independent data sets: real pours alone, no emulator.
 
     python -m research.answers.answers_by_data_set --out answers.csv
     python -m research.answers.answers_by_data_set --sets whole --runs second_run third_run --out answers_whole.csv
@@ -62,7 +62,7 @@ def merged(sets):
     rows = [every.values[place.ravel() == k].reshape(-1, every.responses) for k in range(len(X))]
     most = max(map(len, rows))
     return Points(
-        X, np.array([np.pad(one, ((0, most - len(one)), (0, 0)), constant_values=np.nan) for one in rows])
+        X, np.array([np.pad(runs, ((0, most - len(runs)), (0, 0)), constant_values=np.nan) for runs in rows])
     )
 
 
@@ -70,7 +70,7 @@ def cut(design, pool):
     """Eight data sets of disjoint pours, and for each all other pours of design and pool."""
     every = points.joined([design, pool])
     quarter = np.concatenate(
-        [np.random.default_rng(k).permutation(len(one.X)) % 4 for k, one in enumerate((design, pool))]
+        [np.random.default_rng(k).permutation(len(part.X)) % 4 for k, part in enumerate((design, pool))]
     )
     for k in range(4):
         for pair in (slice(0, 2), slice(2, 4)):
@@ -90,7 +90,7 @@ def data_sets(args, names):
         for k, (own, others) in enumerate(cut(design, pool)):
             yield f"part {k + 1}", own, [others, fresh], fresh
         return
-    wholes = {"design": design, "pool": pool} | {one.name: read(one, names) for one in args.runs}
+    wholes = {"design": design, "pool": pool} | {run.name: read(run, names) for run in args.runs}
     for name, own in wholes.items():
         yield name, own, [other for key, other in wholes.items() if key != name] + [fresh], fresh
 
@@ -115,12 +115,12 @@ def targets_at(names, aim):
         [
             {
                 "response": name,
-                "value": one,
-                "sd": 0.05 * one,
+                "value": value,
+                "sd": 0.05 * value,
                 "repetitions": 10,
-                "range": [0.95 * one, 1.05 * one],
+                "range": [0.95 * value, 1.05 * value],
             }
-            for name, one in zip(names, aim.tolist(), strict=True)
+            for name, value in zip(names, aim.tolist(), strict=True)
         ]
     )
 
@@ -138,7 +138,7 @@ def answers(model, judge, names, values, space):
     for number, aim in enumerate(values):
         targets = targets_at(names, aim)
         found = expected_loss.least(model, space, targets)
-        X = np.array([[found[one] for one in PARAMETERS]])
+        X = np.array([[found[parameter] for parameter in PARAMETERS]])
         truth, unsure = judge.predict(X), judge.covariance(X)
         off = 100 * (truth[0] / aim - 1)
         row = {
@@ -183,7 +183,7 @@ def run(args, config):
                     "fit_s": cost,
                     "z_fresh": at_fresh_points(model, fresh),
                 }
-                rows += [about | one for one in answers(model, judge, names, values, space)]
+                rows += [about | answer for answer in answers(model, judge, names, values, space)]
                 pd.DataFrame(rows).to_csv(args.out, index=False, float_format="%.5g")
     return pd.DataFrame(rows)
 
@@ -253,19 +253,21 @@ def reliability(table):
             for percent in PERCENT
         ]
         every = pd.concat(parts, ignore_index=True)
-        for place, one in every.groupby(pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True):
-            difference, error = by_sets(one, one["met"].astype(float) - one["stated"])
-            # where all sets achieve 1.00 their scatter tells nothing
-            error = max(error, np.sqrt((one["stated"] * (1 - one["stated"])).sum()) / len(one))
-            counts = one["set"].nunique() >= FEWEST_SETS
+        for place, part in every.groupby(
+            pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True
+        ):
+            difference, error = by_sets(part, part["met"].astype(float) - part["stated"])
+            # where all sets achieve 1.00 their scatter has no information
+            error = max(error, np.sqrt((part["stated"] * (1 - part["stated"])).sum()) / len(part))
+            counts = part["set"].nunique() >= FEWEST_SETS
             agrees = ("yes" if abs(difference) <= 2 * error else "no") if counts else "few"
             cells = [
                 name,
                 place,
-                len(one),
-                one["set"].nunique(),
-                f"{one['stated'].mean():.2f}",
-                f"{one['met'].mean():.2f}",
+                len(part),
+                part["set"].nunique(),
+                f"{part['stated'].mean():.2f}",
+                f"{part['met'].mean():.2f}",
             ]
             yield "| " + " | ".join(map(str, [*cells, f"{difference:+.2f} ± {error:.2f}", agrees])) + " |"
 
@@ -277,8 +279,8 @@ def differences(table):
     default = square[square.index.get_level_values("surrogate") == "network_ensemble"]
     for name, own in square.groupby(level="surrogate", sort=False):
         both = pd.concat([own.droplevel("surrogate"), default.droplevel("surrogate")], axis=1, join="inner")
-        one, other = both.groupby("set").mean().to_numpy().T
-        more = (one - other) / (np.sqrt(one.mean()) + np.sqrt(other.mean()))
+        first, second = both.groupby("set").mean().to_numpy().T
+        more = (first - second) / (np.sqrt(first.mean()) + np.sqrt(second.mean()))
         beside = f"{more.mean():+.3f} ± {more.std(ddof=1) / np.sqrt(len(more)):.3f} over {len(more)} sets"
         yield f"{name}: rms {np.sqrt(own.mean()):.3f} %, more than network_ensemble by {beside}"
 
@@ -311,7 +313,7 @@ def main():
     )
     args = parser.parse_args()
     if args.read:
-        table = pd.concat([pd.read_csv(one) for one in args.read], ignore_index=True)
+        table = pd.concat([pd.read_csv(path) for path in args.read], ignore_index=True)
     else:
         table = run(args, Study.load(args.config).config)
     print(*summary(table), "", *reliability(table), "", *differences(table), sep="\n")

@@ -1,4 +1,4 @@
-"""What it costs to train a study's targets as if their noises were independent.
+"""Cost of training a study's targets as if their noises were independent.
 
 python -m research.answers.correlated_noise --dataset results/dataset.csv --runs results/runs.csv --splits 8
 
@@ -54,7 +54,7 @@ def main():
     covariance, _ = within_covariance(runs[list(targets.names)], runs["sample"])
     sd = np.sqrt(np.diag(covariance))
     print(f"correlations of the noises\n{np.round(covariance / np.outer(sd, sd), 2)}\n")
-    titles = ("prior", "covariance", *(f"R2 {one.response.symbol}" for one in targets), "gamma")
+    titles = ("prior", "covariance", *(f"R2 {target.response.symbol}" for target in targets), "gamma")
     lines = ["| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
     for prior in ("one", "inputs"):
         for used in (False, True):

@@ -48,7 +48,7 @@ class Simulator:
             points.read(folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names)
             for part in ("", "fresh_")
         ]
-        poured = points.joined([one._replace(X=space.unit(one.X)) for one in read])
+        poured = points.joined([simulated._replace(X=space.unit(simulated.X)) for simulated in read])
         covariance = poured.covariance()
         errors = np.sqrt(np.diagonal(covariance) / poured.counts()[:, None])
         if emulator == "networks":

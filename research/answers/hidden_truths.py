@@ -7,7 +7,7 @@
 
 The simulator is that of `emulated.py`. A hidden parameter set is drawn from the ranges; its mean responses are the
 targets. The error of an answer is the largest deviation of its true mean responses from the targets, in percent of
-them. Each hidden set is told by its number alone, so a run that was stopped goes on where it was. Whether the stated
+them. Each hidden set depends on its number alone, so a run that was stopped goes on where it was. Whether the stated
 probabilities are right is the question of `stated_probability.py`.
 
   sequential            `strategy: sequential`; its answer after each batch, with the probability that it states
@@ -39,7 +39,7 @@ from research.comparison.models import configured_network
 from research.comparison.proposals import local_search
 
 BUDGETS = (80, 120)
-GRID = (32, 48, 64, 80, 96, 112, 120)  # pours after which `repose plan` tells the chances
+GRID = (32, 48, 64, 80, 96, 112, 120)  # pours after which `repose plan` prints the probabilities
 TABLE = Path("research/answers/hidden_truths.csv")
 TOLERANCE = 1.0  # percent
 NETWORK = {"starts": 5, "epochs": 300}  # fewer than config.yaml's, for time
@@ -183,7 +183,7 @@ def main():
     for number in range(*args.truths):
         same = (table["truth"] == number) & (table["responses"] == len(args.responses))
         done = table[same & (table["noise_percent"] == args.noise_percent)]["method"]
-        methods = [one for one in args.methods if one not in set(done)]
+        methods = [method for method in args.methods if method not in set(done)]
         rows = of_truth(number, simulator, args.responses, space, config, methods, args.noise_percent)
         table = pd.concat([table, pd.DataFrame(rows, columns=columns)], ignore_index=True)
         table.to_csv(args.out, index=False, float_format="%.4g")

@@ -1,4 +1,4 @@
-"""Which few tests narrow the parameters: the default berry's design, run in small versions of the further bench tests.
+"""Few tests that narrow the parameters: the default berry's design, run in small versions of the further bench tests.
 
     python -m research.answers.joint_bench_tests --samples 60 --out results/joint
 
@@ -48,8 +48,8 @@ def main():
         for name in SMALL:
             job = args.out / f"{name}_runs/{sample:03d}.json"
             if not job.exists():
-                one = {"samples": design, "sample": sample, **seeds, **berry, "config": of_study}
-                verb("pour", apparatus=name, **one, out=job.parent)
+                inputs = {"samples": design, "sample": sample, **seeds, **berry, "config": of_study}
+                verb("pour", apparatus=name, **inputs, out=job.parent)
                 verb("measure_runs", job.with_suffix(".pours.json"), config=of_study, **berry, out=job.parent)
     tables = {"runs": HEIGHT_ALONE / "responses/runs.csv", "dataset": HEIGHT_ALONE / "dataset.csv"}
     given = [text for key, value in tables.items() for text in (f"--{key}", str(value))]

@@ -1,4 +1,4 @@
-"""How often the sequential strategy says that targets are out of reach, where they are and where they are not.
+"""Frequency of the verdict "out of reach" of the sequential strategy, right and wrong.
 
     python -m research.answers.out_of_reach --campaigns 1000 1050 --responses height_mm
     python -m research.answers.out_of_reach --campaigns 1000 1050 --responses aor_deg height_mm

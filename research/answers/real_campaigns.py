@@ -18,7 +18,7 @@ refine
     three refits, 64 seeds of each proposal, and 2 of each neighbour. It is right if the loop says so: the mean of 64
     fresh seeds within 1 % of the target, with a standard error below 0.7 %.
 
-Every campaign that was begun is in the table, with whatever came out. The table's record of provenance names what the
+Every campaign that was begun is in the table, with any result. The table's record of provenance names what the
 campaigns' own files stand on; `--campaigns` without a number makes the table anew from finished campaigns.
 """
 
@@ -166,7 +166,7 @@ def refine(folder, number):
             campaign.verb("refine_judge", **tables, out=here)
         last = json.loads((here / "verdict.json").read_text())
         done.append(here)
-    campaign.verb("refine_tables", *(one / "verdict.json" for one in done), out=folder)
+    campaign.verb("refine_tables", *(folder / "verdict.json" for folder in done), out=folder)
     table = pd.read_csv(folder / "rounds.csv").drop(columns=["reason", "warning", "usable"])
     table.insert(0, "campaign", number)
     return table.to_dict("records")

@@ -43,8 +43,8 @@ def trial(training, fresh):
         network = BayesianBP(hidden=12, epochs=400, goal=0.0, starts=3, prior="inputs")
         for model in (network, GaussianProcess()):
             mean = model.fit(training.X, training.means(), precision=weight).predict(fresh.X)
-            one = scores.accuracy(fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0])
-            found[model.name, way] = one["explainable"]
+            accuracy = scores.accuracy(fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0])
+            found[model.name, way] = accuracy["explainable"]
     return found
 
 
@@ -57,9 +57,9 @@ def compared(files, response):
         for count, draws in DRAWS.items()
     } | {f"main design, {len(main_design.X)}": [main_design]}
     for name, drawn in sets.items():
-        trials = [trial(one, fresh) for one in drawn]
+        trials = [trial(sample, fresh) for sample in drawn]
         for model in (BayesianBP.name, GaussianProcess.name):
-            share = {way: np.array([one[model, way] for one in trials]) for way in WAYS}
+            share = {way: np.array([trial[model, way] for trial in trials]) for way in WAYS}
             gain, error = scores.mean_and_error(share["errors"] - share["runs"])
             means = {way: share[way].mean() for way in WAYS}
             row = {"trained_on": name, "draws": len(drawn), "model": model} | means

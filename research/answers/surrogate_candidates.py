@@ -4,7 +4,7 @@ network_of_part   `network_ensemble`, fitted to the training part alone
 network_resampled 16 networks of one start each, each of samples drawn with replacement; the scatter is the error
 network_process   `network_ensemble` plus a Gaussian process of its residuals, whose error is added
 process_of_part   `gaussian_process`, fitted to the training part alone
-kriging           Gaussian process of Matern 5/2, noise told by the replicates, lengths and variances drawn
+kriging           Gaussian process of Matern 5/2, noise from the replicates, lengths and variances drawn
 kriging_smooth    the same, squared exponential
 """
 
@@ -22,7 +22,7 @@ REFITS = 16
 
 
 class Candidate(Surrogate):
-    """What a candidate leaves out: it is neither saved nor searched by the island search."""
+    """Methods that a candidate lacks: it is neither saved nor searched by the island search."""
 
     settings: dict
 
@@ -64,12 +64,12 @@ class NetworkResampled(Candidate):
         self.members = []
         for k in range(REFITS):
             count = np.bincount(random.integers(len(X), size=len(X)), minlength=len(X))
-            one = BayesianBP.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
-            self.members.append(one.fit(X, Y, count, precision, noise_covariance, noise_freedom))
+            network = BayesianBP.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
+            self.members.append(network.fit(X, Y, count, precision, noise_covariance, noise_freedom))
         return self
 
     def _means(self, X):
-        return np.array([one.predict(X) for one in self.members])
+        return np.array([member.predict(X) for member in self.members])
 
     def predict(self, X, return_std=False, noise=True):
         return self._means(X).mean(axis=0)
@@ -193,8 +193,8 @@ class Kriging(Candidate):
         normal = np.random.default_rng(1).standard_normal((HALF_DRAWS, len(best)))
         return [np.clip(best + root @ z, -LIMIT, LIMIT) for z in np.vstack([normal, -normal])]
 
-    def between(self, theta, one, other):
-        a, b = one / np.exp(theta[1:-1]), other / np.exp(theta[1:-1])
+    def between(self, theta, first, second):
+        a, b = first / np.exp(theta[1:-1]), second / np.exp(theta[1:-1])
         square = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
         return 1.0 + np.exp(theta[0]) * self.covariance_of(np.maximum(square, 0.0))[0]
 

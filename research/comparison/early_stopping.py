@@ -60,14 +60,14 @@ class EarlyStoppingBP:
 
     def _train(self, w, used, held, mu=0.005, mu_max=1e10):
         """One start: (weights of least held-back error, that error, epochs)."""
-        one = np.ones((1, used[1].shape[1]))
-        e, J = linearise(w, *used, one)
-        square, best, best_error, waited, epoch = e @ e, w, _mean_square(w, held, one), 0, 0
+        unit_weight = np.ones((1, used[1].shape[1]))
+        e, J = linearise(w, *used, unit_weight)
+        square, best, best_error, waited, epoch = e @ e, w, _mean_square(w, held, unit_weight), 0, 0
         while epoch < self.epochs and waited < self.patience:
             JJ, gradient = J.T @ J, J.T @ e
             while mu <= mu_max:
                 candidate = w - np.linalg.solve(JJ + mu * np.eye(w.size), gradient)
-                e = residuals(candidate, *used, one)
+                e = residuals(candidate, *used, unit_weight)
                 if e @ e < square:
                     break
                 mu *= 10
@@ -75,8 +75,8 @@ class EarlyStoppingBP:
                 break
             mu = max(0.1 * mu, 1e-12)
             w, epoch = candidate, epoch + 1
-            e, J = linearise(w, *used, one)
-            square, error = e @ e, _mean_square(w, held, one)
+            e, J = linearise(w, *used, unit_weight)
+            square, error = e @ e, _mean_square(w, held, unit_weight)
             if error < best_error:
                 best, best_error, waited = w, error, 0
             else:
@@ -84,6 +84,6 @@ class EarlyStoppingBP:
         return best, best_error, epoch
 
 
-def _mean_square(w, held, one):
+def _mean_square(w, held, unit_weight):
     """Mean squared residual of the held-back samples."""
-    return float(np.mean(residuals(w, *held, one) ** 2))
+    return float(np.mean(residuals(w, *held, unit_weight) ** 2))

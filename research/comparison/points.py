@@ -26,7 +26,7 @@ class Points(NamedTuple):
         return self.values.shape[2]
 
     def good(self) -> np.ndarray:
-        """Which runs have all responses, (points, seeds)."""
+        """Mask (points, seeds) of the runs that have all responses."""
         return np.isfinite(self.values).all(axis=2)
 
     def means(self) -> np.ndarray:
@@ -86,12 +86,12 @@ class Points(NamedTuple):
 
 def joined(sets: Sequence[Points]) -> Points:
     """All points of several sets; where a set has fewer runs than another, NaN fills the gap."""
-    seeds = max(one.values.shape[1] for one in sets)
+    seeds = max(points.values.shape[1] for points in sets)
     padded = [
-        np.pad(one.values, ((0, 0), (0, seeds - one.values.shape[1]), (0, 0)), constant_values=np.nan)
-        for one in sets
+        np.pad(points.values, ((0, 0), (0, seeds - points.values.shape[1]), (0, 0)), constant_values=np.nan)
+        for points in sets
     ]
-    return Points(np.concatenate([one.X for one in sets]), np.concatenate(padded))
+    return Points(np.concatenate([points.X for points in sets]), np.concatenate(padded))
 
 
 def read_sets(files: Mapping[str, str | Path], names: Sequence[str]) -> list[Points]:

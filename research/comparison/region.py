@@ -41,10 +41,10 @@ class Region:
         self.lists = [
             random.choice(self.points, min(listed, len(self.points)), replace=False) for _ in range(LISTS)
         ]
-        self.reach = float(np.median([cKDTree(one).query(self.cloud)[0] for one in self.lists]))
+        self.reach = float(np.median([cKDTree(points).query(self.cloud)[0] for points in self.lists]))
 
     def spread(self, points: np.ndarray) -> dict[str, float]:
-        """How widely feasible points (n, d) in [-1, 1] lie; all NaN with fewer than two points.
+        """Spread of feasible points (n, d) in [-1, 1]; all NaN with fewer than two points.
 
         ``pairwise_distance`` is a mean. ``coverage`` is the share of the feasible region within `reach` of a point; a
         half for as many random points. ``width`` is the mean over the parameters of their interval over the region's

@@ -191,7 +191,7 @@ def _real(main, pool, fresh, names, settings, seed):
             "simulations": sets[0].simulations(),
         }
         for fit_name in FITS:
-            predicted = [_fitted(fit_name, one, settings, seed + k) for k, one in enumerate(sets)]
+            predicted = [_fitted(fit_name, points, settings, seed + k) for k, points in enumerate(sets)]
             if None in predicted:
                 continue
             scored = [_on_fresh(fresh, predict(fresh.X)[0]) for predict in predicted]
@@ -225,5 +225,5 @@ def _rows(case, names, scored):
     for k, response in enumerate(names):
         row = case | {"response": response, "repetitions": len(scored)}
         for key in ("explainable", "rmse"):
-            row[key], row[f"{key}_se"] = scores.mean_and_error([one[k][key] for one in scored])
+            row[key], row[f"{key}_se"] = scores.mean_and_error([score[k][key] for score in scored])
         yield row

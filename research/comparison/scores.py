@@ -1,4 +1,4 @@
-"""How well predictions meet noisy means: R2, the part of it that can be explained, error bars that hold.
+"""Accuracy of predictions of noisy means: R2, its explainable part, coverage of error bars.
 
 The mean of a test point has a noise of its own, which no prediction can meet. R2 of the means counts this noise as a
 fault of the prediction; the explainable share (`repose.chain.train.r2_noise_corrected`) subtracts it from both sums.
@@ -87,7 +87,7 @@ def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float
 def calibration(
     means: np.ndarray, errors: np.ndarray, predicted: np.ndarray, std: np.ndarray
 ) -> dict[str, float]:
-    """How well the error bars of one response hold.
+    """Coverage of the error bars of one response.
 
     ``coverage_50`` and ``coverage_90`` are shares of the means inside the intervals of `LEVELS`;
     ``standardised_square`` is the mean square of the deviations in standard deviations. A calibrated model has the

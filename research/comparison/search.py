@@ -165,7 +165,7 @@ def _methods(runs, bests, region):
         # whether other seeds give the same answer
         row["between_seeds_distance"] = float(pdist(np.array(bests[name])).mean())
         rows.append(row)
-    spreads = pd.DataFrame([region.spread(one) for one in region.lists])
+    spreads = pd.DataFrame([region.spread(points) for points in region.lists])
     row = {"method": REFERENCE, "repetitions": len(spreads), "feasible_share": region.share}
     for key in spreads:
         mean, error = scores.mean_and_error(spreads[key])

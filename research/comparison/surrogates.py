@@ -38,7 +38,7 @@ def table_of(
     rows = []
     for source, drawn in training_sets(main, pool, seed):
         for name, fit in MODELS.items():
-            found = [judged(fit(one, settings, seed + k), fresh) for k, one in enumerate(drawn)]
+            found = [judged(fit(points, settings, seed + k), fresh) for k, points in enumerate(drawn)]
             if None not in found:
                 rows.extend(_rows(source, name, names, drawn, found))
     return pd.DataFrame(rows)
@@ -81,10 +81,10 @@ def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | No
     means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predict(fresh.X)
     found = []
     for k in range(fresh.responses):
-        one = scores.accuracy(means[:, k], errors[:, k], mean[:, k])
+        score = scores.accuracy(means[:, k], errors[:, k], mean[:, k])
         if std is not None:
-            one |= scores.calibration(means[:, k], errors[:, k], mean[:, k], std[:, k])
-        found.append(one)
+            score |= scores.calibration(means[:, k], errors[:, k], mean[:, k], std[:, k])
+        found.append(score)
     return found
 
 
@@ -94,12 +94,12 @@ def _rows(source, name, names, sets, found):
         row = {
             "model": name,
             "training": source,
-            "points": int(np.median([len(one.X) for one in sets])),
+            "points": int(np.median([len(points.X) for points in sets])),
             "seeds": sets[0].values.shape[1],
             "simulations": sets[0].simulations(),
             "response": response,
             "repetitions": len(sets),
         }
         for key in MEASURES:
-            row[key], row[f"{key}_se"] = scores.mean_and_error([one[k].get(key, np.nan) for one in found])
+            row[key], row[f"{key}_se"] = scores.mean_and_error([score[k].get(key, np.nan) for score in found])
         yield row

@@ -191,8 +191,10 @@ def message(table: pd.DataFrame, targets: Targets) -> str:
         last = group[group["samples"] == group["samples"].max()]
         for row in last.to_dict("records"):
             parts = []
-            for one in targets.responses:
-                off = derived(one.name, "off")
-                parts.append(f"{one.symbol} {row[off]:.2f} ± {row[f'{off}_se']:.2f} {one.unit}".rstrip())
+            for response in targets.responses:
+                off = derived(response.name, "off")
+                parts.append(
+                    f"{response.symbol} {row[off]:.2f} ± {row[f'{off}_se']:.2f} {response.unit}".rstrip()
+                )
             lines.append(f"{kind}, {row['samples']} samples, {row['method']}: off by {', '.join(parts)}")
     return "\n".join(lines)

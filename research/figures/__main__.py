@@ -15,7 +15,7 @@ script = Script("figures", __doc__)
 )
 def draw(args, config):
     """Draw one figure."""
-    inputs = dict(one.split("=", 1) for one in args.input)
+    inputs = dict(pair.split("=", 1) for pair in args.input)
     figures.draw(args.name, inputs, args.out, config, FIGURES)
 
 

@@ -133,7 +133,7 @@ def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     Input: ``whole`` of the script comparison.
     """
     responses = style.targets_of(config).responses
-    off = [derived(one.name, "off") for one in responses]
+    off = [derived(response.name, "off") for response in responses]
     columns = [column for key in off for column in (key, f"{key}_se")]
     table = read_table(inputs["whole"], ("data", "method", "simulations", *columns))
     kinds = [kind for kind in KINDS if kind in set(table["data"])]

@@ -30,7 +30,9 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     columns = ("particle", "tension", "filling", "definition", "distance")
     combinations = read_table(inputs["combinations"], columns)
     sets = read_table(inputs["sets"], ("kind", "definition", "set"))
-    shown = [one for one in style.targets_of(config) if derived(one.name, "difference") in combinations][:2]
+    shown = [
+        target for target in style.targets_of(config) if derived(target.name, "difference") in combinations
+    ][:2]
     published = _published(sets, shown)
     study = config["shape_study"]
     particles, tensions, fillings = (list(study[key]) for key in ("particles", "tensions", "fillings"))
@@ -50,7 +52,7 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         rows = combinations[combinations["definition"] == definition]
         _one_definition(panel, rows, shown, published, looks)
         panel.set_title(definition, fontsize=9)
-    labels = [f"{one.response.label} ({one.response.unit})" for one in shown] + ["distance (–)"]
+    labels = [f"{target.response.label} ({target.response.unit})" for target in shown] + ["distance (–)"]
     for panel in panels[-1]:
         panel.set_xlabel(labels[0])
     for panel in panels[:, 0]:
@@ -65,11 +67,11 @@ def _one_definition(
     """The combinations of one definition of the angle, the published piles and the ranges of the targets."""
     _ranges(panel, shown)
     if len(shown) > 1:
-        across, up = (published[one.name] for one in shown)
+        across, up = (published[target.name] for target in shown)
         panel.scatter(across, up, marker="+", s=40, color="k", linewidths=1, zorder=5)
     for row in rows.to_dict("records"):
-        place = [published[one.name].mean() + row[derived(one.name, "difference")] for one in shown]
-        errors = [2 * row[one.response.error] for one in shown]
+        place = [published[target.name].mean() + row[derived(target.name, "difference")] for target in shown]
+        errors = [2 * row[target.response.error] for target in shown]
         if len(shown) == 1:
             place, errors = [*place, row["distance"]], [*errors, 0.0]
         panel.errorbar(
@@ -85,8 +87,8 @@ def _one_definition(
 
 def _published(sets: pd.DataFrame, shown: list[Target]) -> pd.DataFrame:
     """Published values of each set: the value found less the difference."""
-    one = sets[sets["kind"] == "published"].drop_duplicates("set")
-    return pd.DataFrame({t.name: one[t.name] - one[derived(t.name, "difference")] for t in shown})
+    published = sets[sets["kind"] == "published"].drop_duplicates("set")
+    return pd.DataFrame({t.name: published[t.name] - published[derived(t.name, "difference")] for t in shown})
 
 
 def _ranges(panel: Axes, shown: list[Target]) -> None:

@@ -1,4 +1,4 @@
-"""How the definitions of the angle of repose compare: bias on known shapes, noise, signal over a design.
+"""Comparison of the definitions of the angle of repose: bias on known shapes, noise, signal over a design.
 
 Every saved pile is measured by all definitions and by other bands and rules of the line, each time on the same
 silhouettes. docs/measurement.md shows and discusses the tables.

@@ -1,4 +1,4 @@
-"""How the angle and the Height of one pile go together, by definition of the angle and number of views.
+"""Correlation of the angle and the Height of one pile, by definition of the angle and number of views.
 
 From pile to pile of the same parameters both vary by chance, and together: a pile that is steeper than the mean is also
 higher. How much depends on how they are measured. Who measured physical piles in another way than the simulated ones

@@ -1,1 +1,1 @@
-"""What to measure next: further responses of the pile, other bench tests, direct tests of a parameter."""
+"""The next measurement: further responses of the pile, other bench tests, direct tests of a parameter."""

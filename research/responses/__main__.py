@@ -1,4 +1,4 @@
-"""What to measure next: further responses of the pile, other bench tests, direct tests of a parameter."""
+"""The next measurement: further responses of the pile, other bench tests, direct tests of a parameter."""
 
 import math
 
@@ -60,7 +60,7 @@ def second(args, config):
     settings = config["second_responses"] | {key: config["network"][key] for key in ("hidden", "epochs")}
     settings |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
     targets, space, data = _over_design(args, config)
-    settings["discrepancies"] = dict(_share(one, data.known) for one in args.discrepancy)
+    settings["discrepancies"] = dict(_share(share, data.known) for share in args.discrepancy)
     return second_responses.run(data, targets, space, settings, args.out)
 
 

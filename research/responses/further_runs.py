@@ -45,7 +45,7 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
             raise InputError(path, "apparatus", job["apparatus"], "another bench test than that of the pile")
         if job["sample"] not in samples:
             raise InputError(path, "sample", job["sample"], "a usable sample of the design")
-        names = [one.name for one in bench(job["apparatus"], path).responses]
+        names = [response.name for response in bench(job["apparatus"], path).responses]
         own = rows.setdefault(job["apparatus"], [])
         for run in job["runs"]:
             try:

@@ -26,7 +26,7 @@ def of_pours(
     settings, rows = pile.with_berry_height(settings, particle), []
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
-        arrays = saved_pours.saved_positions(saved_pours.positions_beside(path))
+        arrays = saved_pours.saved_positions(saved_pours.positions_file(path))
         for record in job["pours"]:
             if (job["sample"], record["seed"]) not in good:
                 continue

@@ -56,7 +56,7 @@ def coverage(
             observed[:k] += random.multivariate_normal(np.zeros(k), spread, method="eigh")
             observed[k:] += random.normal(size=len(tested)) * np.sqrt(np.diag(covariance)[k:])
             for label, chosen in sets.items():
-                columns = [one for one in tests.of(chosen) if np.isfinite(observed[one])]
+                columns = [column for column in tests.of(chosen) if np.isfinite(observed[column])]
                 weight = prior.weights(observed, columns, covariance)
                 low, high = prior.intervals(weight)
                 held[label].append(((low <= place) & (place <= high), high - low, 1 / (weight**2).sum()))

@@ -76,13 +76,13 @@ class Prior:
     def posterior(
         self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray, float]:
-        """Result of `told` for an observation of some responses.
+        """Result of `summary` for an observation of some responses.
 
         `observed` (k,) and `covariance` (k, k) are of all responses; `columns` are the numbers of the observed ones.
         """
-        return self.told(self.weights(observed, columns, covariance))
+        return self.summary(self.weights(observed, columns, covariance))
 
-    def told(self, weight: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, float]:
+    def summary(self, weight: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, float]:
         """Information in weighted points: bits, bits and widths (d,) of the parameters, effective number of points.
 
         `weight` (n,) is the posterior probability of each point. Bits are Kullback-Leibler divergences from the prior:
@@ -139,10 +139,10 @@ def averaged(
     """
     root, likelihood = np.linalg.cholesky(covariance), Likelihood(prior, columns, covariance)
     found = [
-        prior.told(likelihood.weights(prior.predicted[row] + root @ error))
+        prior.summary(likelihood.weights(prior.predicted[row] + root @ error))
         for row, error in zip(truths, errors, strict=True)
     ]
-    joint, bits, widths, effective = (np.array([one[i] for one in found]) for i in range(4))
+    joint, bits, widths, effective = (np.array([outcome[i] for outcome in found]) for i in range(4))
     count = math.sqrt(len(truths))
     return {
         "bits": joint.mean(),

@@ -43,9 +43,9 @@ def approximate_widths(
     """
     design = np.column_stack([np.ones(len(prior.place)), prior.place])
     slopes = np.linalg.lstsq(design, prior.predicted[:, columns], rcond=None)[0][1:]
-    told = slopes @ np.linalg.solve(covariance[np.ix_(columns, columns)], slopes.T)
+    gained = slopes @ np.linalg.solve(covariance[np.ix_(columns, columns)], slopes.T)
     known = np.diag(1.0 / prior.place.var(axis=0))
-    return np.minimum(NORMAL_WIDTH * np.sqrt(np.diag(np.linalg.inv(known + told))), prior.widths)
+    return np.minimum(NORMAL_WIDTH * np.sqrt(np.diag(np.linalg.inv(known + gained))), prior.widths)
 
 
 def merit(widths: np.ndarray, parameters: int) -> float:
@@ -75,29 +75,35 @@ def study(
     more = np.random.default_rng(settings["seed"] + 1).normal(size=(len(truths), len(tested)))
     normal = np.hstack([normal, more])
 
-    def told(chosen):
+    def information_of(chosen):
         return information.averaged(prior, truths, normal, tests.of(chosen), tests.covariance)
 
     count, wide = settings["parameters"], settings["width_percent"] / 100
     base = information.averaged(
         prior, truths, normal, [names.index(name) for name in targets.names], tests.covariance
     )
-    singles = [_row(space, prior, tests, (name,), told((name,)), count, wide) for name in tests.columns]
+    singles = [
+        _row(space, prior, tests, (name,), information_of((name,)), count, wide) for name in tests.columns
+    ]
     for row, name in zip(singles, tests.columns, strict=True):
-        columns = sorted({*tests.of((name,)), *(names.index(one) for one in targets.names)})
+        columns = sorted({*tests.of((name,)), *(names.index(name) for name in targets.names)})
         beside = information.averaged(prior, truths, normal, columns, tests.covariance)
         gain = beside["all"] - base["all"]
         row["gain_bits"] = gain.mean()
         row["gain_se_bits"] = gain.std(ddof=1) / math.sqrt(len(gain))
         row["gain_bits_a_minute"] = gain.mean() / tests.minutes[name]
     pairs = [
-        _row(space, prior, tests, pair, told(pair), count, wide)
+        _row(space, prior, tests, pair, information_of(pair), count, wide)
         for pair in itertools.combinations(tests.columns, 2)
     ]
-    ranked = sorted(_sets(tests, settings["most_tests"]), key=lambda one: _score(prior, tests, one, count))
-    sets = [_row(space, prior, tests, one, told(one), count, wide) for one in ranked[:VERIFIED]]
+    ranked = sorted(
+        _sets(tests, settings["most_tests"]), key=lambda chosen: _score(prior, tests, chosen, count)
+    )
+    sets = [
+        _row(space, prior, tests, choice, information_of(choice), count, wide) for choice in ranked[:VERIFIED]
+    ]
     everything = tuple(tests.columns)
-    sets.append(_row(space, prior, tests, everything, told(everything), count, wide))
+    sets.append(_row(space, prior, tests, everything, information_of(everything), count, wide))
     frames = {
         "tests": _sorted(singles, "bits", False),
         "pairs": _sorted(pairs, "bits", False),
@@ -126,7 +132,7 @@ def study(
         "discrepancy_correlation": settings["discrepancy_correlation"],
         "sets": sum(1 for _ in _sets(tests, settings["most_tests"])),
         "least_effective_points": float(
-            min(frames[one]["effective_points"].min() for one in ("tests", "sets"))
+            min(frames[table]["effective_points"].min() for table in ("tests", "sets"))
         ),
     }
     return frames, summary
@@ -171,7 +177,7 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
         for row in tables["tests"].itertuples()
     ]
     pair, best = tables["pairs"].iloc[0], tables["sets"].set_index("set").loc[summary["best"]]
-    lines.append(f"the pair that tells most: {pair['set']}, {pair['bits']:.2f} ± {pair['bits_se']:.2f} bits")
+    lines.append(f"the most informative pair: {pair['set']}, {pair['bits']:.2f} ± {pair['bits_se']:.2f} bits")
     widths = ", ".join(
         f"{name} {100 * best[f'width_{name}']:.0f} %" for name in PARAMETERS if f"width_{name}" in best.index
     )

@@ -34,7 +34,10 @@ def measured_covariance(
     repetitions of the one that was measured less often in common, so the larger number divides their covariance.
     `correlation` (k, k) is of the noise from run to run.
     """
-    own, least = {one.name: one.repetitions for one in targets}, min(one.repetitions for one in targets)
+    own, least = (
+        {target.name: target.repetitions for target in targets},
+        min(target.repetitions for target in targets),
+    )
     repetitions = np.array([own.get(name, least) for name in names])
     within = np.array([data.known[name].row["sd_within"] for name in names])
     return np.outer(within, within) * correlation / np.maximum.outer(repetitions, repetitions)

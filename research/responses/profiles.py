@@ -79,13 +79,13 @@ def study(
     predict, off, r2 = _surrogates(X, known, settings)
     kept = [
         k
-        for k, one in enumerate(known)
-        if k < len(own) or (one.row["signal_to_noise"] >= NOISY and r2[k] >= WORST_R2)
+        for k, column in enumerate(known)
+        if k < len(own) or (column.row["signal_to_noise"] >= NOISY and r2[k] >= WORST_R2)
     ]
     names = [*own, *(f"component_{k + 1}" for k in range(directions.shape[1]))]
     correlation = _noise(values, runs["sample"])[np.ix_(kept, kept)]
     within = np.array([known[k].row["sd_within"] for k in kept])
-    measured = np.outer(within, within) * correlation / min(one.repetitions for one in targets)
+    measured = np.outer(within, within) * correlation / min(target.repetitions for target in targets)
     errors = np.column_stack([known[k].error for k in kept])
     error = measured + surrogate_covariance(off[:, kept], errors, correlation)
     prior = prior_points(space, settings, lambda points: predict(points)[:, kept])
@@ -100,12 +100,12 @@ def study(
         for correlated in (0.0, settings["discrepancy_correlation"]) if percent else (0.0,):
             spread = _discrepancy(percent, correlated, centre, directions, own, known, settings)
             covariance = error + spread[np.ix_(kept, kept)]
-            told = {
+            by_set = {
                 label: information.averaged(prior, truths, normal, columns, covariance)
                 for label, columns in sets.items()
             }
-            for label, found in told.items():
-                gain = found["all"] - told["both numbers"]["all"]
+            for label, found in by_set.items():
+                gain = found["all"] - by_set["both numbers"]["all"]
                 row = {"discrepancy_percent": percent, "discrepancy_correlation": correlated, "set": label}
                 row |= {"bits": found["bits"], "bits_se": found["bits_se"], "gain_bits": gain.mean()}
                 row["gain_se_bits"] = gain.std(ddof=1) / np.sqrt(len(gain))
@@ -126,15 +126,15 @@ def _surrogates(
     """All surrogates as one function, their residuals on unseen samples (samples, k), and their R2."""
     fold = np.random.default_rng(settings["seed"]).permutation(len(X)) % settings["folds"]
     models, off, r2 = [], [], []
-    for one in known:
+    for column in known:
         predicted = np.full(len(X), np.nan)
         for k in range(settings["folds"]):
-            seen = one._replace(mean=np.where(fold == k, np.nan, one.mean))
+            seen = column._replace(mean=np.where(fold == k, np.nan, column.mean))
             predicted[fold == k] = fitted(X, seen, settings)(X[fold == k])
-        predicted[~np.isfinite(one.mean)] = np.nan
-        off.append(predicted - one.mean)
-        r2.append(cross_validated_r2(one, predicted))
-        models.append(fitted(X, one, settings))
+        predicted[~np.isfinite(column.mean)] = np.nan
+        off.append(predicted - column.mean)
+        r2.append(cross_validated_r2(column, predicted))
+        models.append(fitted(X, column, settings))
     return lambda points: np.column_stack([model(points) for model in models]), np.column_stack(off), r2
 
 
@@ -152,9 +152,9 @@ def _discrepancy(percent, correlated, centre, directions, own, known, settings):
         sd = np.maximum(sd, settings["smallest_discrepancy"].get("mm", 0.0))
     of_widths = correlated * np.outer(sd, sd)
     np.fill_diagonal(of_widths, sd**2)
-    means = np.array([one.row["mean"] for one in known[: len(own)]])
+    means = np.array([column.row["mean"] for column in known[: len(own)]])
     size = discrepancy.sizes(own, means, percent, settings["smallest_discrepancy"])
-    over = np.column_stack([one.mean for one in known[: len(own)]])
+    over = np.column_stack([column.mean for column in known[: len(own)]])
     k = len(own) + directions.shape[1]
     found = np.zeros((k, k))
     found[: len(own), : len(own)] = discrepancy.covariance(own, size, over, correlated)

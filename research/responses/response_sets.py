@@ -30,7 +30,7 @@ WAYS = {
 
 def base_label(responses: Sequence[Response]) -> str:
     """Name of the set of all targets, as in ``AoR and Height``."""
-    symbols = [one.symbol for one in responses]
+    symbols = [response.symbol for response in responses]
     return " and ".join(filter(None, [", ".join(symbols[:-1]), symbols[-1]]))
 
 
@@ -40,7 +40,7 @@ def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tu
     The first target alone (where there are several), the targets, and the targets with each further response. Then the
     targets with all responses of the pile, and with all responses (where some are not of the pile).
     """
-    base = tuple(one.name for one in responses)
+    base = tuple(response.name for response in responses)
     extra = [name for name in names if name not in base]
     pile = [name for name in extra if source_of(name) == "pile"]
     found = {f"{responses[0].symbol} alone": base[:1]} if len(base) > 1 else {}

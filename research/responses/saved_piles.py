@@ -28,7 +28,7 @@ def of_pours(
     found = {}
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
-        arrays = saved_pours.saved_positions(saved_pours.positions_beside(path))
+        arrays = saved_pours.saved_positions(saved_pours.positions_file(path))
         for record in job["pours"]:
             key = (job["sample"], record["seed"])
             if key in good:
@@ -44,7 +44,7 @@ def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, floa
     """
     keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
     of_run = [found.get(key, {}) if own else {} for key, own in zip(keys, _of_the_pile(runs), strict=True)]
-    return runs.assign(**{name: [one.get(name, math.nan) for one in of_run] for name in MEASURED})
+    return runs.assign(**{name: [run.get(name, math.nan) for run in of_run] for name in MEASURED})
 
 
 def run(

@@ -115,18 +115,19 @@ def study(
         rows = information.in_order(prior, truths, normal, model.names, targets.names, covariance)
         tables["order"] += [{"discrepancy_percent": percent, **row} for row in rows]
     rows = [
-        _row(name, one, model.predicted.get(name), name in model.names) for name, one in data.known.items()
+        _row(name, response, model.predicted.get(name), name in model.names)
+        for name, response in data.known.items()
     ]
     summary = {
         "samples": len(data.X),
-        "physical_piles": int(min(one.repetitions for one in targets)),
+        "physical_piles": int(min(target.repetitions for target in targets)),
         "truths": len(truths),
         "least_effective_points": least,
         "left_out": [name for name in data.known if name not in model.names],
         "modelled": model.names,
         "noise_correlation": model.correlation.round(3).tolist(),
     } | ({"discrepancies": own} if own else {})
-    frames = {"responses": pd.DataFrame(rows)} | {name: pd.DataFrame(one) for name, one in tables.items()}
+    frames = {"responses": pd.DataFrame(rows)} | {name: pd.DataFrame(table) for name, table in tables.items()}
     if not tables["ways"]:  # every response is a target
         frames["ways"] = pd.DataFrame(columns=list(WAYS_COLUMNS))
     return frames, summary

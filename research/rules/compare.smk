@@ -1,6 +1,6 @@
 # Parts of the method beside their alternatives, on request: `snakemake -s research/Snakefile --cores 2 compare`. See docs/comparison.md.
 COMPARISON = f"{RESULTS}/comparison"
-# What each comparison depends on besides the pours, its tables, and its memory in MB.
+# Inputs of each comparison besides the pours, its tables, and its memory in MB.
 COMPARISONS = {
     "accuracy": (("network", "surrogate"), (), 200),
     "surrogates": (("network", "surrogate", "pool.seed"), (), 250),

@@ -56,7 +56,7 @@ rule whole_tables:
         " --out {params.folder:q} > {log:q} 2>&1"
 
 
-# Each figure: what it shows.
+# Inputs of each figure.
 INVERSION_FIGURES = {
     "search": {
         "curves": rules.search_tables.output.curves,

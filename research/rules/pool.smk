@@ -1,6 +1,6 @@
 # Pours that the comparisons share, on request: `snakemake -s research/Snakefile --cores 2 pool`. See docs/comparison.md.
 POOL = f"{RESULTS}/pool"
-# Each set of points: what its tables' names begin with, and its keys in the configuration.
+# Each set of points: prefix of its tables' names, and its keys in the configuration.
 POOL_SETS = {
     "pool": ["", "samples", "seeds"],
     "fresh": ["fresh_", "fresh_samples", "fresh_seeds"],
@@ -114,7 +114,7 @@ for points, (prefix, count, _) in POOL_SETS.items():
             " --prefix={params.prefix:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
-# Every file by name, as in the method's chain: one that is lost is made again.
+# Every file by name, as in the method's chain: a lost file is made again.
 rule pool:
     input:
         rules.pool_design.output,

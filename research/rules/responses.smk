@@ -1,5 +1,5 @@
-# What to measure next, on the piles that are there: `snakemake -s research/Snakefile --cores 2 second_responses`. With other bench tests, on a
-# part of the design: `second_responses_benches` ranks what each gives, `joint_targets` looks for the best few of them.
+# The next measurement, on existing piles: `snakemake -s research/Snakefile --cores 2 second_responses`. With other bench tests, on a
+# part of the design: `second_responses_benches` ranks their information, `joint_targets` looks for the best few of them.
 
 
 rule measure_responses:
@@ -23,7 +23,7 @@ rule measure_responses:
         config=CONFIG,
         depends=depending("measure", "funnel.plate_diameter_mm"),
     message:
-        "More responses of the piles that are there"
+        "Further responses of existing piles"
     shell:
         "python -m research.responses measure {input.pours:q} --config {params.config:q} --runs {input.runs:q}"
         " --berry {input.berry:q} --particle {input.particle:q} --out {output.runs:q} > {log:q} 2>&1"
@@ -76,7 +76,7 @@ if FURTHER_RUNS:
     )
 
 
-# The same tables without and with the other bench tests: a folder, and what is read beside the piles.
+# The same tables without and with the other bench tests: a folder, and the inputs besides the piles.
 SECOND_RESPONSES = {
     "second_responses": (f"{RESULTS}/responses", {}),
 }
@@ -125,7 +125,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
                 "second_responses",
             ),
         message:
-            "How far further responses narrow the posterior"
+            "Narrowing of the posterior by further responses"
         shell:
             "python -m research.responses second --config {params.config:q} --runs {input.runs:q}"
             " --dataset {input.dataset:q} {params.jobs:q} --out {params.folder:q} > {log:q} 2>&1"
@@ -159,7 +159,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
             ],
             depends=depending("small_run"),
         message:
-            "Drawing what to measure next"
+            "Drawing the candidates for the next measurement"
         shell:
             "python -m research.figures draw second_responses --config {params.config:q} {params.inputs:q} --out {output:q}"
             " > {log:q} 2>&1"
@@ -208,7 +208,7 @@ if FURTHER_RUNS:
                 "parameters", "targets", "network", "second_responses", "joint_targets"
             ),
         message:
-            "Which few tests narrow the parameters enough"
+            "Few tests that narrow the parameters"
         shell:
             "python -m research.responses joint --config {params.config:q} --runs {input.runs:q} --dataset {input.dataset:q}"
             " --jobs {params.jobs:q} --out {params.folder:q} > {log:q} 2>&1"

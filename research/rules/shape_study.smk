@@ -1,5 +1,5 @@
 # Particle, tension, filling and definition of the angle beside the published piles. A target of its own:
-# `snakemake -s research/Snakefile --cores 2 shape_study`. The selection is a checkpoint: it tells what is poured again with fresh seeds.
+# `snakemake -s research/Snakefile --cores 2 shape_study`. The selection is a checkpoint: it determines the cells that are poured again with fresh seeds.
 import pandas
 
 from research.shape import shape_cells
@@ -147,7 +147,7 @@ rule draw_shape_study:
         " --input combinations={input.combinations:q} --input sets={input.sets:q} > {log:q} 2>&1"
 
 
-# Every file by name, as in the method's chain: one that is lost is made again.
+# Every file by name, as in the method's chain: a lost file is made again.
 rule shape_study:
     input:
         first_cells,

@@ -92,12 +92,12 @@ def compared_targets(config: Config) -> list[Target]:
     path = config["validation"]["published"]
     if path is None:
         raise InputError("configuration", "validation.published", None, "the table of published solutions")
-    pile = [one for one in Targets.of(config["targets"]) if one.response.apparatus == BENCH]
+    pile = [target for target in Targets.of(config["targets"]) if target.response.apparatus == BENCH]
     columns = read_table(path, ("solution", *PARAMETERS))
-    there = published_responses(columns, [one.response for one in pile])
+    there = published_responses(columns, [target.response for target in pile])
     if not there:
         raise InputError(path, "columns", list(columns), "some target's predicted and simulated values")
-    return [one for one in pile if one.response in there]
+    return [target for target in pile if target.response in there]
 
 
 def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.DataFrame:
@@ -118,12 +118,12 @@ def published_sets(config: Config) -> pd.DataFrame:
     For a solution without a published pile the values of the physical pile are taken, which it nearly meets.
     """
     targets = compared_targets(config)
-    simulated = [one.response.simulated for one in targets]
+    simulated = [target.response.simulated for target in targets]
     table = read_table(config["validation"]["published"], ("solution", *PARAMETERS, *simulated))
     table = table.rename(columns={"solution": "set"})
     table["set"] = table["set"].astype(str)
-    for column, one in zip(simulated, targets, strict=True):
-        table[column] = table[column].fillna(one.value)
+    for column, target in zip(simulated, targets, strict=True):
+        table[column] = table[column].fillna(target.value)
     named = table["set"] == "representative"
     return pd.concat([table[~named], table[named]])[["set", *PARAMETERS, *simulated]]
 

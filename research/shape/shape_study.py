@@ -1,4 +1,4 @@
-"""Which particle, tension, filling and definition of the angle: combinations at the published solutions.
+"""Choice of particle, tension, filling and definition of the angle: combinations at the published solutions.
 
 A publication gives parameter sets with the piles that they made in its simulator. It may leave open the details of its
 particle, its contact law's tension, its funnel and its angle. Here each particle (`shape_study.particles`, changes of
@@ -66,11 +66,11 @@ def poured(
     key, purpose = KINDS.get(kind, SENSITIVITY)
     columns = shape_tables.run_columns(compared_targets(config))
     rows = []
-    for number, one in enumerate(sets.to_dict("records")):
+    for number, row in enumerate(sets.to_dict("records")):
         for seed in pour_seeds(own["design"]["seed"], purpose, number, own["shape_study"][key]):
             path = kept / f"{cell}_{number}_{seed}.npz" if kept else None
-            record = _one_pour(own, kind, one, seed, particle, berry, path)
-            about = {"kind": kind, **names, "set": one["set"]}
+            record = _one_pour(own, kind, row, seed, particle, berry, path)
+            about = {"kind": kind, **names, "set": row["set"]}
             rows.append(about | {key: record[key] for key in columns if key in record})
     return pd.DataFrame(rows, columns=list(columns))
 
@@ -86,7 +86,7 @@ def _one_pour(config, kind, parameters, seed, particle, berry, path):
     if run.record["status"] != "ok":
         return run.record
     measured = {}
-    if {one.name for one in compared_targets(config)} - {CALIBRATED_ANGLE, "height_mm"}:
+    if {target.name for target in compared_targets(config)} - {CALIBRATED_ANGLE, "height_mm"}:
         measured = test.measure(run.record, run.arrays, config, particle, berry)
     try:
         settings = MeasureSettings.of(config["measure"], berry)
@@ -153,7 +153,7 @@ def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.
     runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
     about = [read_json(path.with_suffix(".json"), ABOUT, "a file of the part cell") for path in paths]
     listed = list(config["shape_study"]["particles"])
-    about.sort(key=lambda one: listed.index(one["particle"]))
+    about.sort(key=lambda entry: listed.index(entry["particle"]))
     measured = config["shape_study"]["measured_mass_g"], config["berry"]["density_kg_m3"]
     return shape_tables.Study(runs, about, published_sets(config), targets, *measured)
 

@@ -23,7 +23,7 @@ NOISE_COLUMNS = (*CELL, "response", "signal", "noise", "signal_to_noise", "stand
 
 def run_columns(targets: Iterable[Target]) -> tuple[str, ...]:
     """Columns of a cell's table of pours: the cell, the targets, angles by every definition, densities."""
-    own = (one.name for one in targets if one.name != CALIBRATED_ANGLE)
+    own = (target.name for target in targets if target.name != CALIBRATED_ANGLE)
     about = ("kind", *CELL, "set", "seed", "status")
     return tuple(dict.fromkeys((*about, *own, *COLUMNS.values(), DENSITY, *BULK)))
 
@@ -89,8 +89,8 @@ class Study:
 
     def _reached(self, fresh):
         """For each fresh combination: whether its definition can reach the physical pile."""
-        angle = next((one for one in self.targets if one.name == CALIBRATED_ANGLE), None)
-        height = next((one for one in self.targets if one.name != CALIBRATED_ANGLE), None)
+        angle = next((target for target in self.targets if target.name == CALIBRATED_ANGLE), None)
+        height = next((target for target in self.targets if target.name != CALIBRATED_ANGLE), None)
         rows = []
         for row in fresh[COMBINATION].to_dict("records"):
             found = {"angle_at_height": math.nan, "reached": False}
@@ -143,14 +143,14 @@ def set_table(runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Tar
         about = dict(zip(["kind", *CELL, "set"], key, strict=True))
         for definition in COLUMNS:
             row = about | {"definition": definition}
-            for one in targets:
-                row[one.name], row[one.response.error] = _mean(group[measured_as(one, definition)])
-            for one in targets:
-                difference = row[one.name] - pairs.at[about["set"], one.response.simulated]
-                row[derived(one.name, "difference")] = difference
+            for target in targets:
+                row[target.name], row[target.response.error] = _mean(group[measured_as(target, definition)])
+            for target in targets:
+                difference = row[target.name] - pairs.at[about["set"], target.response.simulated]
+                row[derived(target.name, "difference")] = difference
             row |= {"n_ok": int((group["status"] == "ok").sum()), "n": len(group)}
             rows.append(row)
-    numbers = [name for one in targets for name in (one.name, one.response.error, _off(one))]
+    numbers = [name for target in targets for name in (target.name, target.response.error, _off(target))]
     return pd.DataFrame(rows, columns=["kind", *CELL, "set", "definition", *numbers, "n_ok", "n"])
 
 
@@ -171,20 +171,20 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
         count = len(group)
         off, within = pd.Series(0.0, group.index), pd.Series(True, group.index)
         row: dict[str, Any] = dict(zip(COMBINATION, key, strict=True))
-        for one in targets:
-            difference = group[_off(one)]
+        for target in targets:
+            difference = group[_off(target)]
             row[difference.name] = difference.mean()
-            squares = group[one.response.error] ** 2
-            row[one.response.error] = math.sqrt(squares.fillna(squares.mean()).sum()) / count
-            off = off + (difference / one.sd) ** 2
-            within = within & (difference.abs() <= one.sd)
+            squares = group[target.response.error] ** 2
+            row[target.response.error] = math.sqrt(squares.fillna(squares.mean()).sum()) / count
+            off = off + (difference / target.sd) ** 2
+            within = within & (difference.abs() <= target.sd)
         row |= {
             "sets_within": int(within.sum()),
             "sets": count,
             "distance": math.sqrt(off.mean(skipna=False)),
         }
         rows.append(row)
-    numbers = [name for one in targets for name in (_off(one), one.response.error)]
+    numbers = [name for target in targets for name in (_off(target), target.response.error)]
     table = pd.DataFrame(rows, columns=[*COMBINATION, *numbers, "sets_within", "sets", "distance"])
     return table.sort_values("distance", ignore_index=True, kind="stable")
 
@@ -207,7 +207,7 @@ def with_signal(combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequen
 
     It is that of the first target, where the angle is no target.
     """
-    with_angle = any(one.name == CALIBRATED_ANGLE for one in targets)
+    with_angle = any(target.name == CALIBRATED_ANGLE for target in targets)
     judged_by = combinations["definition"] if with_angle else targets[0].response.quantity
     columns = {"standard_error": "signal_to_noise_se"}
     ratios = noise.rename(columns=columns)[[*CELL, "response", "signal_to_noise", "signal_to_noise_se"]]
@@ -222,12 +222,12 @@ def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     parameter sets, which is the spread of the sets' means less the part of the noise. The standard error of their ratio
     comes from leaving out one set at a time (jackknife).
     """
-    others = [one for one in targets if one.name != CALIBRATED_ANGLE]
-    columns = COLUMNS | {one.response.quantity: one.name for one in others}
+    others = [target for target in targets if target.name != CALIBRATED_ANGLE]
+    columns = COLUMNS | {target.response.quantity: target.name for target in others}
     rows = []
     for key, group in runs.groupby(CELL, sort=False):
         for response, column in columns.items():
-            by_set = [one[column].dropna().to_numpy() for _, one in group.groupby("set")]
+            by_set = [rows[column].dropna().to_numpy() for _, rows in group.groupby("set")]
             moments = [
                 (values.var(ddof=1), values.mean(), len(values)) for values in by_set if len(values) > 1
             ]

@@ -79,24 +79,24 @@ def test_calibration_of_right_and_of_too_small_error_bars():
 
 
 def test_r2_on_means_of_few_seeds_lies_between_single_runs_and_all():
-    one = poured(60, 8, 4)
-    p = truth(one.X)[:, 0]
-    single, few = scores.on_runs(one.values[:, :, 0], p), scores.on_few_seeds(one.values[:, :, 0], p, 4)
-    assert single < few < scores.accuracy(one.means()[:, 0], one.errors()[:, 0], p)["r2"]
-    assert scores.on_few_seeds(one.values[:, :, 0], p, 9) is None
+    data = poured(60, 8, 4)
+    p = truth(data.X)[:, 0]
+    single, few = scores.on_runs(data.values[:, :, 0], p), scores.on_few_seeds(data.values[:, :, 0], p, 4)
+    assert single < few < scores.accuracy(data.means()[:, 0], data.errors()[:, 0], p)["r2"]
+    assert scores.on_few_seeds(data.values[:, :, 0], p, 9) is None
 
 
-def write(folder, name, one):
+def write(folder, name, points_written):
     """Tables of points as the verb dataset writes them; one run and one sample have failed."""
     folder.mkdir(exist_ok=True)
-    table = pd.DataFrame(one.X, columns=list(PARAMETERS))
+    table = pd.DataFrame(points_written.X, columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, len(table) + 1))
     table["status"] = "ok"
     table.loc[1, "status"] = "jammed"
     rows = []
-    for (i, j), aor in np.ndenumerate(one.values[:, :, 0]):
+    for (i, j), aor in np.ndenumerate(points_written.values[:, :, 0]):
         ok = i != 1 and (i, j) != (2, 0)
-        responses = (aor, one.values[i, j, 1]) if ok else (None, None)
+        responses = (aor, points_written.values[i, j, 1]) if ok else (None, None)
         rows.append((i + 1, j, "ok" if ok else "jammed", *responses))
     table.to_csv(folder / f"{name}dataset.csv", index=False)
     columns = ["sample", "seed", "status", *RESPONSES]
@@ -104,13 +104,13 @@ def write(folder, name, one):
 
 
 def test_points_read_back_without_what_failed(tmp_path):
-    one = poured(6, 3, 5)
-    write(tmp_path, "", one)
+    data = poured(6, 3, 5)
+    write(tmp_path, "", data)
     found = points.read(tmp_path / "dataset.csv", tmp_path / "runs.csv", RESPONSES)
-    np.testing.assert_allclose(found.X, one.X[[0, 2, 3, 4, 5]])
+    np.testing.assert_allclose(found.X, data.X[[0, 2, 3, 4, 5]])
     assert found.counts().tolist() == [3, 2, 3, 3, 3]
     assert found.simulations() == 15
-    np.testing.assert_allclose(found.means()[1], one.values[2, 1:].mean(axis=0))
+    np.testing.assert_allclose(found.means()[1], data.values[2, 1:].mean(axis=0))
     # of the third point the first run failed: with one seed it is gone
     assert len(found.take([0, 1, 2], seeds=1).X) == 2
     with pytest.raises(InputError, match=PARAMETERS[0]):
@@ -126,10 +126,10 @@ def test_points_of_one_response_read_back_as_those_of_two(tmp_path):
 
 
 def test_runs_drawn_are_runs_of_the_same_point():
-    one = poured(20, 5, 6)
-    drawn = one.with_seeds_drawn(2, np.random.default_rng(1))
+    data = poured(20, 5, 6)
+    drawn = data.with_seeds_drawn(2, np.random.default_rng(1))
     assert drawn.values.shape == (20, 2, 2)
-    for mine, all_of_it in zip(drawn.values, one.values, strict=True):
+    for mine, all_of_it in zip(drawn.values, data.values, strict=True):
         assert {tuple(run) for run in mine} < {tuple(run) for run in all_of_it}
 
 
@@ -150,7 +150,7 @@ def test_central_composite_designs_are_balanced_and_orthogonal(n, corners):
     x = 2 * unit[:size] - 1
     assert (np.abs(x).sum(axis=1) == 6).sum() == corners
     np.testing.assert_array_equal(x.T @ x, (corners + 2) * np.eye(6))
-    # a fraction of 16 corners cannot tell all products of two apart, the others can
+    # a fraction of 16 corners cannot separate all products of two, the others can
     assert np.linalg.matrix_rank(quadratic_terms(unit[:size])) == (28 if corners > 16 else 20)
     np.testing.assert_array_equal(unit[size:], unit[: n - size])
 
@@ -171,24 +171,24 @@ def test_quadratic_surface_meets_a_quadratic_and_needs_more_points_than_terms():
 
 @pytest.mark.parametrize("name", ["network", "quadratic surface", "Gaussian process"])
 def test_error_bars_are_those_of_the_mean_without_the_noise_of_a_pour(name):
-    one = poured(120, 4, 8)
+    data = poured(120, 4, 8)
     fresh = np.random.default_rng(9).uniform(size=(300, 6))
-    mean, std = models.MODELS[name](one, NETWORK | {"epochs": 200}, 1)(fresh)
-    noise = np.sqrt(np.diagonal(one.covariance()) / 4)
+    mean, std = models.MODELS[name](data, NETWORK | {"epochs": 200}, 1)(fresh)
+    noise = np.sqrt(np.diagonal(data.covariance()) / 4)
     assert (std < 1.2 * noise).all(axis=1).mean() > 0.9
     z = (mean - truth(fresh)) / std
     assert 0.3 < np.mean(z**2) < 2.5
 
 
 def test_early_stopping_learns_and_stops_before_the_noise():
-    one = poured(150, 4, 10)
-    network = EarlyStoppingBP(hidden=12, starts=3).fit(one.X, one.means())
+    data = poured(150, 4, 10)
+    network = EarlyStoppingBP(hidden=12, starts=3).fit(data.X, data.means())
     assert network.epochs_ < 100
     fresh = np.random.default_rng(11).uniform(size=(200, 6))
     error = np.mean((network.predict(fresh) - truth(fresh)) ** 2, axis=0)
     assert (1 - error / truth(fresh).var(axis=0) > 0.8).all()
     with pytest.raises(ValueError, match="at least 4"):
-        EarlyStoppingBP().fit(one.X[:3], one.means()[:3])
+        EarlyStoppingBP().fit(data.X[:3], data.means()[:3])
 
 
 def test_emulator_has_the_mean_and_the_noise_that_it_was_fitted_to(monkeypatch):
@@ -208,8 +208,12 @@ def test_emulator_has_the_mean_and_the_noise_that_it_was_fitted_to(monkeypatch):
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
-    for name, one in (("main_", poured(30, 4, 1)), ("pool_", poured(40, 2, 2)), ("fresh_", poured(10, 8, 3))):
-        write(folder, name, one)
+    for name, piles in (
+        ("main_", poured(30, 4, 1)),
+        ("pool_", poured(40, 2, 2)),
+        ("fresh_", poured(10, 8, 3)),
+    ):
+        write(folder, name, piles)
     return {
         f"{a}_{b}": folder / f"{a}_{b}.csv" for a in ("main", "pool", "fresh") for b in ("dataset", "runs")
     }

@@ -61,7 +61,7 @@ def test_discrepancies_are_correlated_in_a_bench_test_with_the_signs_of_the_desi
     assert discrepancy.covariance(names, sd, means, 0.0) == pytest.approx(np.diag(sd**2))
 
 
-def test_a_direct_test_tells_what_a_normal_posterior_does():
+def test_a_direct_test_has_the_information_of_a_normal_posterior():
     tests = observables.tests_of(["height_mm"], np.eye(1), SPACE, SETTINGS)
     assert tests.columns == {"pile": [0], "direct e_gp": [1], "direct mus_gp": [2]}
     assert np.diag(tests.covariance) == pytest.approx([1.0, 0.05**2, 0.05**2])  # places in a range of 2
@@ -70,10 +70,10 @@ def test_a_direct_test_tells_what_a_normal_posterior_does():
     observables.with_parameters(prior, [3, 4])
     observed = np.array([0.0, 0.5, 0.5])
     bits = prior.posterior(observed, tests.of(("direct e_gp",)), tests.covariance)[0]
-    one = -0.5 * math.log2(2 * math.pi * math.e * 0.05**2)
-    assert bits == pytest.approx(one, abs=0.02)
+    bits_of_one = -0.5 * math.log2(2 * math.pi * math.e * 0.05**2)
+    assert bits == pytest.approx(bits_of_one, abs=0.02)
     both = prior.posterior(observed, tests.of(("direct e_gp", "direct mus_gp")), tests.covariance)[0]
-    assert both == pytest.approx(2 * one, abs=0.05)
+    assert both == pytest.approx(2 * bits_of_one, abs=0.05)
 
 
 def test_widths_of_a_linear_model_are_those_of_its_normal_posterior():
@@ -109,7 +109,7 @@ def data(tmp_path_factory):
     jobs.mkdir()
     for k in range(90):
         flow = 500.0 + 400.0 * table["mus_gg"][k] + random.normal(0, 10.0, 2)
-        own = [{"status": "ok", "flow_g_s": one, "emptying_s": random.normal(1, 0.01)} for one in flow]
+        own = [{"status": "ok", "flow_g_s": rate, "emptying_s": random.normal(1, 0.01)} for rate in flow]
         own.append({"status": "jammed", "flow_g_s": None, "emptying_s": None})
         (jobs / f"{k + 1:03d}.json").write_text(
             json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": own})
@@ -158,7 +158,7 @@ def test_intervals_hold_the_hidden_truths_of_a_model_that_is_right(data, tmp_pat
     assert coverage["coverage"].to_numpy() == pytest.approx(0.95, abs=0.03)
 
 
-def test_too_few_points_are_told(data, tmp_path):
+def test_too_few_points_are_reported(data, tmp_path):
     """A posterior that rests on a handful of points has intervals that are too narrow."""
     sharp = {name: {"sd": 0.03, "minutes": 30.0} for name in PARAMETERS}
     said = joint_targets.run(

@@ -35,8 +35,8 @@ def test_a_larger_pool_begins_with_the_smaller_one(tables, tmp_path):
 
 
 def test_no_fresh_point_is_one_of_the_pool(tables):
-    one, other = (tables[1][name][list(PARAMETERS)].to_numpy() for name in ("pool", "fresh"))
-    assert np.abs(one[:, None] - other).max(axis=2).min() > 1e-3
+    pool_points, other = (tables[1][name][list(PARAMETERS)].to_numpy() for name in ("pool", "fresh"))
+    assert np.abs(pool_points[:, None] - other).max(axis=2).min() > 1e-3
 
 
 def test_leading_points_are_spread_more_evenly_than_random_ones():

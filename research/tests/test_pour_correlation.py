@@ -1,4 +1,4 @@
-"""How angle and Height of a pile go together from pile to pile."""
+"""Correlation of angle and Height from pile to pile."""
 
 import numpy as np
 import pandas as pd

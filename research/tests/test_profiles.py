@@ -1,4 +1,4 @@
-"""The whole profile as a target: principal components, and piles whose profile tells more than two numbers do."""
+"""The whole profile as a target: principal components, and piles whose profile adds information to two numbers."""
 
 import numpy as np
 import pandas as pd
@@ -36,7 +36,7 @@ def test_heights_end_below_the_crest():
     assert profiles.levels_mm(10.0) == pytest.approx([3.0, 6.0, 9.0])
 
 
-def test_a_profile_tells_what_two_numbers_do_not(tmp_path):
+def test_a_profile_adds_information_to_two_numbers(tmp_path):
     """Angle and Height follow e_gg, and so does the width of the lower half; that of the upper half follows mus_gg."""
     random, levels = np.random.default_rng(5), 10
     X = random.uniform(size=(80, 6))

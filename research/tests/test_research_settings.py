@@ -24,15 +24,15 @@ def test_a_small_run_has_small_settings_and_the_working_folder_has_the_last_word
     assert found["compare_search"]["tolerance"] == 1
 
 
-def test_unknown_keys_and_wrong_types_are_told_together(tmp_path, monkeypatch):
+def test_unknown_keys_and_wrong_types_are_reported_together(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "research.yaml").write_text(
         "poool: {seeds: 7}\npool: {seeds: 2.5, sead: 1}\ncompare_whole: {samples: [a]}\ncompare_search: 3\n"
     )
     with pytest.raises(InputError) as caught:
         settings.of(LARGE)
-    told = str(caught.value).splitlines()
-    assert len(told) == 5
+    messages = str(caught.value).splitlines()
+    assert len(messages) == 5
     for words in (
         "research.yaml: poool is",
         "did you mean pool?",
@@ -45,13 +45,13 @@ def test_unknown_keys_and_wrong_types_are_told_together(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("section", settings.read(settings.HERE / "config.yaml"))
-def test_a_configuration_that_still_has_a_section_is_told_where_it_went(section):
+def test_a_moved_section_is_reported_with_its_new_place(section):
     with pytest.raises(InputError, match=f"{section} is .*; allowed: now .* research"):
         Study.load(overrides={section: {"seed": 1}})
 
 
 def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
-    """What matched.yaml changes is a cell of the shape study."""
+    """The changes of matched.yaml are a cell of the shape study."""
     monkeypatch.chdir(settings.HERE.parent)
     config = Study.load("config/matched.yaml").config
     study = settings.of(config)["shape_study"]

@@ -1,4 +1,4 @@
-"""What a further response tells: noise, surrogates and information on linear models with closed forms."""
+"""Information of a further response: noise, surrogates and information on linear models with closed forms."""
 
 import json
 import math
@@ -119,13 +119,13 @@ def test_weights_and_bits_are_those_of_the_normal_density():
     assert information.joint_bits(np.array([1.0, 0.0, 1e-300, 0.0])) == 2.0
 
 
-def test_shared_noise_is_told_apart():
+def test_shared_noise_is_separated():
     """Two responses of one parameter each, noises of correlation 0.99: their difference is exact."""
     unit = stats.qmc.Sobol(6, rng=1).random(2**15)
     prior = information.Prior(unit, np.column_stack([unit[:, 0], np.zeros(len(unit))]))
     alone, shared = (0.01 * np.array([[1, r], [r, 1]]) for r in (0.0, 0.99))
     observed = np.array([0.5, 0.0])
-    first, second = (prior.posterior(observed, [0, 1], one)[0] for one in (alone, shared))
+    first, second = (prior.posterior(observed, [0, 1], noise)[0] for noise in (alone, shared))
     assert second - first == pytest.approx(-0.5 * math.log2(1 - 0.99**2), abs=0.2)
 
 
@@ -159,8 +159,8 @@ def test_sets_hold_the_base_and_the_drum_apart():
 
 
 def test_sets_of_one_and_of_three_targets():
-    one = Targets.of([HEIGHT]).responses
-    assert list(response_sets.sets_of(["height_mm", "loose_percent"], one)) == [
+    height = Targets.of([HEIGHT]).responses
+    assert list(response_sets.sets_of(["height_mm", "loose_percent"], height)) == [
         "Height",
         "loose_percent",
         "whole pile",
@@ -214,7 +214,7 @@ def study(tmp_path_factory):
     return (folder / "runs.csv", folder / "dataset.csv"), drum
 
 
-def test_study_finds_the_response_that_tells_something_new(study, tmp_path):
+def test_study_finds_the_response_that_adds_information(study, tmp_path):
     files, drum = study
     data = further_runs.read(*files, TARGETS, "secant", [drum])
     assert "packing" in second_responses.run(data, TARGETS, SPACE, SETTINGS, tmp_path)
@@ -237,9 +237,9 @@ def test_study_finds_the_response_that_tells_something_new(study, tmp_path):
     assert best == "packing_percent" or best.startswith("drum")
     ways = pd.read_csv(tmp_path / "ways.csv").query("discrepancy_percent == 0").set_index("way")
     assert set(ways.index) == {"packing", "drum"}
-    one = ways.loc["packing"]
-    assert one["gain_bits"] == pytest.approx(exact.loc["packing_percent", "gain_bits"])
-    assert one["bits_a_minute"] == pytest.approx(one["gain_bits"] / 20)
+    packing = ways.loc["packing"]
+    assert packing["gain_bits"] == pytest.approx(exact.loc["packing_percent", "gain_bits"])
+    assert packing["bits_a_minute"] == pytest.approx(packing["gain_bits"] / 20)
     table = pd.read_csv(tmp_path / "responses.csv").set_index("response")
     assert table.loc["packing_percent", "r2_noise_corrected"] > 0.9
     assert table.loc["drum_slip_deg", "samples"] == 20
@@ -298,9 +298,9 @@ def test_study_with_one_target_and_with_four(study, tmp_path, names):
     inputs = {name: tmp_path / f"{name}.csv" for name in ("responses", "information", "narrowing", "ways")}
     config = {
         "targets": [
-            {"response": one.name, "value": one.value, "sd": one.sd, "repetitions": 4}
-            | {"range": [one.low, one.high]}
-            for one in targets
+            {"response": target.name, "value": target.value, "sd": target.sd, "repetitions": 4}
+            | {"range": [target.low, target.high]}
+            for target in targets
         ]
     }
     with style.applied():

@@ -1,4 +1,4 @@
-"""What the shape study measures on a pile: the flank rules beside those of one pile, and the density of its core."""
+"""Measurements of the shape study on a pile: the flank rules beside those of one pile, and the density of its core."""
 
 import math
 from dataclasses import replace

@@ -112,7 +112,7 @@ def test_no_two_kinds_of_pours_share_a_seed():
         ("sensitivities", {"rate_per_s": -1.0}, "funnel.rate_per_s"),
     ],
 )
-def test_a_variant_that_is_no_configuration_is_refused_by_name(config, section, changes, key):
+def test_an_invalid_variant_is_refused_by_name(config, section, changes, key):
     config["shape_study"][section]["odd"] = changes
     with pytest.raises(InputError) as caught:
         shape_cells.check(config, "my.yaml")
@@ -366,14 +366,14 @@ def fourth(name, value):
 
 def test_a_single_target_is_compared_alone(config):
     config["targets"] = [HEIGHT]
-    assert [one.name for one in shape_cells.compared_targets(config)] == ["height_mm"]
+    assert [target.name for target in shape_cells.compared_targets(config)] == ["height_mm"]
     assert shape_cells.published_sets(config).columns[-1] == "height_simulated_mm"
 
 
 def test_targets_that_nobody_published_are_left_out(config):
     config["targets"] = [ANGLE, fourth("packing_percent", 60.0), HEIGHT]
     config["targets"] += [fourth("drum_slip_deg", 45.0) | {"apparatus": "drum"}]
-    assert [one.name for one in shape_cells.compared_targets(config)] == ["aor_deg", "height_mm"]
+    assert [target.name for target in shape_cells.compared_targets(config)] == ["aor_deg", "height_mm"]
     config["targets"] = config["targets"][1:2]
     with pytest.raises(InputError, match="some target's predicted and simulated values"):
         shape_cells.compared_targets(config)

@@ -190,8 +190,8 @@ def test_every_figure_is_drawn(name, inputs, tmp_path):
 def test_the_whole_method_is_drawn_for_any_number_of_targets(names, tmp_path):
     targets = [TARGETS[0] | {"response": name} for name in names]
     whole = pd.DataFrame({"data": "real", "method": list(inversion.WHOLE), "simulations": 240.0})
-    for one in Targets.of(targets).names:
-        whole[derived(one, "off")], whole[f"{derived(one, 'off')}_se"] = 0.1, 0.02
+    for column in Targets.of(targets).names:
+        whole[derived(column, "off")], whole[f"{derived(column, 'off')}_se"] = 0.1, 0.02
     whole.to_csv(tmp_path / "whole.csv", index=False)
     with style.applied():
         figure = inversion.whole({"whole": tmp_path / "whole.csv"}, CONFIG | {"targets": targets})

@@ -60,8 +60,8 @@ def test_a_table_without_its_column_is_named(files, tmp_path):
 @pytest.mark.parametrize("names", [["slip_deg"], ["a_mm", "b_mm", "c_s", "d_percent"]])
 def test_any_number_of_responses_of_any_names(files, tmp_path, names):
     for table in ("sampling", "surrogates"):
-        one = pd.read_csv(files[table])
-        pd.concat([one.assign(response=name) for name in names]).to_csv(files[table], index=False)
+        table_of_file = pd.read_csv(files[table])
+        pd.concat([table_of_file.assign(response=name) for name in names]).to_csv(files[table], index=False)
     row = pd.read_csv(files["whole"]).drop(columns=list(WHOLE))
     off = {derived(name, "off"): 0.1 * k for k, name in enumerate(names)}
     row.assign(**off, **{f"{key}_se": 0.01 for key in off}).to_csv(files["whole"], index=False)

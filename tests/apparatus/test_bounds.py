@@ -89,7 +89,7 @@ def test_a_berry_without_a_place_is_named():
         bounded.look()
 
 
-def test_energy_beyond_what_was_given_is_told():
+def test_energy_beyond_what_was_given_is_reported():
     """Each has 1.3 times the energy of the fall: none alone is too fast."""
     bounded = three_berries()
     bounded.simulation.velocities[:] = (0.0, 0.0, np.sqrt(2 * 9.81 * 0.1 * 1.3))

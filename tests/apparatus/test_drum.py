@@ -81,7 +81,7 @@ def test_the_surface_of_a_bed_of_known_angle(angle_deg):
     seen = [
         bed.measure_surface(*half_filled(angle_deg, seed=s), PARTICLE, RADIUS_M, 0.25, 0.6) for s in range(4)
     ]
-    assert np.mean([one.angle_deg for one in seen]) == pytest.approx(angle_deg, abs=1.0)
+    assert np.mean([surface.angle_deg for surface in seen]) == pytest.approx(angle_deg, abs=1.0)
     ends = seen[0].line_m
     assert np.ptp(ends[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
 
@@ -164,7 +164,7 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
         drum.measure(run.record, run.arrays, seen, PARTICLE, BERRY)
         for seen in (config(**SMALL), config(**SMALL) | {"measure": {"mm_per_pixel": 50.0}})
     ]
-    assert [one["status"] for one in measured] == ["ok", "no_surface"]
+    assert [value["status"] for value in measured] == ["ok", "no_surface"]
     assert "50 mm a pixel (measure.mm_per_pixel)" in measured[1]["reason"]
     assert measured[1]["drum_slip_deg"] is None
     assert "before_surface_deg" not in measured[1]

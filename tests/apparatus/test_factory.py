@@ -63,7 +63,7 @@ def test_a_blocked_factory_draws_twice_and_not_for_every_place():
 
 
 @pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])
-def test_new_berries_lie_or_stand_as_told(orientation, level):
+def test_new_berries_lie_or_stand_as_configured(orientation, level):
     rng = np.random.default_rng(6)
     quaternions = np.array([random_orientation(orientation, rng) for _ in range(300)])
     assert np.allclose(np.linalg.norm(quaternions, axis=1), 1.0)

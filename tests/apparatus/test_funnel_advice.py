@@ -70,7 +70,7 @@ def test_a_height_alone_asks_for_a_slope(config):
     assert not funnel.filling(config, GRAIN_M3)[1]
 
 
-def test_an_angle_alone_tells_the_height_and_other_targets_nothing(config):
+def test_an_angle_alone_gives_the_height_and_other_targets_nothing(config):
     config["targets"] = config["targets"][1:]
     assert "a cone of 30 deg" in funnel.filling(config, GRAIN_M3)[0]
     config["targets"] = []

@@ -40,7 +40,7 @@ def bed(angle_deg, count=400):
 
 def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
     frames = [bed(angle) for angle in (20.0, 30.0)]
-    position, quaternion = (np.array([one[k] for one in frames], np.float32) for k in (0, 1))
+    position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
     single = [
         turning.measure({"status": "ok"}, arrays | part, config(), PARTICLE, BERRY)["turning_deg"]
@@ -85,7 +85,7 @@ def test_a_berry_has_to_fit():
 
 def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():
     rough, level = (
-        run_once(bench("turning"), config(**SMALL), one, 1, PARTICLE, BERRY)[0] for one in (ROUGH, SMOOTH)
+        run_once(bench("turning"), config(**SMALL), wall, 1, PARTICLE, BERRY)[0] for wall in (ROUGH, SMOOTH)
     )
     assert (rough["status"], level["status"]) == ("ok", "ok")
     assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy

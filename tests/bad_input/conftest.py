@@ -29,18 +29,18 @@ def refused(tmp_path, monkeypatch, capsys):
         except SystemExit as end:
             status = end.code
         captured = capsys.readouterr()
-        told = captured.err
-        assert status == 2, f"status {status}: {captured.out}{told}"
-        assert "Traceback" not in told
-        lines = [line for line in told.splitlines() if "error: " in line]
-        assert lines, told
-        if not told.startswith("usage: "):  # argparse shows the usage before its sentence
-            assert len(lines) == len(told.splitlines()), told
+        output = captured.err
+        assert status == 2, f"status {status}: {captured.out}{output}"
+        assert "Traceback" not in output
+        lines = [line for line in output.splitlines() if "error: " in line]
+        assert lines, output
+        if not output.startswith("usage: "):  # argparse shows the usage before its sentence
+            assert len(lines) == len(output.splitlines()), output
             for line in lines:
                 assert re.match(
                     r"repose: error: .+(: .+ is .+; allowed: .+|\[Errno \d+\] .+)", line, re.DOTALL
                 ), line
         assert content(tmp_path) == before, "something was written"
-        return told
+        return output
 
     return run

@@ -115,7 +115,7 @@ def test_a_file_that_is_no_table(tmp_path):
     check_all(check, [(f"{read.__name__} {wrong}", read, text, wrong) for read, text, wrong in cases])
 
 
-def test_another_encoding_is_told(tmp_path):
+def test_another_encoding_is_reported(tmp_path):
     for encoding in ("utf-16", "utf-32", "utf-16-le"):
         table = SIZES.encode(encoding)
         raises(berry_files.read_sizes, tmp_path / "a.csv", table)
@@ -137,9 +137,9 @@ def test_every_published_parameter_is_a_number(tmp_path):
         for value in ("", "nan", "inf", "-1", "abc", "5e400"):
             row = dict.fromkeys(PARAMETERS, "0.3") | {name: value}
             text = "solution," + ",".join(row) + "\n1," + ",".join(row.values()) + "\n"
-            told = raises(read_published, tmp_path / "a.csv", text)
-            assert told.key == name
-            assert "row 1" in str(told)
+            message = raises(read_published, tmp_path / "a.csv", text)
+            assert message.key == name
+            assert "row 1" in str(message)
 
 
 BERRY = json.loads((ROOT / "results/published/recommended/berry/berry.json").read_text())

@@ -24,7 +24,7 @@ def resolved(schema):
     """A schema with its references followed, and that of its numbers where it may also be null or auto."""
     while "$ref" in schema:
         schema = faults.schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]]
-    others = [one for one in schema.get("anyOf", []) if one not in (NULL, AUTO)]
+    others = [kind for kind in schema.get("anyOf", []) if kind not in (NULL, AUTO)]
     if len(others) != 1:
         return schema
     found = resolved(others[0])
@@ -131,7 +131,7 @@ def with_value(key, value):
 def test_every_key_refuses_what_it_cannot_take():
     """All keys get a value that is wrong in the same way; the message has each of them."""
 
-    def told(keys):
+    def check_reported(keys):
         config = copy.deepcopy(GOOD)
         for key, value in keys.items():
             section, last = holder(config, key)
@@ -144,17 +144,17 @@ def test_every_key_refuses_what_it_cannot_take():
     for key, wrong, value in CASES:
         # a list that is replaced has no entries of its own to break
         kinds.setdefault(f"{wrong} (targets)" if key == "targets" else wrong, {})[key] = value
-    check_all(told, [(wrong, keys) for wrong, keys in kinds.items()])
+    check_all(check_reported, [(wrong, keys) for wrong, keys in kinds.items()])
 
 
-OPTIONAL = ("simulation.contact_law", "simulation.rolling_law", *(one.key for one in COMPUTED))
+OPTIONAL = ("simulation.contact_law", "simulation.rolling_law", *(setting.key for setting in COMPUTED))
 REQUIRED = [
     *(key for key, _ in leaves(faults.schema()) if not key.startswith("targets.") and key not in OPTIONAL),
     *(name for name in sections(faults.schema()) if name in faults.schema()["required"]),
 ]
 
 
-def test_every_missing_key_is_told():
+def test_every_missing_key_is_reported():
     def missing(key):
         config = copy.deepcopy(GOOD)
         section, last = holder(config, key)
@@ -164,7 +164,7 @@ def test_every_missing_key_is_told():
     check_all(missing, [(key, key) for key in REQUIRED])
 
 
-def test_an_unknown_key_is_told_in_every_section():
+def test_an_unknown_key_is_reported_in_every_section():
     def unknown(section, extra):
         key = f"{section}.{extra}" if section else str(extra)
         config = copy.deepcopy(GOOD)
@@ -185,7 +185,7 @@ def test_every_section_is_a_mapping():
     check_all(refused, [(f"{section} {value!r}", section, value) for section, value in cases])
 
 
-def test_all_faults_are_told_at_once():
+def test_all_faults_are_reported_at_once():
     config = copy.deepcopy(GOOD)
     keys = (
         "funnel.seeds",
@@ -202,14 +202,14 @@ def test_all_faults_are_told_at_once():
     assert {*keys, "sensitivity.seed"} == set(faults_of(config))
 
 
-def test_all_contradictions_are_told_at_once():
+def test_all_contradictions_are_reported_at_once():
     config = copy.deepcopy(GOOD)
     config["funnel"] |= {"outlet_diameter_mm": 150.0, "rest_window_s": 18.0}
     config["miga"]["tournament"] = 900
     config["network"]["split"] = [0.5, 0.1, 0.1]
-    told = faults_of(config)
+    messages = faults_of(config)
     assert {"funnel.outlet_diameter_mm", "funnel.rest_window_s", "miga.tournament", "network.split"} <= set(
-        told
+        messages
     )
 
 
@@ -254,9 +254,9 @@ def aliases(levels):
 def test_aliases_that_multiply_end_in_a_short_message_at_once(refused, tmp_path):
     for levels in (4, 5, 6, 9, 60):
         (tmp_path / "mine.yaml").write_text(aliases(levels))
-        told = refused("check", "--config", "mine.yaml")
-        assert len(told) < 10_000, levels
-        assert ("every alias is replaced" in told) == (levels > 5), levels
+        message = refused("check", "--config", "mine.yaml")
+        assert len(message) < 10_000, levels
+        assert ("every alias is replaced" in message) == (levels > 5), levels
 
 
 def test_an_alias_of_plain_size_is_fine():
@@ -279,16 +279,16 @@ def test_a_message_shows_a_large_value_in_part():
 
 def test_a_message_shows_a_small_value_as_it_is():
     for value in ("text", 1.5, None, [31, 34], {"b": [1, 2], "a": 2.5}, [[1, 2], [3, 4]]):
-        told = str(InputError("mine.yaml", "key", value, "a number"))
-        shown = told.removeprefix("mine.yaml: key is ").removesuffix("; allowed: a number")
+        message = str(InputError("mine.yaml", "key", value, "a number"))
+        shown = message.removeprefix("mine.yaml: key is ").removesuffix("; allowed: a number")
         assert ast.literal_eval(shown) == value
 
 
-def test_nothing_to_calibrate_is_told(refused, tmp_path):
+def test_nothing_to_calibrate_is_reported(refused, tmp_path):
     fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS)
     (tmp_path / "mine.yaml").write_text(f"parameters:\n{fixed}")
     for verb in ("check", "plan", "sequential_start"):
-        told = refused(verb, "--config", "mine.yaml")
-        assert len(told.splitlines()) == 1
-        assert "mine.yaml: parameters is " in told
-        assert "at least one that is not fixed" in told
+        message = refused(verb, "--config", "mine.yaml")
+        assert len(message.splitlines()) == 1
+        assert "mine.yaml: parameters is " in message
+        assert "at least one free parameter" in message

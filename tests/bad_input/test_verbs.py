@@ -75,14 +75,14 @@ def test_every_verb_refuses_files_that_it_cannot_read(refused, garbage):
         for option, _ in files_of(VERBS[name]):
             words += [f"{option}={path}"] if option.startswith("-") else [str(path)]
         if name == "figure":
-            words += [f"--input={one}={path}" for one in INPUTS_OF_A_FIGURE]
+            words += [f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE]
         assert path.stem in refused(*words)
 
     check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
 
 
 WITH_CONFIG = sorted(
-    name for name, verb in VERBS.items() if any("--config" in one.names for one in verb.options)
+    name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options)
 )
 
 
@@ -95,9 +95,9 @@ def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage
             elif keywords.get("required"):
                 words.append(f"{option}=some_file")
         if name == "figure":
-            words += [f"--input={one}=some_file" for one in INPUTS_OF_A_FIGURE]
-        told = refused(*words)
-        assert config.stem in told or "some_file" in told
+            words += [f"--input={key}=some_file" for key in INPUTS_OF_A_FIGURE]
+        message = refused(*words)
+        assert config.stem in message or "some_file" in message
 
     del garbage["header"]  # a line of text, which YAML takes for a value
     del garbage["deep"]  # every verb reads it by the same function, see test_configuration.py
@@ -218,10 +218,10 @@ CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"
 def test_a_card_and_a_configuration_of_two_studies(refused):
     """Wheat's friction with another crop's density would be a deck of no grain."""
     words = ["export", "--to=edem", f"--card={CARD}"]
-    told = refused(*words, "--config=config/config.yaml")
-    assert f"{CARD}: material is 'wheat'; allowed: recommended, as in config/config.yaml" in told
+    message = refused(*words, "--config=config/config.yaml")
+    assert f"{CARD}: material is 'wheat'; allowed: recommended, as in config/config.yaml" in message
     for key in ("grain.density_kg_m3", "grain.shear_modulus_pa", "grain.mean_axes_mm", "wall.poisson_ratio"):
-        assert key in told
+        assert key in message
     assert "--config is None" in refused(*words)
 
 

@@ -45,10 +45,10 @@ def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, ma
     assert found.checks[0].margin == margin
     assert ("NOT met" in str(found)) is not met
     assert ("which do NOT meet the targets:" in str(found)) is not met
-    told = (
+    result = (
         "Targets met" if met else "Targets NOT met: predictions meet them, the simulation misses aor_deg by"
     )
-    assert str(found).splitlines()[-1].startswith(told)
+    assert str(found).splitlines()[-1].startswith(result)
     assert met or f"aor_deg by {-margin:g} deg. What helps: `repose run refined`" in found.verdict
     assert all(name in str(found) for name in PARAMETERS)
     assert found.within == {1.0: 0.25, 2.0: 0.75}
@@ -73,9 +73,9 @@ def test_failed_runs_have_no_number(tmp_path):
     assert "no number" in str(found)
     assert "misses aor_deg, which has no number." in found.verdict
     assert found.within == {1.0: None, 2.0: None}
-    assert "how near the means are to their targets is not known" in str(found)
+    assert "the distance of the means from their targets is unknown" in str(found)
 
 
-def test_a_study_that_has_not_run_is_told(tmp_path):
+def test_a_study_that_has_not_run_is_reported(tmp_path):
     with pytest.raises(InputError, match=r"summary\.json"):
         answer.read({"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})

@@ -29,7 +29,7 @@ def config(monkeypatch):
     monkeypatch.chdir(ROOT)
     found = copy.deepcopy(Study.load("config/config.yaml").config)
     found["parameters"] |= FIXED
-    found["targets"] = [one for one in found["targets"] if one["response"] == "height_mm"]
+    found["targets"] = [target for target in found["targets"] if target["response"] == "height_mm"]
     return found
 
 
@@ -109,18 +109,18 @@ def test_the_grain_is_the_simulated_body(config, solutions):
     assert grain["spheres_mm"] == []
 
 
-def test_the_laws_are_told_by_the_laws_that_the_study_chose(config):
-    told = card.laws(config)
-    assert told["normal"].startswith("Hertz")
-    assert "mu_s times the size of the damped normal force" in told["tangential"]
+def test_a_card_describes_the_laws_of_the_study(config):
+    result = card.laws(config)
+    assert result["normal"].startswith("Hertz")
+    assert "mu_s times the size of the damped normal force" in result["tangential"]
     config["simulation"] |= {"contact_law": "linear_spring", "tension": "keep"}
     other = card.laws(config)
     assert other["normal"].startswith("linear spring")
     assert "mu_r times the elastic part of the normal force" in other["rolling"]
-    assert set(told) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
+    assert set(result) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
 
 
-def test_each_test_tells_its_definition_and_how_the_bench_test_is_done(config, solutions):
+def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, solutions):
     height = made(config, solutions)["tests"][0]
     assert height["definition"]["name"] == "Height"
     assert height["bench"]["berries"] == 500
@@ -139,12 +139,12 @@ def test_each_test_tells_its_definition_and_how_the_bench_test_is_done(config, s
     assert "fit_from" not in secant["settings"]
 
 
-def test_a_card_that_is_not_there_is_told_so(capsys):
+def test_a_missing_card_is_reported(capsys):
     assert main(["card", "show", "nowhere.json"]) == 2
     assert "nowhere.json: file is 'No such file or directory'; allowed: " in capsys.readouterr().err
 
 
-def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
+def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     bad = made(config, solutions)
     bad["grain"]["density_kg_m3"] = -1
     del bad["laws"]
@@ -154,7 +154,7 @@ def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
     assert "'laws' is a required property" in str(caught.value)
 
 
-def test_a_card_tells_how_near_it_is_wherever_its_runs_tell_it(config, solutions):
+def test_a_card_states_its_probabilities_if_its_runs_give_them(config, solutions):
     card.check(made(config, solutions, runs=1, within=None), "card")
     with pytest.raises(InputError, match=r"mine: within\.2 % is None; allowed: .* as each test has 2 runs"):
         card.check(made(config, solutions, runs=2, within=None), "mine")
@@ -201,7 +201,7 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     assert any("Another definition of height_mm" in line for line in card.compared(one, other).splitlines())
 
 
-def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, capsys):
+def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, capsys):
     (tmp_path / "card.json").write_text(
         json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None))
     )
@@ -211,7 +211,7 @@ def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, cap
     assert "mus_gg, mur_gg -1.00" in text
     assert "Simulated less measured: height_mm " in text
     assert "all within 1 %: probability 0.25" in text
-    assert "all within 2 %: probability not known, as it takes two good runs of each bench test" in text
+    assert "all within 2 %: probability unknown; it requires two good runs of each bench test" in text
     assert "fixed" in text
     assert "definition: Height; views 18, mm_per_pixel 0.25, largest_pile_only yes" in text
     assert "funnel: berries 500, rate_per_s 30" in text

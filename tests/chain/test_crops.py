@@ -54,11 +54,11 @@ def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
     assert not {"drum", "cylinder"} & set(config)
     assert config["berry"]["sizes"] == "sizes.csv"
     assert len(published_sets(config["validation"]["published"])) == 1
-    told = Path("README.md").read_text()
+    text = Path("README.md").read_text()
     target = config["targets"][0]
     for value in (config["berry"]["density_kg_m3"], config["berry"]["poisson_ratio"], target["value"]):
-        assert f"{value:g}" in told or f"{value:.2f}" in told
-    assert "assumed" in told
+        assert f"{value:g}" in text or f"{value:.2f}" in text
+    assert "assumed" in text
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -74,8 +74,8 @@ def test_its_card_is_that_of_its_configuration(name, monkeypatch):
     assert shown["grain"]["density_kg_m3"] == config["berry"]["density_kg_m3"]
     axes = dict(zip(("long_mm", "major_mm", "minor_mm"), shown["grain"]["mean_axes_mm"], strict=True))
     for test in shown["tests"]:
-        told = described(config, response(test["response"]), axes)
-        assert {key: test[key] for key in told} == told
+        result = described(config, response(test["response"]), axes)
+        assert {key: test[key] for key in result} == result
 
 
 @pytest.mark.slow

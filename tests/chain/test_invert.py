@@ -94,7 +94,7 @@ def test_run_says_whether_the_box_was_reached(outcome):
         assert summary["box_distance"]["aor_deg"] == pytest.approx(0.6 + 0.2 / 6, abs=1e-3)
         assert summary["target_distance"]["aor_deg"] == pytest.approx(2.1 + 0.2 / 6, abs=1e-3)
         assert "No feasible solution" in summary["message"]
-        assert "0.63 deg and 0.00 mm outside the box" in summary["message"]
+        assert "0.63 deg and 0.00 mm outside the ranges" in summary["message"]
 
 
 def test_run_solutions_are_sorted_distinct_and_inside_the_ranges(outcome):

@@ -78,13 +78,13 @@ def changed(study, name, row, column, value):
         ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; allowed: 6"),
     ],
 )
-def test_a_damaged_cell_is_told(study, name, column, value, told):
+def test_a_damaged_cell_is_reported(study, name, column, value, told):
     changed(study, name, 2, column, value)
     with pytest.raises(InputError, match=told):
         read(study)
 
 
-def test_a_seed_that_is_there_twice_or_lost_is_told(study):
+def test_a_seed_that_is_there_twice_or_lost_is_reported(study):
     lines = (study / "runs.csv").read_text().splitlines(keepends=True)
     (study / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
     with pytest.raises(InputError, match=r"row 2: sample and seed is \[.*\]; allowed: each once"):

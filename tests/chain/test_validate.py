@@ -147,13 +147,13 @@ def test_solutions_beyond_the_samples_carry_a_warning(study):
     plain = validate.run(
         study / "v/solutions.csv", paths, study / "published4.csv", TARGETS, study / "v/plain"
     )
-    told = validate.run(
+    result = validate.run(
         study / "v/solutions.csv", paths, study / "published4.csv", TARGETS, study / "v", support
     )
     for name in ("table4", "published"):
-        assert told[name].columns.tolist() == [*plain[name].columns, "warning"]
-    assert (told["table4"]["warning"] == "").sum() >= 3
-    assert told["published"]["warning"].str.contains("nearest sample").all()
+        assert result[name].columns.tolist() == [*plain[name].columns, "warning"]
+    assert (result["table4"]["warning"] == "").sum() >= 3
+    assert result["published"]["warning"].str.contains("nearest sample").all()
 
 
 def test_a_missing_simulation_is_named(study):

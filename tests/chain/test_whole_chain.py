@@ -84,7 +84,7 @@ def pour(table, targets, folder, seeds=4):
             runs = []
             for seed in range(seeds):
                 random = np.random.default_rng([seed, row["sample"], len(name)])
-                own = [one.name for one in targets if one.response.apparatus == name]
+                own = [target.name for target in targets if target.response.apparatus == name]
                 values = {key: means(row)[key] + LAW[key][3] * random.normal() for key in own}
                 runs.append({"seed": seed, "status": "ok", "reason": ""} | values)
             job = {"sample": row["sample"], "apparatus": name, "runs": runs}
@@ -133,7 +133,9 @@ def test_the_chain_finds_parameter_sets_that_give_the_targets(tmp_path, names):
     table = found.representative.set_index("response")
     assert table.index.tolist() == list(names)
     assert (table["simulated"] - targets.value).abs().max() < 1.5
-    responses = [one for target in targets for one in (target.response.predicted, target.response.simulated)]
+    responses = [
+        column for target in targets for column in (target.response.predicted, target.response.simulated)
+    ]
     assert set(responses) < set(found.table4.columns)
     assert len(found.table4) == 4
     assert found.published.empty

@@ -18,7 +18,7 @@ from repose.dem.time_steps import Limit
         (3.0e-5, ""),
     ],
 )
-def test_a_time_step_far_below_the_longest_is_told_with_what_a_longer_one_saves(step_s, told):
+def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time(step_s, told):
     limit = Limit(4.09e-5, "as a pile has it")
     assert checking.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{told}")
 
@@ -59,12 +59,12 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
 def test_a_terminal_shows_the_seconds_of_the_compilation(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(checking, "TICK_S", 0.01)
-    with checking.seconds_told("compiling"):
+    with checking.elapsed_seconds_shown("compiling"):
         time.sleep(0.1)
     assert "\rcompiling; 0 s" in capsys.readouterr().err
 
 
 def test_a_log_gets_one_line(capsys):
-    with checking.seconds_told("compiling"):
+    with checking.elapsed_seconds_shown("compiling"):
         pass
     assert capsys.readouterr().err == "compiling\n"

@@ -132,7 +132,7 @@ def test_a_reader_that_stops_reading_ends_a_verb_without_a_traceback():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_check_tells_the_number_of_pours(capsys):
+def test_check_prints_the_number_of_pours(capsys):
     assert main(["check"]) == 0
     out = capsys.readouterr().out
     assert "150 parameter sets x 6 seeds = 900 pours" in out
@@ -199,9 +199,9 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, capsys):
 def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, capsys):
     words = ["--config", short_config]
     assert main(["stage", "warm_up", *words]) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert re.match(
-        r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$", told.strip()
+        r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$", output.strip()
     )
     compiled = list(advance.signatures)
     assert main(["stage", "pour", *words, "--seed", "7", "--out", str(tmp_path)]) == 0
@@ -315,7 +315,7 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
         (["design", "--config=own.yaml"], None, False),
     ],
 )
-def test_a_folder_without_a_configuration_is_told_whose_crop_it_gets(
+def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
     words, own, told, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
@@ -327,4 +327,4 @@ def test_a_folder_without_a_configuration_is_told_whose_crop_it_gets(
         words = [*words, f"--config={own}"]
     monkeypatch.setattr("repose.chain.design.run", lambda *_: None)
     assert main(words) == 0
-    assert ("program's own crop" in capsys.readouterr().err) is told
+    assert ("built-in goji example" in capsys.readouterr().err) is told

@@ -19,7 +19,7 @@ def test_in_a_crops_folder_it_is_that_of_the_sizes(tmp_path, monkeypatch):
     assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
 
 
-def test_sizes_without_a_grain_are_told(tmp_path, monkeypatch):
+def test_sizes_without_a_grain_are_reported(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n")
     with pytest.raises(InputError, match=r"sizes\.csv: rows is 0; allowed: at least 2 berries"):

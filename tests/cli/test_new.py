@@ -63,7 +63,7 @@ def test_it_holds_what_a_user_needs(folder):
 def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
     """Nothing is made up: the template holds no measurement. All of it is told at once, as YAML has it."""
     assert main(["check", "--config", "config.yaml"]) == 2
-    told = capsys.readouterr().err
+    output = capsys.readouterr().err
     nulls = [
         line.split(":")[0].strip()
         for line in Path("config.yaml").read_text().splitlines()
@@ -71,13 +71,13 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
     ]
     for key in {*nulls, "range"}:
         assert re.search(
-            rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null", told, re.MULTILINE
+            rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null", output, re.MULTILINE
         ), key
     moduli = "allowed: a number; or a table of compression tests in berry.compression"
     for key in ("berry.poisson_ratio", "berry.shear_modulus_pa"):
-        assert f"config.yaml: {key} is null; {moduli}" in told
-    assert "sizes.csv: rows is 0; allowed: at least 2 berries" in told
-    assert not re.search("None|method.yaml", told)
+        assert f"config.yaml: {key} is null; {moduli}" in output
+    assert "sizes.csv: rows is 0; allowed: at least 2 berries" in output
+    assert not re.search("None|method.yaml", output)
 
 
 @pytest.mark.parametrize("key", ["poisson_ratio", "shear_modulus_pa"])
@@ -96,9 +96,9 @@ def test_a_time_step_is_judged_while_other_keys_are_missing(folder, capsys):
     text = (folder / "config.yaml").read_text().replace("berries: 400", "berries: null")
     (folder / "config.yaml").write_text(text + "\nsimulation: {time_step_s: 1.0e-3}\n")
     assert main(["check", "--config", "config.yaml"]) == 2
-    told = capsys.readouterr().err
-    assert "config.yaml: funnel.berries is null" in told
-    assert "config.yaml: simulation.time_step_s is 0.001; allowed: at most" in told
+    output = capsys.readouterr().err
+    assert "config.yaml: funnel.berries is null" in output
+    assert "config.yaml: simulation.time_step_s is 0.001; allowed: at most" in output
 
 
 def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):
@@ -122,10 +122,10 @@ def test_its_configuration_is_one_of_wheat_alone(folder):
 
 def test_the_list_of_studies_needs_no_complete_configuration(folder, capsys):
     assert main(["run", "--list"]) == 0
-    told = capsys.readouterr()
-    assert told.err == ""
-    assert "once config.yaml is complete" in told.out
-    named = {line.split()[0] for line in told.out.splitlines() if line.startswith("  ") and line[2] != " "}
+    output = capsys.readouterr()
+    assert output.err == ""
+    assert "once config.yaml is complete" in output.out
+    named = {line.split()[0] for line in output.out.splitlines() if line.startswith("  ") and line[2] != " "}
     assert {"calibration", "sequential", "uncertainty"} <= named
 
 

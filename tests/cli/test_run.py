@@ -12,38 +12,38 @@ SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
 
 
 def test_the_programs_own_workflow_and_all_cores_where_nothing_is_said():
-    assert run.snakemake_words([]) == [*SNAKEFILE, "--cores", "all"]
+    assert run.snakemake_arguments([]) == [*SNAKEFILE, "--cores", "all"]
 
 
 @pytest.mark.parametrize(
     "cores", [["--cores", "2"], ["--cores=2"], ["-c2"], ["-j", "3"], ["--profile", "mine"]]
 )
 def test_cores_that_are_given_stay(cores):
-    assert run.snakemake_words(cores) == [*SNAKEFILE, *cores]
+    assert run.snakemake_arguments(cores) == [*SNAKEFILE, *cores]
 
 
 def test_another_snakefile_stays():
-    assert run.snakemake_words(["-s", "mine.smk", "-c1"]) == ["-s", "mine.smk", "-c1"]
+    assert run.snakemake_arguments(["-s", "mine.smk", "-c1"]) == ["-s", "mine.smk", "-c1"]
 
 
 def test_a_target_behind_the_configuration_is_a_target():
     words = ["--cores", "2", "--configfile", "mine.yaml", "more.yaml", "uncertainty", "-n"]
     expected = ["uncertainty", *SNAKEFILE, "--cores", "2", "--configfile", "mine.yaml", "more.yaml", "-n"]
-    assert run.snakemake_words(words) == expected
+    assert run.snakemake_arguments(words) == expected
 
 
 @pytest.mark.parametrize("words", [["--configfile", "config/quick.yaml"], ["--configfile=config/quick.yaml"]])
 def test_a_configuration_that_the_folder_lacks_is_the_programs(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     quick = str(places.root() / "config" / "quick.yaml")
-    assert "=".join(run.snakemake_words(["-c1", *words])[3:]) == f"--configfile={quick}"
+    assert "=".join(run.snakemake_arguments(["-c1", *words])[3:]) == f"--configfile={quick}"
 
 
 def test_a_profile_that_the_folder_lacks_is_the_programs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     slurm = str(places.root() / "profiles" / "slurm")
     words = ["berry", "--profile", "profiles/slurm", "-n"]
-    assert run.snakemake_words(words) == [*SNAKEFILE, "berry", "--profile", slurm, "-n"]
+    assert run.snakemake_arguments(words) == [*SNAKEFILE, "berry", "--profile", slurm, "-n"]
 
 
 def test_the_verb_passes_every_word_on_in_its_order(monkeypatch):
@@ -105,7 +105,7 @@ def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
     assert {"response_surface", "sequential", "uncertainty"} <= set(named)
 
 
-def test_the_list_tells_which_strategy_a_configuration_cannot_take(monkeypatch, capsys):
+def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatch, capsys):
     """A crop with two free parameters has too few for a Box-Behnken design."""
     monkeypatch.chdir(places.root() / "crops/wheat")
     assert main(["run", "--list"]) == 0
@@ -144,12 +144,12 @@ def test_a_target_that_nothing_makes_is_bad_input(monkeypatch, capsys):
 
     monkeypatch.setattr("snakemake.cli.main", missing)
     assert main(["run", "nonsense", "-n"]) == 2
-    told = capsys.readouterr().err
-    assert "repose: error: command line: target is 'nonsense'; allowed: a target" in told
-    assert "MissingRuleException" not in told
+    output = capsys.readouterr().err
+    assert "repose: error: command line: target is 'nonsense'; allowed: a target" in output
+    assert "MissingRuleException" not in output
 
 
-def test_configurations_are_told_from_targets():
+def test_configurations_are_distinguished_from_targets():
     words = ["results/card.json", "--configfile", "mine.yaml", "more.json", "page", "--cores", "2"]
     assert run.configurations(words) == ["mine.yaml", "more.json"]
     assert run.configurations(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]

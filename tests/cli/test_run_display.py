@@ -21,14 +21,14 @@ from repose.core import places
 PLAN = ({"pour": "pour", "miga": "miga"}, {"pour": {1: (2, 9.0), 2: (2, 9.0)}, "miga": {3: (0, 1.0)}})
 
 
-def told(message=None, level=logging.INFO, **extra):
+def emitted(message=None, level=logging.INFO, **extra):
     record = logging.LogRecord("snakemake", level, __file__, 1, message, (), None)
     record.__dict__.update(extra)
     return record
 
 
 def job_info(number, rule, output, log=()):
-    return told(
+    return emitted(
         event=LogEvent.JOB_INFO,
         jobid=number,
         rule_name=rule,
@@ -48,12 +48,12 @@ def handler(capsys):
 def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch):
     now = [1000.0]
     monkeypatch.setattr(time, "time", lambda: now[0])
-    handler.emit(told("4 runs", plan=PLAN))
+    handler.emit(emitted("4 runs", plan=PLAN))
     for number in (1, 2):
         handler.emit(job_info(number, "pour", ["heap"]))
         now[0] += 30
-        handler.emit(told(event=LogEvent.JOB_FINISHED, job_id=number))
-    handler.emit(told("Select jobs to execute..."))
+        handler.emit(emitted(event=LogEvent.JOB_FINISHED, job_id=number))
+    handler.emit(emitted("Select jobs to execute..."))
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
         "4 runs",
@@ -65,9 +65,9 @@ def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch
 def test_a_failure_is_named_with_its_log_and_the_end_of_it(handler, capsys, tmp_path):
     log = str(tmp_path / "001.log")
     Path(log).write_text("".join(f"line {k}\n" for k in range(100)))
-    handler.emit(told("4 runs", plan=PLAN))
+    handler.emit(emitted("4 runs", plan=PLAN))
     handler.emit(job_info(1, "pour", ["heap"], [log]))
-    error = told(
+    error = emitted(
         "Error in rule pour", logging.ERROR, event=LogEvent.JOB_ERROR, jobid=1, rule_name="pour", log=[log]
     )
     handler.emit(error)
@@ -81,12 +81,14 @@ def test_a_failure_is_named_with_its_log_and_the_end_of_it(handler, capsys, tmp_
 
 
 def test_errors_without_a_job_are_said(handler, capsys):
-    handler.emit(told("no such rule", logging.ERROR, event=LogEvent.ERROR, exception="MissingRuleException"))
+    handler.emit(
+        emitted("no such rule", logging.ERROR, event=LogEvent.ERROR, exception="MissingRuleException")
+    )
     assert "no such rule" in capsys.readouterr().err
 
 
 def test_a_target_without_output_is_no_stage(handler, capsys):
-    handler.emit(told("4 runs", plan=PLAN))
+    handler.emit(emitted("4 runs", plan=PLAN))
     handler.emit(job_info(7, "all", []))
     assert "Doing all" not in capsys.readouterr().err
 
@@ -104,7 +106,7 @@ rule pour:
     output: "{number}.txt"
     log: "{number}.log"
     message: "Pouring {wildcards.number}"
-    shell: "echo told > {log}; test ! -e fail_{wildcards.number}; sleep $(cat seconds); touch {output}"
+    shell: "echo emitted > {log}; test ! -e fail_{wildcards.number}; sleep $(cat seconds); touch {output}"
 """
 
 
@@ -162,7 +164,7 @@ def test_a_terminal_shows_bars_and_a_failure_with_its_log(naps):
     assert re.search(r"pour .*3 of 4", terminal.shown)
     assert "pours a minute" in terminal.shown
     assert "FAILED: Pouring 3 (rule pour); its log: 3.log" in terminal.shown
-    assert "    told\r\n" in terminal.shown  # its log
+    assert "    emitted\r\n" in terminal.shown  # its log
     assert "the same command goes on" in terminal.shown
 
 
@@ -176,7 +178,7 @@ def test_an_ended_run_goes_on_with_the_same_command(naps, end):
     first.until(r"now: Pouring")
     if end == "ctrl-c":
         os.write(first.screen, b"\x03")
-    else:  # without a terminal only the program itself is told, not its jobs
+    else:  # without a terminal only the program itself is signalled, not its jobs
         os.kill(first.process, signal.SIGINT if end == "interrupt" else signal.SIGKILL)
     status, took_s = first.ended()
     if end == "kill":

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from repose.cli.run_display import RunProgress, in_words
+from repose.cli.run_display import RunProgress, rough_time
 
 STAGES = {"berry": "berry", "pour": "pour", "measure_runs": "pour", "miga": "miga"}
 BEGAN_S = 1000.0
@@ -27,7 +27,7 @@ def test_stages_stand_in_the_order_of_the_workflow(planned):
     ]
 
 
-def test_nothing_is_told_before_the_first_pour_is_made(planned):
+def test_nothing_is_reported_before_the_first_pour_is_made(planned):
     planned.start(8, "berry", "Sizes", "berry.json", BEGAN_S - 100)
     planned.finish(8)
     planned.start(0, "pour", "Pouring", "heap", BEGAN_S)
@@ -78,7 +78,7 @@ def test_a_job_that_a_checkpoint_adds_is_counted_once(planned):
 
 
 @pytest.mark.parametrize(
-    ("seconds", "words"),
+    ("seconds", "text"),
     [
         (20, "less than a minute"),
         (61, "about 1 min"),
@@ -86,5 +86,5 @@ def test_a_job_that_a_checkpoint_adds_is_counted_once(planned):
         (7300, "about 2 h 2 min"),
     ],
 )
-def test_times_in_words(seconds, words):
-    assert in_words(seconds) == words
+def test_rough_times(seconds, text):
+    assert rough_time(seconds) == text

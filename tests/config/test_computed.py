@@ -12,7 +12,7 @@ from repose.core import places
 from repose.core.errors import InputError
 
 CROPS = places.root() / "crops"
-KEYS = [one.key for one in computed.COMPUTED]
+KEYS = [setting.key for setting in computed.COMPUTED]
 
 
 def put(config, key, value):
@@ -50,7 +50,7 @@ def test_what_is_left_out_is_near_what_an_author_chose(folder, by_hand):
         section, name = key.split(".")
         assert config[section][name] == pytest.approx(by_hand[section][name], rel=0.35), key
     assert json.loads(json.dumps(config)) == config
-    assert not computed.asked(config)
+    assert not computed.to_compute(config)
 
 
 def test_the_time_step_is_nine_tenths_of_the_longest(folder):
@@ -113,7 +113,7 @@ def test_a_study_has_numbers(by_hand, monkeypatch):
         assert Study.of(config).config[section][name] == pytest.approx(by_hand[section][name], rel=0.35), key
 
 
-def test_what_cannot_be_computed_is_told_by_its_cause(folder, capsys):
+def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder, capsys):
     (folder / "sizes.csv").unlink()
     with pytest.raises(InputError) as caught:
         Study.load("config.yaml")

@@ -31,7 +31,7 @@ def test_a_configuration_without_it_has_hertz_and_mindlin_and_the_budget(config)
     assert (settings.contact_law, settings.rolling_law) == ("hertz_mindlin", "budget")
 
 
-def test_a_friction_limit_of_an_earlier_version_is_told_what_to_write(config):
+def test_a_friction_limit_of_an_earlier_version_is_reported_with_its_replacement(config):
     config["simulation"]["friction_limit"] = "elastic"
     with pytest.raises(
         InputError, match=r"friction_limit is 'elastic'; .*the tension decides.*delete this line"
@@ -46,7 +46,7 @@ def test_pours_of_another_law_stand_on_other_settings(config):
     assert hash_of(stands_on.settings_of(config, "pour")) != before
 
 
-def test_a_law_that_is_none_is_refused(config):
+def test_an_unknown_law_is_refused(config):
     config["simulation"]["contact_law"] = "hooke"
     with pytest.raises(
         InputError,

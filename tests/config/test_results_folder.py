@@ -62,7 +62,7 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, 
         Study.of(config).check_inputs()
 
 
-def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_told_at_once(tmp_path):
+def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_reported_at_once(tmp_path):
     study = tmp_path / "study"
     for name in ("dataset.csv", "design/samples.csv"):
         write_text(study / name, "1\n")
@@ -83,14 +83,16 @@ def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_told_a
         "runs.csv",
     )
 
-    def told():
+    def reported():
         with pytest.raises(InputError) as error:
-            results_folder.refuse_strange(str(study), {f"{study}/{name}" for name in results}.__contains__)
+            results_folder.check_no_foreign_files(
+                str(study), {f"{study}/{name}" for name in results}.__contains__
+            )
         return [line.removeprefix(f"{study}/").partition(" is ")[0] for line in str(error.value).splitlines()]
 
-    assert told() == ["network/network.json: file", "report.html: file"]
+    assert reported() == ["network/network.json: file", "report.html: file"]
     (study / "dataset.csv").write_text("2\n")
-    assert told() == ["dataset.csv: content", "network/network.json: file", "report.html: file"]
+    assert reported() == ["dataset.csv: content", "network/network.json: file", "report.html: file"]
     assert all(path.read_text() == "mine" for path in mine)
 
 

@@ -72,8 +72,8 @@ def test_every_key_is_explained():
         assert all(f"`{key}`" in explained for key in faults.subschema([name]).get("properties", ())), name
 
 
-def test_keys_of_earlier_configurations_are_told_where_they_went():
-    def told(given, message):
+def test_keys_of_earlier_configurations_are_reported_with_their_new_places():
+    def check_message(given, message):
         with pytest.raises(InputError, match=message):
             Study.load(overrides=given, inputs=True)
 
@@ -83,13 +83,13 @@ def test_keys_of_earlier_configurations_are_told_where_they_went():
         ({"funnel": {"tension": "cut"}}, "now simulation.tension"),
         ({"target": {"aor_deg": 30}}, "now the list targets"),
     )
-    check_all(told, [(str(given), given, message) for given, message in moved])
+    check_all(check_message, [(str(given), given, message) for given, message in moved])
 
 
 def test_no_section_allows_an_unknown_key_or_forgets_one():
     schema = faults.schema()
     others = {*names(), "joint_targets", "shape_study"} - {"funnel"}
-    computed = {one.key.partition(".")[2] for one in COMPUTED}
+    computed = {setting.key.partition(".")[2] for setting in COMPUTED}
     for section in [schema, *map(faults.subschema, [[name] for name in schema["properties"]])]:
         if "properties" in section:
             assert section["additionalProperties"] is False
@@ -105,7 +105,7 @@ def test_the_models_know_what_is_computed():
         for key, one in faults.subschema([name]).get("properties", {}).items()
         if one.get("default") == "auto"
     }
-    assert found == {one.key for one in COMPUTED}
+    assert found == {setting.key for setting in COMPUTED}
 
 
 BAD_VALUES = (
@@ -167,8 +167,8 @@ BAD_VALUES = (
 )
 
 
-def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config):
-    def told(key, value, allowed):
+def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config):
+    def check_message(key, value, allowed):
         changed = copy.deepcopy(config)
         put(changed, key, value)
         with pytest.raises(InputError) as caught:
@@ -178,22 +178,24 @@ def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config):
         assert fault.value == value or fault.value is value or math.isnan(value)
         assert allowed in fault.allowed
 
-    check_all(told, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES])
+    check_all(
+        check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES]
+    )
 
 
-def test_a_mistyped_key_is_told_with_the_one_that_was_meant(config):
+def test_a_mistyped_key_is_reported_with_the_one_that_was_meant(config):
     config["funnel"]["seads"] = config["funnel"].pop("seeds")
     with pytest.raises(InputError, match=r"funnel\.seads is 6; .*did you mean seeds"):
         Study.of(config, "my.yaml")
 
 
-def test_a_mistyped_section_is_told_once(config):
+def test_a_mistyped_section_is_reported_once(config):
     config["refin"] = config.pop("refine")
     with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
         Study.of(config, "my.yaml")
 
 
-def test_a_missing_key_is_told(config):
+def test_a_missing_key_is_reported(config):
     del config["miga"]["distance"]
     with pytest.raises(InputError, match=r"my.yaml: miga\.distance is null; .*the key is missing"):
         Study.of(config, "my.yaml")
@@ -245,7 +247,7 @@ def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(conf
 
 
 def test_inputs_are_checked_against_the_berry_and_the_disc(config):
-    def told(key, value, allowed):
+    def check_message(key, value, allowed):
         changed = copy.deepcopy(config)
         put(changed, key, value)
         Study.of(changed)
@@ -263,7 +265,7 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
         ("funnel.outlet_diameter_mm", 9.0, "the size of a mean berry"),
         ("funnel.factory_diameter_mm", 20.0, "the size of a mean berry"),
     )
-    check_all(told, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad])
+    check_all(check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad])
 
 
 def test_headers_of_the_named_tables_are_checked(config):

@@ -55,12 +55,12 @@ def test_a_writer_that_fails_leaves_the_earlier_file(tmp_path):
     with pytest.raises(TypeError, match="object cannot be written as JSON"):
         files.write_json(path, {"bad": object()})
     assert files.read_json(path) == {"whole": True}
-    with pytest.raises(InputError, match=r"suffix is '\.nothing'; allowed: that of a picture"):
+    with pytest.raises(InputError, match=r"suffix is '\.nothing'; allowed: the suffix of a picture"):
         files.write_image(tmp_path / "picture.nothing", np.zeros((2, 2), np.uint8))
 
 
 @pytest.mark.parametrize("read", [files.read_table, files.read_rows, files.read_json, files.read_npz])
-def test_every_fault_of_a_file_is_told_with_its_name(tmp_path, read):
+def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
     path = tmp_path / "given"
     with pytest.raises(InputError, match=r"given: .* is .*No such file.*; allowed: a fine file"):
         read(path, what="a fine file")
@@ -71,7 +71,7 @@ def test_every_fault_of_a_file_is_told_with_its_name(tmp_path, read):
         read(path, what="a fine file")
 
 
-def test_missing_parts_are_told_with_what_there_should_be(tmp_path):
+def test_missing_parts_are_reported_with_what_there_should_be(tmp_path):
     files.write_table(tmp_path / "table.csv", TABLE)
     for read in (files.read_table, files.read_rows):
         with pytest.raises(

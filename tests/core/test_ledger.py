@@ -34,7 +34,7 @@ def test_a_ledger_that_a_full_disk_cut_off_is_written_on(folder, kept):
     path.write_bytes(path.read_bytes()[:kept])
     files.write_json(folder / "c.json", {})
     files.write_json(folder / "c.json", {"again": True})
-    assert ledger.is_ours(folder / "c.json")
+    assert ledger.is_own_file(folder / "c.json")
     assert ledger.changed(folder) == []
 
 
@@ -46,7 +46,7 @@ def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
     assert (tmp_path / ledger.LEDGER).read_text() == content
 
 
-def test_a_full_disk_is_told_with_the_file_that_did_not_fit(folder):
+def test_a_full_disk_is_reported_with_the_file_that_did_not_fit(folder):
     def full(handle):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 

@@ -50,7 +50,7 @@ def test_a_file_system_without_locks_holds_and_refuses_nothing(tmp_path, monkeyp
         first.close()
 
 
-def test_other_faults_of_a_lock_are_told(tmp_path, monkeypatch):
+def test_other_faults_of_a_lock_are_reported(tmp_path, monkeypatch):
     def flock(_file, _kind):
         raise OSError(errno.EIO, "read error")
 

@@ -64,8 +64,8 @@ def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
     assert places.configs() == [METHOD, Path("config.yaml")]
     with pytest.raises(InputError) as caught:
         Study.load(inputs=True)
-    told = {fault.key for fault in caught.value.faults}
-    assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= told
+    result = {fault.key for fault in caught.value.faults}
+    assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= result
     assert all(fault.source == "config.yaml" for fault in caught.value.faults)
 
 
@@ -76,8 +76,8 @@ def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
     assert loader.layers([mine]) == [METHOD, mine]
     with pytest.raises(InputError) as caught:
         Study.load(mine)
-    told = {fault.key for fault in caught.value.faults}
-    assert {"parameters", "targets", "funnel.berries", "wall", "funnel.plate_diameter_mm"} <= told
+    result = {fault.key for fault in caught.value.faults}
+    assert {"parameters", "targets", "funnel.berries", "wall", "funnel.plate_diameter_mm"} <= result
     assert all(fault.source == str(mine) for fault in caught.value.faults)
 
 

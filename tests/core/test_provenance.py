@@ -162,12 +162,12 @@ def test_another_processor_is_no_reason_to_refuse(tmp_path, monkeypatch):
     run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
 
 
-def test_the_processor_type_is_told_with_what_stands_in_for_another(tmp_path, monkeypatch):
-    told = tmp_path / "cpuinfo"
-    told.write_text(
+def test_the_processor_type_is_reported_with_what_stands_in_for_another(tmp_path, monkeypatch):
+    result = tmp_path / "cpuinfo"
+    result.write_text(
         "processor\t: 0\ncpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n\nprocessor\t: 1\n"
     )
-    monkeypatch.setattr(provenance, "CPU_INFO", told)
+    monkeypatch.setattr(provenance, "CPU_INFO", result)
     for name in provenance.FORCED_TYPES:
         monkeypatch.delenv(name, raising=False)
     assert provenance._processor() == "AMD EPYC, family 26, model 2"
@@ -188,8 +188,8 @@ def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
     assert main(["design", "--config", config, "--out", str(tmp_path)]) == 0
     capsys.readouterr()
     assert main(["provenance", str(tmp_path / "samples.csv")]) == 0
-    told = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
-    assert (told["verb"], told["seed"]) == ("design", str(CONFIG["design"]["seed"]))
+    output = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert (output["verb"], output["seed"]) == ("design", str(CONFIG["design"]["seed"]))
     assert main(["provenance", str(tmp_path / "samples.csv"), "--json"]) == 0
     assert set(json.loads(capsys.readouterr().out)) == KEYS
     assert main(["provenance", config]) == 2

@@ -23,7 +23,7 @@ def test_targets_give_names_and_numbers_in_their_order():
     assert targets.aim.tolist() == [40.0, 32.87, 65.57]
 
 
-def test_numbers_are_told_with_units_and_with_names_where_units_are_alike():
+def test_numbers_are_reported_with_units_and_with_names_where_units_are_alike():
     targets = Targets.of([*shared.TARGETS, SLIP | {"range": [38, 42]}])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"

@@ -32,11 +32,11 @@ def test_components_are_unbiased_and_intervals_cover_with_failed_pours():
     sizes = np.where(np.arange(40) % 3 == 0, 3, 8)
     found = [variance.variance_components(*normal_model(random, sizes, 2.0, 1.5)) for _ in range(400)]
     for name, true in (("within", 2.25), ("between", 4.0)):
-        values = np.array([getattr(one, name) for one in found])
+        values = np.array([getattr(components, name) for components in found])
         assert values.mean() == pytest.approx(true, abs=4 * values.std() / 20)
     covered = {
-        "icc": np.mean([one.icc_low <= 0.64 <= one.icc_high for one in found]),
-        "within": np.mean([one.within_low <= 2.25 <= one.within_high for one in found]),
+        "icc": np.mean([components.icc_low <= 0.64 <= components.icc_high for components in found]),
+        "within": np.mean([components.within_low <= 2.25 <= components.within_high for components in found]),
     }
     for share in covered.values():
         assert 0.91 < share < 0.985  # 0.95 +- 3.3 standard errors of 400
@@ -92,6 +92,6 @@ def test_residual_correlation_leaves_out_what_lies_between_samples():
         ([1.0], ["a", "a"], r"shape \(1,\)"),
     ],
 )
-def test_bad_values_are_told(values, groups, message):
+def test_bad_values_are_reported(values, groups, message):
     with pytest.raises(ValueError, match=message):
         variance.variance_components(values, groups)

@@ -261,7 +261,7 @@ def test_a_small_pile_left_for_a_minute_stays_at_rest(shape):
 TURNING = Motion(angular_velocity_rad_s=(0.0, 0.0, 1.0))
 
 
-def told(rolling=0.1, motion=TURNING, frame=False, **laws):
+def warned(rolling=0.1, motion=TURNING, frame=False, **laws):
     """Warnings of two steps among a floor that moves."""
     floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=motion)
     s = scene(smooth(), Contact(0.3, 0.5, rolling), {"floor": floor}, **({"rolling_law": "budget"} | laws))
@@ -274,8 +274,8 @@ def told(rolling=0.1, motion=TURNING, frame=False, **laws):
     return [str(one.message) for one in found]
 
 
-def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_told_once():
-    (message,) = told()
+def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_reported_once():
+    (message,) = warned()
     assert "rolling_frame_rad_s" in message
     assert "epsd" in message
 
@@ -290,5 +290,5 @@ def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_told_once():
     ],
     ids=["frame", "no rolling friction", "translation", "epsd"],
 )
-def test_a_wall_that_does_no_harm_to_rolling_is_not_told(harmless):
-    assert told(**harmless) == []
+def test_a_wall_that_does_no_harm_to_rolling_is_not_reported(harmless):
+    assert warned(**harmless) == []

@@ -121,10 +121,10 @@ def test_both_limits_go_with_the_scale():
         assert "smallest scale, 0.333" in scaled.reason
 
 
-def test_the_number_that_is_told_is_allowed():
+def test_the_number_that_is_reported_is_allowed():
     for number in (1.23456e-4, 9.99999e-5, 2.5e-4, 3.0e-6):
-        told = float(time_steps.Limit(number, "why").allowed.split(",")[0].removeprefix("at most "))
-        assert 0.99 * number < told <= number * (1 + 1e-12)
+        result = float(time_steps.Limit(number, "why").allowed.split(",")[0].removeprefix("at most "))
+        assert 0.99 * number < result <= number * (1 + 1e-12)
 
 
 def test_a_low_restitution_and_a_hard_wall_shorten_the_step():

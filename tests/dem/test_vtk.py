@@ -174,7 +174,7 @@ def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
         series(simulation)
 
 
-def test_wrong_names_are_told(tmp_path):
+def test_wrong_names_are_reported(tmp_path):
     with pytest.raises(ValueError, match=r"path is .*allowed: a file that ends in \.vtp"):
         write_vtk(tmp_path / "a.vtk", None)
     with pytest.raises(ValueError, match="content is 'bodies'; allowed: 'points', 'surfaces', 'walls'"):

@@ -80,7 +80,7 @@ def steps(text: str) -> Iterator[tuple[str, str]]:
                 name, fence = (saved[-1] if saved else ""), []
             else:
                 if name:
-                    yield name, "".join(f"{one}\n" for one in fence)
+                    yield name, "".join(f"{text_line}\n" for text_line in fence)
                 fence, prose = None, ""
         elif fence is not None:
             fence.append(line)

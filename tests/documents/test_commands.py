@@ -14,7 +14,7 @@ TABLE = yaml.safe_load(commands.TABLE.read_text())
 KINDS = ("quick", "full", "left_out")
 
 
-def told(page):
+def commands_of(page):
     """The commands that stand on a page."""
     return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
 
@@ -22,7 +22,7 @@ def told(page):
 def test_the_table_holds_the_commands_of_every_page_and_no_others():
     def same(page):
         known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
-        assert sorted(known) == sorted(told(page))
+        assert sorted(known) == sorted(commands_of(page))
 
     check_all(same, [(page, page) for page in sorted({*commands.pages(), *TABLE})])
 
@@ -56,7 +56,7 @@ def test_every_picture_of_such_a_page_is_made_by_its_commands():
         if "pictures" in entry:
             folder = (commands.ROOT / page).parent
             shown = re.findall(r"!\[[^]]*\]\(([^)]+)\)", (commands.ROOT / page).read_text())
-            paths = {str(folder.joinpath(one).resolve().relative_to(commands.ROOT)) for one in shown}
+            paths = {str(folder.joinpath(target).resolve().relative_to(commands.ROOT)) for target in shown}
             assert paths == set(entry["pictures"]), page
             assert [path for path in paths if not (commands.ROOT / path).is_file()] == [], page
 

@@ -23,7 +23,7 @@ def model_of(name, order="quadratic"):
     runs = pd.read_csv(PRINTED / f"{first}_runs.csv")
     if first != name:
         runs = runs[runs["block"] == 1].drop(columns="block")
-    factors = [one for one in runs if one not in ("block", "response")]
+    factors = [column for column in runs if column not in ("block", "response")]
     blocks = runs.get("block")
     return fit(runs[factors], runs["response"], factors, order, blocks)
 

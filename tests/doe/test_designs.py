@@ -35,7 +35,7 @@ TWELVE_RUNS = """
 
 def signs(table):
     """A printed table of signs as numbers."""
-    return np.array([[1.0 if one == "+" else -1.0 for one in row] for row in table.split()])
+    return np.array([[1.0 if sign == "+" else -1.0 for sign in row] for row in table.split()])
 
 
 def test_twelve_runs_as_printed():
@@ -50,7 +50,7 @@ def test_every_plackett_burman_design_is_orthogonal(runs):
     design = plackett_burman(runs - 1, runs)
     with_mean = np.column_stack([np.ones(runs), design])
     assert np.array_equal(with_mean.T @ with_mean, runs * np.eye(runs))
-    assert "".join("+" if one > 0 else "-" for one in design[0]) == GENERATORS[runs]
+    assert "".join("+" if level > 0 else "-" for level in design[0]) == GENERATORS[runs]
 
 
 def test_six_factors_take_twelve_runs_and_leave_five_dummies():
@@ -86,12 +86,12 @@ def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
 @pytest.mark.parametrize("factors", BLOCKS)
 def test_box_behnken_is_balanced(factors):
     design, blocks = box_behnken(factors)
-    sets = [one for part in BLOCKS[factors] for one in part]
-    assert len({sum(k in one for one in sets) for k in range(1, factors + 1)}) == 1, (
+    sets = [block for part in BLOCKS[factors] for block in part]
+    assert len({sum(k in block for block in sets) for k in range(1, factors + 1)}) == 1, (
         "each factor equally often"
     )
     if factors < 6:
-        pairs = {pair for one in sets for pair in combinations(one, 2)}
+        pairs = {pair for block in sets for pair in combinations(block, 2)}
         assert len(pairs) == len(sets) == factors * (factors - 1) // 2, "each pair once"
     values = columns(design, terms_of(factors, "quadratic"))
     matrix = np.column_stack([np.ones(len(design)), values])

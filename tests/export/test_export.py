@@ -23,7 +23,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.places import find
 from repose.export import laws, surface, yade
 from repose.export.job import surface_means
-from repose.export.lammps import contact_words
+from repose.export.lammps import contact_keywords
 from repose.export.liggghts import LEAST_RESTITUTION, prime
 from repose.particle.particle import Particle
 
@@ -120,7 +120,7 @@ def test_lammps_gets_the_numbers(job):
     assert np.loadtxt(table["Diameters"].splitlines())[:, 1] == pytest.approx(2 * job.spheres_m[:, 3])
     assert f"{job.mass_kg:.9g} mass" in molecule
     # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
-    words = contact_words(job, job.on_wall).split()
+    words = contact_keywords(job, job.on_wall).split()
     young, poisson = float(words[1]), float(words[3])
     assert young / (2 * (1 - poisson**2)) == pytest.approx(job.on_wall.effective_young_pa)
     assert float(words[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
@@ -202,7 +202,7 @@ def test_the_equivalent_restitution_gives_the_calibrated_rebound(config, job, te
     assert (typed == pytest.approx(restitution)) == (tension == "keep")
 
 
-def test_a_damping_that_liggghts_cannot_take_is_told(job):
+def test_a_damping_that_liggghts_cannot_take_is_reported(job):
     strong = replace(job, grains=replace(job.grains, damping_ratio=1.2))
     assert laws.equivalent_restitution(strong.grains, LEAST_RESTITUTION) == LEAST_RESTITUTION
     assert "stronger than coefficientRestitution" in export.PROGRAMS["liggghts"](strong)["in.pour"]

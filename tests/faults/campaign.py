@@ -244,10 +244,12 @@ def damages(place, finished, wanted, table):
                 del content[len(content) // 2 :]
             path.write_bytes(bytes(content))
             status = study.run()
-            told = ""
+            result = ""
             if status and study.remove_what_it_named():
-                told, status = f"{status} and named; removed, then ", study.run()
-            table.add(way, name, f"{told}{status}", compared(study, wanted), _repoured(study, finished, path))
+                result, status = f"{status} and named; removed, then ", study.run()
+            table.add(
+                way, name, f"{result}{status}", compared(study, wanted), _repoured(study, finished, path)
+            )
             shutil.rmtree(study.folder)
     for name in LOST:
         study = finished.copied_to(place / "damaged")
@@ -300,8 +302,8 @@ def changes(place, jobs, finished, wanted, table):
         new = {path for path in set(after) - set(before) if path.parts[0] == "heaps"}
         same = compared(study, fresh.results()) and len(new) == poured
         table.add(name, f"{len(new)} new pours of the design, {poured} wanted", str(status), same, again)
-        for one in (fresh, study):
-            shutil.rmtree(one.folder)
+        for folder in (fresh, study):
+            shutil.rmtree(folder.folder)
 
 
 def no_room(place, jobs, wanted, targets, table):
@@ -316,20 +318,20 @@ def no_room(place, jobs, wanted, targets, table):
         subprocess.run(mount, check=True)
         try:
             status, before = study.run(), study.finished()
-            told = study.last_words()
+            result = study.last_words()
             subprocess.run(["mount", "-o", "remount,size=500m", str(results)], check=True)
             again = _again(study, before)
             first, same = f"{status}, then {again[0]}", compared(study, wanted)
             table.add(f"disk full at {share:.0%}", "results", first, same, again[1])
             if number == 1:
                 subprocess.run(["mount", "-o", "remount,ro", str(results)], check=True)
-                status, told = study.run("network"), study.told.read_text()
+                status, result = study.run("network"), study.told.read_text()
                 subprocess.run(["mount", "-o", "remount,rw", str(results)], check=True)
                 again = _again(study, {})
                 table.add(
                     "read-only", "results", f"{status}, then {again[0]}", compared(study, wanted), again[1]
                 )
-                print(f"    {told.splitlines()[-1] if told else ''}")
+                print(f"    {result.splitlines()[-1] if result else ''}")
         finally:
             subprocess.run(["umount", str(results)], check=True)
     study = Study(place / "memory", jobs).prepared()

@@ -196,7 +196,9 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox
     """Else the test above would call verbs that end before they write."""
     name, before = words[0], tree(sandbox)
     options = {
-        one.names[0]: f"={GOOD[one.names[0][2:]]}" for one in VERBS[name].options if one.names[0][2:] in READ
+        option.names[0]: f"={GOOD[option.names[0][2:]]}"
+        for option in VERBS[name].options
+        if option.names[0][2:] in READ
     }
     words = [*words, *(f"{option}{value}" for option, value in options.items() if option != "--config")]
     words += ["--config=in/config.json"] if name != "verify" else []
@@ -264,7 +266,9 @@ def test_no_other_code_of_the_program_writes_or_removes_a_file():
             called = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
             owner = getattr(getattr(function, "value", None), "id", "")
             texts = [
-                one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str)
+                argument.value
+                for argument in node.args
+                if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
             ]
             opens = called == "open" and any(
                 set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts

@@ -1,4 +1,4 @@
-"""Photographs of piles for who has none at hand: grains are poured with parameters that are not told, and drawn.
+"""Drawn photographs of piles for readers without piles: grains are poured with hidden parameters.
 
 In a crop's folder, where config.yaml and sizes.csv are filled in but for the targets:
 `python CHECKOUT/tests/measure/draw_piles.py` writes photographs/pile_1.jpg to pile_5.jpg.

@@ -93,7 +93,7 @@ def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, b
     status, told = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)
     assert status == 2
     assert reason in told
-    assert "out/pile.png shows what was taken for the pile" in told
+    assert "out/pile.png shows the part taken for the pile" in told
     assert (tmp_path / "out/pile.png").is_file()
 
 
@@ -125,7 +125,7 @@ def test_a_shadow_at_the_foot_is_refused_unless_the_plate_is_known(tmp_path, cap
 
 @pytest.mark.parametrize("tone", [60, 130])
 @pytest.mark.parametrize("beyond", [-40, 0, 30])
-def test_a_shadow_wider_than_the_pile_is_told_by_its_colour(tmp_path, capsys, tone, beyond):
+def test_a_shadow_wider_than_the_pile_is_recognised_by_its_colour(tmp_path, capsys, tone, beyond):
     picture = np.full((340, 600, 3), 220, np.uint8)
     cv2.rectangle(picture, (60 - beyond, 300), (540 + beyond, 318), (tone, tone, tone), -1)
     cv2.fillPoly(picture, [np.array(PILE)], (40, 40, 110))
@@ -162,12 +162,12 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
     assert summary["height_mm"]["repetitions"] == 3
     assert "upside down" in record["photographs"][3]["refused"]
     config = Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml").config
-    assert [one["response"] for one in config["targets"]] == ["aor_deg", "height_mm"]
+    assert [target["response"] for target in config["targets"]] == ["aor_deg", "height_mm"]
     assert config["targets"][1]["value"] == summary["height_mm"]["value"]
     assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("flank", 8)
 
 
-def test_one_photograph_tells_no_scatter(tmp_path, capsys):
+def test_one_photograph_gives_no_scatter(tmp_path, capsys):
     photograph(tmp_path / "p.png", PILE)
     record, _ = measured(capsys, tmp_path / "p.png", "--mm-per-pixel", "0.4", "--grain-mm", "8")
     assert {row["sd"] for row in record["summary"]} == {None}
@@ -177,9 +177,9 @@ def test_one_photograph_tells_no_scatter(tmp_path, capsys):
         assert key in str(refused.value)
     words = ["measure", str(tmp_path / "p.png"), "--mm-per-pixel", "0.4", "--out", str(tmp_path / "again")]
     assert main(words) == 0
-    told = capsys.readouterr().out
-    assert "one pile tells no scatter" in told
-    assert "mm, not known, 1" in told
+    output = capsys.readouterr().out
+    assert "one pile gives no scatter" in output
+    assert "mm, not known, 1" in output
 
 
 def test_a_photograph_of_many_pixels_is_reduced(tmp_path, capsys):

@@ -56,7 +56,7 @@ def test_the_lens_is_found_from_the_sheet_in_many_places():
     )
 
 
-def test_one_view_that_faces_the_camera_tells_no_focal_length():
+def test_one_view_that_faces_the_camera_gives_no_focal_length():
     places = views_of((0, 0), 1, np.random.default_rng(1))[0].places_mm
     pixels = 700 + 2.0 * places * [1, -1] + np.random.default_rng(2).normal(0, 0.1, places.shape)
     found = camera.calibrate([sheet.Seen(places, pixels)], (1600, 1200), 1111.0)

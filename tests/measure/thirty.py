@@ -125,7 +125,7 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
                 [paths[one.seed] for one in same],
                 how,
                 photographs.Scale(),
-                [paths[one.seed] for one in alone],
+                [paths[scene.seed] for scene in alone],
             )
             for scene, one in zip(same, found, strict=True):
                 true, seen = truth(scene, how), one.measurement

@@ -16,7 +16,7 @@ def names(requirements):
     return {re.match(r"[\w.-]+", line).group().lower() for line in requirements}
 
 
-def test_the_version_stands_in_the_package_and_its_release_is_told():
+def test_the_version_stands_in_the_package_and_its_release_is_listed():
     assert "version" not in PROJECT["project"]
     assert f"## [{repose.__version__}]" in (ROOT / "CHANGELOG.md").read_text()
 

@@ -156,7 +156,7 @@ def test_a_posterior_that_is_not_converged_or_extrapolated_says_so(inputs):
     assert "best draw 2.00 standard deviations" in text
 
 
-def test_the_approach_tells_the_bars_and_why_it_stopped(inputs):
+def test_the_approach_shows_the_bars_and_why_it_stopped(inputs):
     with style.applied():
         figure = refinement.approach(inputs_of("approach", inputs), CONFIG)
     text = words(figure)

@@ -45,20 +45,20 @@ def made_up(folder, count):
     table4["role"] = ["representative"] + 4 * ["spread"]
     published = pd.DataFrame({"solution": ["22", "15", "representative"]})
     theirs = pd.DataFrame({"solution": ["22", "15"]})
-    for one in targets:
-        response, scale = one.response, one.sd
-        predictions[response.predicted] = one.value + 2 * scale * trend
+    for target in targets:
+        response, scale = target.response, target.sd
+        predictions[response.predicted] = target.value + 2 * scale * trend
         values = predictions[response.predicted] + rng.normal(0, 0.5 * scale, 60)
         dataset[response.name] = predictions[response.name] = values
         dataset[response.error] = 0.3 * scale
-        table4[response.predicted] = one.value
-        table4[response.simulated] = one.value + 0.5 * scale * rng.normal(size=5)
+        table4[response.predicted] = target.value
+        table4[response.simulated] = target.value + 0.5 * scale * rng.normal(size=5)
         table4[response.error] = 0.3 * scale
-        published[response.simulated] = one.value - 2 * scale + 0.5 * scale * rng.normal(size=3)
+        published[response.simulated] = target.value - 2 * scale + 0.5 * scale * rng.normal(size=3)
         published[response.error] = 0.3 * scale
         if response.name in PUBLISHED:
-            published[derived(response.name, "published_simulated")] = one.value
-            theirs[response.predicted], theirs[response.simulated] = one.value, 0.99 * one.value
+            published[derived(response.name, "published_simulated")] = target.value
+            theirs[response.predicted], theirs[response.simulated] = target.value, 0.99 * target.value
     failed = [4, 20]
     dataset.loc[failed, "status"] = "jammed"
     dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
@@ -81,7 +81,9 @@ def made_up(folder, count):
 
 def write_solutions(folder, count, feasible):
     """A table of solutions at the targets."""
-    table = pd.DataFrame({one.response.predicted: 20 * [one.value] for one in Targets.of(CHOICES[count])})
+    table = pd.DataFrame(
+        {target.response.predicted: 20 * [target.value] for target in Targets.of(CHOICES[count])}
+    )
     table.assign(feasible=feasible).to_csv(folder / "feasible.csv", index=False)
     return folder / "feasible.csv"
 
@@ -96,11 +98,11 @@ def test_the_planes_of_the_targets_show_samples_ranges_and_answer(count, panels,
         figure = plane.planes(inputs | {"pool": files["dataset"]}, config_of(count))
         style.save(figure, tmp_path / "figure.png", small_run=False)
     assert len(figure.axes) == panels
-    told = texts(figure)
-    assert "58 samples of the design (bars: ± SE)" in told  # two failed
-    assert "58 points of the pool (bars: ± SE)" in told
-    assert ("nearest solutions, none feasible, predicted" in told) is not feasible
-    assert ("feasible solutions, predicted" in told) is feasible
+    result = texts(figure)
+    assert "58 samples of the design (bars: ± SE)" in result  # two failed
+    assert "58 points of the pool (bars: ± SE)" in result
+    assert ("nearest solutions, none feasible, predicted" in result) is not feasible
+    assert ("feasible solutions, predicted" in result) is feasible
     (box,) = figure.axes[0].patches
     assert (box.get_x(), box.get_width()) == (TARGETS[0]["range"][0], np.diff(TARGETS[0]["range"])[0])
 
@@ -127,28 +129,30 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
     with style.applied():
         figure = figures.FIGURES[name][0](inputs, config)
         style.save(figure, tmp_path / "figure.png", small_run=False)
-    told = texts(figure)
-    for one in Targets.of(CHOICES[count]).responses:
-        label = one.symbol if name == "figure10" else f"({one.unit})"
-        assert any(one.symbol in text and label in text for text in told), one.name
-    absent = {one["response"] for one in CHOICES[4]} - {one["response"] for one in CHOICES[count]}
-    assert not any("slip" in text for text in told) or "drum_slip_deg" not in absent
+    result = texts(figure)
+    for response in Targets.of(CHOICES[count]).responses:
+        label = response.symbol if name == "figure10" else f"({response.unit})"
+        assert any(response.symbol in text and label in text for text in result), response.name
+    absent = {response["response"] for response in CHOICES[4]} - {
+        response["response"] for response in CHOICES[count]
+    }
+    assert not any("slip" in text for text in result) or "drum_slip_deg" not in absent
 
 
 def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):
     files = made_up(tmp_path, 4)
     with style.applied():
         inputs = {"table4": files["table4"], "published": files["theirs"]}
-        told = texts(checks.validation(inputs, config_of(4)))
-        assert told.count("not published") == 2
-        assert "published" in told
-        told = texts(checks.published_solutions({"published": files["published"]}, config_of(4)))
-        assert "published simulation" in told
+        result = texts(checks.validation(inputs, config_of(4)))
+        assert result.count("not published") == 2
+        assert "published" in result
+        result = texts(checks.published_solutions({"published": files["published"]}, config_of(4)))
+        assert "published simulation" in result
         alone = config_of(4, targets=FURTHER)
         assert "not published" not in texts(checks.validation(inputs, alone))
         assert len(checks.validation(inputs, alone).axes) == 2
-        told = texts(checks.published_solutions({"published": files["published"]}, alone))
-        assert "published simulation" not in told
+        result = texts(checks.published_solutions({"published": files["published"]}, alone))
+        assert "published simulation" not in result
 
 
 def test_a_fixed_parameter_has_no_panel(tmp_path):

@@ -126,8 +126,8 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     study = made_up_study(tmp_path, targets, fixed=fixed)
     page.write(*study, {"All samples": tmp_path / "dataset.csv"}, tmp_path / "report.html")
     values, text = values_of(tmp_path / "report.html")
-    assert [one["name"] for one in values["targets"]] == [one["response"] for one in targets]
-    assert [one["name"] for one in values["parameters"] if one["fixed"]] == list(fixed)
+    assert [target["name"] for target in values["targets"]] == [target["response"] for target in targets]
+    assert [parameter["name"] for parameter in values["parameters"] if parameter["fixed"]] == list(fixed)
     assert text.count("<td") > 60 * 8
     assert "Small run" in text
     assert "The intervals are not settled" in text
@@ -173,8 +173,8 @@ def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, t
     found = re.search(r'class="verdict (\w+)">(.*?)</p>', (tmp_path / "report.html").read_text())
     assert found.group(1) == kind
     assert words in found.group(2)
-    told = (tmp_path / "report.html").read_text()
-    assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", told)
+    text = (tmp_path / "report.html").read_text()
+    assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
 
 
 def test_faults_name_the_input(tmp_path):

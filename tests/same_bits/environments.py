@@ -189,9 +189,11 @@ def main():
     parser.add_argument("--python", nargs="*", default=[], help="other Pythons, as 3.12=/path/to/python")
     args = parser.parse_args()
     work = (args.work or Path(tempfile.mkdtemp())).absolute()
-    pythons = dict(one.split("=", 1) for one in args.python)
+    pythons = dict(python.split("=", 1) for python in args.python)
     names = args.names or list(ENVIRONMENTS)
-    statuses = {name: run(name, work, pythons) for name in (PLAIN, *(one for one in names if one != PLAIN))}
+    statuses = {
+        name: run(name, work, pythons) for name in (PLAIN, *(name for name in names if name != PLAIN))
+    }
     lines = [
         "| environment | same files | others; of a table the largest difference over the spread of its column |"
         " mean difference of all runs and its standard error |",

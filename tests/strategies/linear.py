@@ -17,7 +17,7 @@ class Linear:
 
     def __init__(self, outputs, slopes, error=0.0):
         self.outputs, self.error = tuple(outputs), error
-        self.slopes = np.array([[one.get(name, 0.0) for one in slopes] for name in PARAMETERS])
+        self.slopes = np.array([[slope.get(name, 0.0) for slope in slopes] for name in PARAMETERS])
         self.constant = 30.0 - self.slopes.sum(axis=0) / 2
 
     def predict(self, X, return_std=False, noise=True):

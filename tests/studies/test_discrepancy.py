@@ -46,10 +46,10 @@ def test_that_of_a_shape_study_is_the_spread_of_its_plausible_models(tmp_path):
     models = random.multivariate_normal([-3, 5], known, 4000) + random.normal(size=(4000, 2)) * [0.5, 2.0]
     far = random.normal(100, 50, (50, 2))
     path = combinations(tmp_path, np.vstack([models, far]), (0.5, 2.0), np.arange(4050) < 4000)
-    told = discrepancy.of_shape_study(path, TARGETS)
-    assert told.models == pytest.approx(4000)
-    assert told.mean == pytest.approx([-3, 5], abs=0.2)
-    found = told.covariance
+    result = discrepancy.of_shape_study(path, TARGETS)
+    assert result.models == pytest.approx(4000)
+    assert result.mean == pytest.approx([-3, 5], abs=0.2)
+    found = result.covariance
     assert np.sqrt(np.diag(found)) == pytest.approx([3, 5], rel=0.05)
     raw = known + np.diag([0.25, 4.0])
     assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(
@@ -64,17 +64,17 @@ def test_a_model_counts_by_how_well_it_describes_the_piles(tmp_path):
     """Ten models at 0 and 2 near the piles, as many at 40 four standard deviations off; definitions count once."""
     values = np.repeat([0.0, 2.0, 40.0], [5, 5, 10])
     path = combinations(tmp_path, np.column_stack([values, values]), distance=np.repeat([0.0, 4.0], 10))
-    told = discrepancy.of_shape_study(path, TARGETS)
+    result = discrepancy.of_shape_study(path, TARGETS)
     share = np.exp(-8.0)
     mean = (1 + 40 * share) / (1 + share)
-    assert told.mean == pytest.approx([mean, mean])
-    assert told.models == pytest.approx(10 * (1 + share) ** 2 / (1 + share**2))
+    assert result.mean == pytest.approx([mean, mean])
+    assert result.models == pytest.approx(10 * (1 + share) ** 2 / (1 + share**2))
     spread = (((0 - mean) ** 2 + (2 - mean) ** 2) / 2 + share * (40 - mean) ** 2) / (1 + share)
-    assert told.covariance[0, 0] == pytest.approx(spread / (1 - 1 / told.models))
+    assert result.covariance[0, 0] == pytest.approx(spread / (1 - 1 / result.models))
     table = pd.read_csv(path)
     twice = pd.concat([table, table])
     twice.to_csv(path, index=False)
-    assert discrepancy.of_shape_study(path, TARGETS).models == pytest.approx(told.models)
+    assert discrepancy.of_shape_study(path, TARGETS).models == pytest.approx(result.models)
 
 
 def test_a_study_that_says_too_little_is_refused(tmp_path):

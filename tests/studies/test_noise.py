@@ -86,7 +86,7 @@ def test_one_seed_a_sample_is_refused(tmp_path):
         noise.run(write_runs(tmp_path, 1), TWO, tmp_path / "out")
 
 
-def test_too_few_runs_for_a_correlation_are_told_with_the_file(tmp_path):
+def test_too_few_runs_for_a_correlation_are_reported_with_the_file(tmp_path):
     runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
     runs.to_csv(tmp_path / "runs.csv", index=False)
     with pytest.raises(InputError, match=r"runs\.csv: runs is '2 degrees of freedom within samples"):

@@ -58,7 +58,7 @@ def test_main_effect_is_the_mean_over_the_other_inputs():
     assert means[0] == pytest.approx(np.sin(grid[0]) * (1 + 0.1 * np.pi**4 / 5) + 3.5, abs=0.05)
 
 
-def test_bad_arguments_are_told():
+def test_bad_arguments_are_reported():
     with pytest.raises(ValueError, match="samples is 100; allowed: a power of two"):
         sensitivity.indices(ishigami, LOW, HIGH, 100, 20, 1)
     with pytest.raises(ValueError, match="does not vary"):
@@ -111,7 +111,7 @@ def test_tables_of_every_surrogate(name, tmp_path):
     assert "aor_deg: first-order (total)" in sensitivity.message(table)
 
 
-def test_faults_are_told_with_the_file(tmp_path):
+def test_faults_are_reported_with_the_file(tmp_path):
     path, targets = tmp_path / "network.json", targets_of(aor_deg=30.0)
     X = np.random.RandomState(1).uniform(size=(20, 6))
     flat = BayesianBP(hidden=2, starts=1, epochs=20).fit(X, X[:, :1])

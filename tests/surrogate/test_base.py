@@ -138,7 +138,7 @@ def test_a_shift_moves_the_mean_alone(name, fitted, tmp_path):
 
 
 @every
-def test_an_input_that_does_not_vary_tells_nothing(name):
+def test_an_input_that_does_not_vary_has_no_effect(name):
     X = points(60, 0)
     X[:, 2] = 3.0
     model = make(name, SETTINGS).fit(X, truth(X))

@@ -159,7 +159,7 @@ def test_starts_that_have_not_converged_do_not_compete(monkeypatch):
     assert (found.best_start_, found.converged_starts_) == (best, 0)
 
 
-def test_classes_at_the_cap_are_told(monkeypatch):
+def test_classes_at_the_cap_are_reported(monkeypatch):
     X, Y = noisy_data(60, 3)
     settings = {"hidden": 3, "starts": 1, "epochs": 60, "goal": 0.0, "prior": "inputs"}
     model = BayesianBP(**settings).describe("abcdef", ("y", "z"))

@@ -36,7 +36,7 @@ def test_mean_and_covariance_are_those_of_the_mixture_written_as_loops(fitted):
             second += (one.covariance(fresh[i : i + 1])[0] + np.outer(m, m)) / len(networks)
         assert mean[i] == pytest.approx(first)
         assert covariance[i] == pytest.approx(second - np.outer(first, first), rel=1e-5)
-    own = np.mean([np.diagonal(one.covariance(fresh), axis1=1, axis2=2) for one in networks], axis=0)
+    own = np.mean([np.diagonal(network.covariance(fresh), axis1=1, axis2=2) for network in networks], axis=0)
     std = model.predict(fresh, return_std=True, noise=False)[1]
     assert (std**2 > own).all()
 
@@ -47,8 +47,8 @@ def test_converged_starts_of_like_evidence_take_part_the_best_first(fitted, monk
     monkeypatch.setattr(network_ensemble, "NATS", 3.0)
     few = NetworkEnsemble.of(SETTINGS).fit(X, Y)
     starts = few.members_[0].starts_
-    largest = max(one["log_evidence"] for one in starts if one["decrement"] < CONVERGED)
-    near = [one["log_evidence"] > largest - 3 and one["decrement"] < CONVERGED for one in starts]
+    largest = max(start["log_evidence"] for start in starts if start["decrement"] < CONVERGED)
+    near = [start["log_evidence"] > largest - 3 and start["decrement"] < CONVERGED for start in starts]
     assert [row["member"] for row in few.start_rows()] == near
     assert few.report()["members"] == sum(near)
 

@@ -91,11 +91,11 @@ def test_equal_spins_of_sliding_hits_lose_what_rigid_bodies_lose(laws):
 
 
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named():
-    told = {
+    result = {
         row.quantity.split(":")[0]: row for row in result_of("convergence").rows if "longest" in row.quantity
     }
-    assert list(told) == ["time step 0.0004 s", "time step 0.001 s"]
-    for row in told.values():
+    assert list(result) == ["time step 0.0004 s", "time step 0.001 s"]
+    for row in result.values():
         # a fifteenth of 2.868 (m*^2 / (R* E*^2 v))^0.2 at 2 m/s, for spheres of radius 6.67 mm
         young = 1.1352e5 / (2.0 * (1.0 - 0.32**2))
         mass = 0.5 * 840.47 * 4.0 / 3.0 * math.pi * 0.00667**3
@@ -105,7 +105,7 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named():
 
 
 @pytest.mark.parametrize("names", [["aor_deg"], ["aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg"]])
-def test_piles_are_told_by_the_targets_of_the_configuration(names, monkeypatch):
+def test_piles_are_compared_by_the_targets_of_the_configuration(names, monkeypatch):
     """One curve for each target that a pile has; the mean and its error over the seeds."""
     record = {"status": "ok", "aor_deg": 30.0, "height_mm": 60.0, "base_radius_mm": 110.0}
     pours = [record, {name: value + 2 if name != "status" else value for name, value in record.items()}]

@@ -43,7 +43,7 @@ def test_a_row_is_judged_by_its_tolerance(row, status):
 
 
 @pytest.mark.parametrize(("value", "status"), [(1.001, 0), (1.2, 1)])
-def test_the_verb_writes_page_table_and_plot_and_tells_a_miss(value, status, monkeypatch, tmp_path, capsys):
+def test_the_verb_writes_page_table_and_plot_and_reports_a_miss(value, status, monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(verification.CASES, "one", case_of(close("length", "m", value, 1.0)))
     assert main(["verify", "--case", "one", "--out", str(tmp_path)]) == status
     assert ("length is 1.2" in capsys.readouterr().out) is bool(status)

@@ -100,7 +100,7 @@ def test_network_file_gives_the_predictions(dataset):
     assert {"train", "validation", "test", "gamma", "alpha", "beta", "epochs", "stop_reason"} <= set(metrics)
 
 
-def test_search_tells_in_words_what_it_found(config):
+def test_search_prints_its_result(config):
     summary = json.loads((RESULTS / "miga" / "summary.json").read_text())
     feasible = pd.read_csv(RESULTS / "miga" / "feasible.csv")
     assert summary["message"]
@@ -151,7 +151,7 @@ def test_figures_show_something(name):
     assert picture.std() > 5
 
 
-def test_the_report_tells_the_answer_and_that_it_was_a_small_run():
+def test_the_report_states_the_answer_and_that_it_was_a_small_run():
     text = (RESULTS / "report.html").read_text()
     assert "Small run" in text
     assert 'class="verdict' in text
@@ -163,7 +163,9 @@ def test_every_result_was_written_by_the_one_writer():
     left = ("logs", "benchmarks")
     paths = [path for path in RESULTS.rglob("*") if path.is_file() and not set(left) & set(path.parts)]
     ours = [
-        path for path in paths if path.name.startswith(".") or not path.stat().st_size or ledger.is_ours(path)
+        path
+        for path in paths
+        if path.name.startswith(".") or not path.stat().st_size or ledger.is_own_file(path)
     ]
     assert len(ours) > 200
     # snakemake writes its own report, where one was asked for

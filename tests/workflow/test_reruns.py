@@ -41,14 +41,16 @@ def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_mak
     assert snakemake(project, *words).returncode == 0
     shutil.rmtree(project / ".snakemake")
     before = (project / TARGET).read_text()
-    told = "repose: error: results/quick/design/samples.csv and 1 more results were made with other settings"
-    assert told not in snakemake(project, "-n", *words).stderr
-    assert told not in snakemake(project, "-n", *words, "--config", "funnel={seeds: 3}").stderr
+    result = (
+        "repose: error: results/quick/design/samples.csv and 1 more results were made with other settings"
+    )
+    assert result not in snakemake(project, "-n", *words).stderr
+    assert result not in snakemake(project, "-n", *words, "--config", "funnel={seeds: 3}").stderr
     changed = (*words, "--config", "design={seed: 5}")
-    assert told in snakemake(project, "-n", *changed).stderr
+    assert result in snakemake(project, "-n", *changed).stderr
     assert snakemake(project, *changed).returncode == 2
     assert snakemake(project, *changed, "--forceall").returncode == 0
-    assert told not in snakemake(project, "-n", *changed).stderr
+    assert result not in snakemake(project, "-n", *changed).stderr
     assert (project / TARGET).read_text() != before
 
 
@@ -75,8 +77,8 @@ def test_somebodys_file_in_the_place_of_a_result_stops_the_workflow_and_stays(pr
     path.write_text("mine")
     done = snakemake(project, "network", *QUICK)
     assert done.returncode == 2
-    told = "repose: error: results/quick/network/network.json: file is 'there already'; allowed: a file that repose"
-    assert told in done.stderr
+    result = "repose: error: results/quick/network/network.json: file is 'there already'; allowed: a file that repose"
+    assert result in done.stderr
     assert path.read_text() == "mine"
     path.unlink()
 

@@ -100,7 +100,7 @@ def test_every_bench_test_of_the_targets_is_run(project):
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ("seeds: 1", "sequential.seeds is 1; allowed: at least 2: pours of one sample tell the noise"),
+        ("seeds: 1", "sequential.seeds is 1; allowed: at least 2: the noise comes from pours of one sample"),
         ("most_pours: 15", "sequential.most_pours is 15; allowed: at least sequential.start_samples times"),
         ("probability: 1", "sequential.probability is 1; allowed: a number from 0.05 to 0.99"),
     ],

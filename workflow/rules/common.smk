@@ -1,4 +1,4 @@
-# What the rules share: the checked configuration, and the Python that runs the verbs.
+# Shared by all rules: the checked configuration, and the Python that runs the verbs.
 import base64
 import json
 import os
@@ -13,7 +13,7 @@ from repose.chain import answer as answers
 from repose.config import cost, loader, results_folder, stands_on
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import BAD_INPUT, InputError, tell
+from repose.core.errors import BAD_INPUT, InputError, print_fault
 from repose.core.lock import take_folder
 from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
@@ -28,13 +28,13 @@ shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH;
 
 
 def refuse(fault):
-    """Tell a fault of the input as the verbs do, and end with their status: no work."""
-    tell(fault)
+    """Print a fault of the input as the verbs do, and end with their status before any work."""
+    print_fault(fault)
     sys.exit(BAD_INPUT)
 
 
 def or_one_message(function, *arguments):
-    """What a function gives, or one message and no work."""
+    """Result of a function, or one message and no work."""
     try:
         return function(*arguments)
     except (InputError, OSError) as error:
@@ -42,15 +42,17 @@ def or_one_message(function, *arguments):
 
 
 def refuse_what_jobs_refused(workflow):
-    """End as the verbs do where each job that failed did so for a fault of its input, which its log tells last."""
+    """End as the verbs do if each failed job had a fault of its input, which is the last line of its log."""
     failed = [
-        one
+        single
         for job in workflow.scheduler.failed
-        for one in (job.jobs if job.is_group() else [job])
+        for single in (job.jobs if job.is_group() else [job])
     ]
-    told = {last_line(path) for job in failed for path in job.log}
-    if told and all(line.startswith("repose: error: ") for line in told):
-        refuse("\n".join(line.removeprefix("repose: error: ") for line in sorted(told)))
+    lines = {last_line(path) for job in failed for path in job.log}
+    if lines and all(line.startswith("repose: error: ") for line in lines):
+        refuse(
+            "\n".join(line.removeprefix("repose: error: ") for line in sorted(lines))
+        )
 
 
 def last_line(path):
@@ -87,13 +89,13 @@ def as_typed(path):
     )
 
 
-def tell_plan(workflow):
-    """Tell the display of `repose run` what runs: the stage of each rule, which is the file that it stands in, and of
+def log_plan(workflow):
+    """Log the plan for the display of `repose run`: the stage of each rule, named by its file, and of
     each job its runs of a bench test and its expected time.
     """
     stages = {
-        one.name: os.path.splitext(os.path.basename(one.snakefile))[0]
-        for one in workflow.rules
+        rule_.name: os.path.splitext(os.path.basename(rule_.snakefile))[0]
+        for rule_ in workflow.rules
     }
     jobs = {}
     for job in workflow.dag.needrun_jobs():
@@ -117,7 +119,7 @@ def tell_plan(workflow):
 
 
 def published(table):
-    """Path of a table beside that of the published solutions, where there is one."""
+    """Path of a published table in the folder of the published solutions, if there is one."""
     return str(beside(config["validation"]["published"], table) or "") or []
 
 
@@ -139,25 +141,25 @@ def is_result(path):
 
 
 def refuse_outdated(paths):
-    """Refuse results whose own records name other settings, where snakemake's records, which tell it, are lost.
+    """Refuse results whose own records name other settings, if snakemake's own records of them are lost.
 
     With --forceall all is made again; runs that are kept and still the same are taken as they are.
     """
     unknown = [
         path for path in map(str, paths) if os.path.exists(path) and not recorded(path)
     ]
-    found = stands_on.outdated(config, unknown)
-    if found and not {"--forceall", "-F"} & set(sys.argv):
+    outdated = stands_on.outdated(config, unknown)
+    if outdated and not {"--forceall", "-F"} & set(sys.argv):
         refuse(
-            f"{found[0]} and {len(found) - 1} more results were made with other settings or by another"
-            " engine, and the records of snakemake, which tell what to make again, are lost: add --forceall"
+            f"{outdated[0]} and {len(outdated) - 1} more results were made with other settings or by another"
+            " engine, and the records of snakemake are lost: add --forceall"
         )
 
 
 def growing(amount):
     """Memory in MB or time in minutes, once more with each attempt that failed: `--retries 2` tries again with more.
 
-    Memory is what was measured with config/config.yaml and a fifth more; a test compares it with the benchmarks of a
+    Memory is the measured use with config/config.yaml and a fifth more; a test compares it with the benchmarks of a
     run of config/quick.yaml.
     """
     return lambda wildcards, attempt: amount * attempt
@@ -179,7 +181,7 @@ def apparatus(wildcards):
 
 
 def pouring_settings(name="funnel"):
-    """What a run of a bench test depends on, its measurement left out; the number of seeds is the caller's.
+    """Settings of a run of a bench test, without its measurement; the caller adds the number of seeds.
 
     An edit of the engine's source is a reason to run again.
     """
@@ -187,32 +189,38 @@ def pouring_settings(name="funnel"):
 
 
 def pouring(wildcards):
-    """The same of the bench test whose runs a rule makes."""
+    """Settings of a run of the bench test whose runs a rule makes."""
     return pouring_settings(apparatus(wildcards))
 
 
 def measuring(wildcards):
-    """What the measurement of a run depends on."""
+    """Settings of the measurement of a run."""
     return stands_on.measuring(config, apparatus(wildcards))
 
 
 def folder(wildcards, output):
-    """Where a rule's first output lies."""
+    """Folder of a rule's first output."""
     return os.path.dirname(output[0])
 
 
 def folders_of_jobs(wildcards, input):
-    """Where a table's jobs lie: thousands of files would be more than a command line takes."""
+    """Folders of a table's jobs: thousands of files would be more than a command line takes."""
     return list(dict.fromkeys(map(os.path.dirname, input.jobs)))
 
 
 def validation_seeds(wildcards):
-    """Pours of a solution; our representative one gets more."""
-    ours = wildcards.sample == OURS[0]
-    return config["validation"]["representative_seeds" if ours else "seeds"]
+    """Pours of a solution; the representative gets more."""
+    is_representative = wildcards.sample == OWN_SOLUTIONS[0]
+    return config["validation"][
+        "representative_seeds" if is_representative else "seeds"
+    ]
 
 
 def solution_to_pour(wildcards):
-    """The table that a solution stands in."""
-    origin = rules.solutions if wildcards.sample in OURS else rules.published_solutions
+    """The table of a solution."""
+    origin = (
+        rules.solutions
+        if wildcards.sample in OWN_SOLUTIONS
+        else rules.published_solutions
+    )
     return origin.output.solutions

@@ -2,7 +2,7 @@
 BENCH_TESTS = STUDY.targets.apparatus
 OF_THE_FUNNEL = ("figure05", "figure06", "figure08", "definitions")
 
-# Each figure: its name in the report, what it shows, and the sections of the configuration that it reads.
+# Each figure: its name in the report, its inputs, and the sections of the configuration that it reads.
 FIGURES = {
     "figure02": ("Figure 2", {"sizes": config["berry"]["sizes"]}, ()),
     "figure05": (
@@ -143,7 +143,7 @@ if "funnel" not in BENCH_TESTS:
         del FIGURES[figure]
 if config["surrogate"] not in ("network", "network_ensemble"):
     del FIGURES["figure10"]
-if not THEIRS:
+if not PUBLISHED_SOLUTIONS:
     del FIGURES["published"], FIGURES["validation"][1]["published"]
 if not FIGURES["figure14"][1]["published"]:
     del FIGURES["figure14"][1]["published"]
@@ -169,8 +169,8 @@ rule rule_graph:
         " --configfile {params.config:q} --rulegraph | python -m repose stage write --out {output.dot:q}) 2> {log:q}"
 
 
-# Shown where they are, and never made for the figure.
-BESIDE = {
+# Shown if they exist, and never made for the figure.
+OPTIONAL_INPUTS = {
     "plane": {
         "pool": f"{RESULTS}/pool/dataset.csv",
         "fresh": f"{RESULTS}/pool/fresh_dataset.csv",
@@ -207,7 +207,7 @@ for figure, (label, shown, depends) in FIGURES.items():
             inputs=[f"--input={key}={path}" for key, path in shown.items()]
             + [
                 f"--input={key}={path}"
-                for key, path in BESIDE.get(figure, {}).items()
+                for key, path in OPTIONAL_INPUTS.get(figure, {}).items()
                 if os.path.isfile(path)
             ],
             depends=sections("small_run", *depends),

@@ -40,7 +40,7 @@ if "drum" in config:
     TABLES.append(("The drum: angles and first slip", rules.drum.output.summary))
 if config["surrogate"].startswith("network"):
     TABLES.append(("Starts of the network", rules.network.output.starts))
-if THEIRS:
+if PUBLISHED_SOLUTIONS:
     TABLES.append(("Published sets in this simulator", rules.validate.output.published))
 
 
@@ -53,7 +53,7 @@ rule page:
         jobs=expand(
             rules.measure_validation_runs.output.result,
             runs=folders_of_targets(),
-            sample=OURS[0],
+            sample=OWN_SOLUTIONS[0],
         ),
         tables=[path for _, path in TABLES],
     output:

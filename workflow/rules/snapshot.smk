@@ -1,5 +1,5 @@
-# Only on request, `snakemake snapshot --cores 2`: what a repository keeps of a finished study. The folder itself is no
-# output: snakemake empties the folders that it is to make, whoever filled them.
+# Only on request, `snakemake snapshot --cores 2`: the files of a finished study that a repository keeps. The folder itself is no
+# output: snakemake empties the folders that are outputs, whatever they hold.
 rule snapshot:
     input:
         rules.calibration.input,

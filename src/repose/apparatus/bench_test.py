@@ -1,8 +1,8 @@
-"""What a bench test is, and the registry of all of them.
+"""Bench tests and their registry.
 
-A bench test is one module. It says which numbers it gives (`Response`), what its section of the configuration holds,
+A bench test is one module. It defines its responses (`Response`), the model of its section in the configuration,
 how its scene is built and run, and how a run is measured. The job that pours, the tables and the workflow take it
-from here by its name.
+from this registry by its name.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,10 +30,10 @@ class Run:
         ``seed``, ``status``, ``reason`` and numbers with their units in the keys. Status ``ok`` means that the run can
         be measured.
     arrays : dict
-        What measuring needs: arrays by name.
+        Arrays by name, for the measurement.
     frames : dict or None
-        Frames of a film, where they were asked for: ``time_s`` (T,), ``position`` (T, N, 3) [m], ``quaternion``
-        (T, N, 4), ``scale`` (N,) and what else the bench test shows.
+        Frames of a film, if requested: ``time_s`` (T,), ``position`` (T, N, 3) [m], ``quaternion``
+        (T, N, 4), ``scale`` (N,) and further arrays of the bench test.
     """
 
     record: dict[str, Any]
@@ -48,14 +48,14 @@ def _nothing(*_: Any) -> Iterator[Any]:
 
 @dataclass(frozen=True)
 class BenchTest:
-    """A bench test: what it gives, and the functions that run it.
+    """A bench test: its responses, and the functions that run it.
 
     Attributes
     ----------
     name : str
         Of the bench test, and of its section in the configuration.
     responses : tuple of Response
-        Numbers that it gives. Each function of a measured run (`Response.of`) takes what `measure` returns.
+        Its responses. Each function of a measured run (`Response.of`) takes what `measure` returns.
     recorded : Recorded
         Numbers of a run that the tables keep besides the targets.
     statuses : tuple of str
@@ -82,7 +82,7 @@ class BenchTest:
         ``advice(config, berry, particle, longest_step_s)`` yields planning hints. berry is what the
         verb ``berry`` writes; longest_step_s(berry) is the longest time step [s] for such berries.
     measured_by : tuple of str
-        Keys of its section that only `measure` reads: where they change nothing runs again.
+        Keys of its section that only `measure` reads; a change of them makes no new run.
     kept : tuple of str
         Arrays that every saved run must have.
     in_words : str
@@ -105,7 +105,7 @@ class BenchTest:
     kept: tuple[str, ...] = ()
     in_words: str = ""
 
-    def wanted(self, config: Config) -> tuple[Response, ...]:
+    def target_responses(self, config: Config) -> tuple[Response, ...]:
         """Responses of the bench test that are targets of a configuration.
 
         Parameters
@@ -118,11 +118,13 @@ class BenchTest:
         tuple of Response
             In the order of the targets.
         """
-        own = {one.name: one for one in self.responses}
-        return tuple(own[one["response"]] for one in config["targets"] if one["apparatus"] == self.name)
+        own = {response.name: response for response in self.responses}
+        return tuple(
+            own[target["response"]] for target in config["targets"] if target["apparatus"] == self.name
+        )
 
     def recorded_for(self, config: Config) -> Recorded:
-        """What the tables of a study keep of the bench test's runs: the targets first.
+        """Columns of the bench test's runs in the tables of a study, the targets first.
 
         Parameters
         ----------
@@ -133,7 +135,9 @@ class BenchTest:
         -------
         Recorded
         """
-        return self.recorded.beginning_with(tuple(one.name for one in self.wanted(config)))
+        return self.recorded.beginning_with(
+            tuple(response.name for response in self.target_responses(config))
+        )
 
 
 _REGISTRY: dict[str, BenchTest] = {}
@@ -150,7 +154,7 @@ def register(test: BenchTest) -> BenchTest:
     Returns
     -------
     BenchTest
-        The same one.
+        The same bench test.
 
     Raises
     ------

@@ -35,7 +35,7 @@ CURE = {
 
 
 class Unstable(Exception):
-    """A run that broke a bound. The text is its reason: berry, time, and what helps."""
+    """A run that broke a bound. The text is its reason: berry, time and remedy."""
 
 
 class Bounded:
@@ -99,9 +99,11 @@ class Bounded:
         fastest = int(np.argmax(squares))
         speed = math.sqrt(squares[fastest])
         if speed > self.fastest_m_s:
-            what = f"moves at {speed:.3g} m/s" if math.isfinite(speed) else "has no finite position or speed"
+            motion = (
+                f"moves at {speed:.3g} m/s" if math.isfinite(speed) else "has no finite position or speed"
+            )
             bound = f"none here can be faster than {self.fastest_m_s:.3g} m/s"
-            raise Unstable(f"berry {fastest} {what}, {self._when('time step')}; {bound}")
+            raise Unstable(f"berry {fastest} {motion}, {self._when('time step')}; {bound}")
 
     def _look_at_energy(self):
         """Refuse more energy than the berries were given."""
@@ -110,10 +112,10 @@ class Bounded:
         masses = simulation.masses_kg[there]
         heights = simulation.positions[there, 2] - self.lowest_m
         energy = float(energies.sum() + self.gravity * np.sum(masses * heights))
-        given = float(masses.sum()) * (self.gravity * self.fall_m + 0.5 * self.speed_m_s**2)
-        if energy > (1.0 + GAIN) * given:
+        allowed = float(masses.sum()) * (self.gravity * self.fall_m + 0.5 * self.speed_m_s**2)
+        if energy > (1.0 + GAIN) * allowed:
             most = int(np.flatnonzero(there)[np.argmax(energies)])
-            bound = f"all berries together have {energy:.3g} J and were given {given:.3g} J"
+            bound = f"all berries together have {energy:.3g} J and were given {allowed:.3g} J"
             raise Unstable(f"berry {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}")
 
     def _look_at_overlaps(self):
@@ -134,7 +136,7 @@ class Bounded:
         )
 
     def _refuse_deepest(self, overlaps, scales, which):
-        """Refuse overlaps too deep for berries of these scales; which(k): what it is that overlaps."""
+        """Refuse overlaps too deep for berries of these scales; which(k): names of the overlapping bodies."""
         if not len(overlaps):
             return
         share = overlaps / scales / self.thickness_m
@@ -146,5 +148,5 @@ class Bounded:
             )
 
     def _when(self, cure):
-        """The time, and what helps."""
+        """The time, and the remedy."""
         return f"after {self.simulation.time_s:.3g} s: {CURE[cure].format(self.simulation.time_step_s)}"

@@ -36,7 +36,7 @@ NAME = "cylinder"
 POINTS = 1000  # of a berry, over which its share in the core is counted
 STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
 
-# --- what it gives --------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------------------
 
 VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
 RESPONSES = (
@@ -52,10 +52,10 @@ RESPONSES = (
         (*VESSEL, "cylinder.core_margin_mm"),
     ),
 )
-MEASURED = tuple(one.name for one in RESPONSES)
+MEASURED = tuple(response.name for response in RESPONSES)
 RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 
-# --- what its configuration asks ------------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------------------
 
 
 class Settings(Section):
@@ -123,7 +123,7 @@ class Vessel:
         return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
 
     def inside(self, centres_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
-        """Which centres lie in the cylinder, at least `margin_m` away from wall, floor and rim."""
+        """Mask of the centres that lie in the cylinder, at least `margin_m` away from wall, floor and rim."""
         x, y, z = np.asarray(centres_m, float).T
         between = (z > margin_m) & (z < self.height_m - margin_m)
         return between & (np.hypot(x, y) < self.radius_m - margin_m)

@@ -38,7 +38,7 @@ LOOK_S = 0.05  # simulated time between two looks whether the funnel is empty
 # The rate is that between these shares of the mass.
 FROM_SHARE, TO_SHARE = 0.2, 0.8
 
-# --- what it gives --------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------------------
 
 VESSEL = tuple(
     f"{NAME}.{key}"
@@ -48,10 +48,10 @@ RESPONSES = (
     Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
     Response("flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL),
 )
-MEASURED = tuple(one.name for one in RESPONSES)
+MEASURED = tuple(response.name for response in RESPONSES)
 RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
-# --- what its configuration asks ------------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------------------
 
 
 class Settings(Section):
@@ -129,7 +129,7 @@ def build(
 
 @dataclass(frozen=True)
 class Discharge:
-    """What judges a run."""
+    """Numbers by which a run is judged."""
 
     filled: int  # berries that found room in the funnel
     rest_energy_j: float  # mean of a berry when the lid was taken away
@@ -138,20 +138,23 @@ class Discharge:
     unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
 
 
-def status_of(found: Discharge, config: Config) -> tuple[str, str]:
+def status_of(discharge: Discharge, config: Config) -> tuple[str, str]:
     """Status and reason of a run."""
     section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
-    if found.unstable:
-        return "unstable", found.unstable
-    if found.filled < section["berries"]:
-        return "not_filled", f"only {found.filled} of {section['berries']} berries find room in the funnel"
-    if found.early:
-        return "lost", f"{found.early} berries left the closed funnel"
-    if found.rest_energy_j > rest:
-        energy = f"kinetic energy {found.rest_energy_j:.2e} J a berry when the lid was taken away"
+    if discharge.unstable:
+        return "unstable", discharge.unstable
+    if discharge.filled < section["berries"]:
+        return (
+            "not_filled",
+            f"only {discharge.filled} of {section['berries']} berries find room in the funnel",
+        )
+    if discharge.early:
+        return "lost", f"{discharge.early} berries left the closed funnel"
+    if discharge.rest_energy_j > rest:
+        energy = f"kinetic energy {discharge.rest_energy_j:.2e} J a berry when the lid was taken away"
         return "not_at_rest", f"{energy}, more than {rest:.0e}"
-    if found.late < section["berries"]:
-        left = section["berries"] - found.late
+    if discharge.late < section["berries"]:
+        left = section["berries"] - discharge.late
         return (
             "jammed",
             f"{left} berries are still in the funnel {section['longest_s']:g} s after the opening",
@@ -197,8 +200,8 @@ def run(
         closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
     exits = simulation.exit_times_s - opened_s
     late = int(np.isfinite(exits).sum()) - early
-    found = Discharge(simulation.n_bodies, energy, early, late, bounded.broken)
-    status, reason = status_of(found, config)
+    discharge = Discharge(simulation.n_bodies, energy, early, late, bounded.broken)
+    status, reason = status_of(discharge, config)
     record = {
         "seed": int(seed),
         "status": status,
@@ -230,7 +233,7 @@ def _fill_and_rest(simulation, factory, section, settings, seed, run_to, scales)
 def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     """Mass flow in the middle of a discharge: from `FROM_SHARE` to `TO_SHARE` of all mass, over the time it took.
 
-    NaN where that is no time. The bodies of times exit_s (N,) and masses (N,) come in any order.
+    NaN if it took no time. The bodies of times exit_s (N,) and masses (N,) come in any order.
     """
     order = np.argsort(exit_s, kind="stable")
     when, mass = exit_s[order], np.cumsum(mass_kg[order])

@@ -32,9 +32,9 @@ NAME = "drum"
 STATUSES = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
 WALLS = ("shell", "near_cap", "far_cap")
 
-# --- what it gives --------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------------------
 
-# How the surface of the bed is seen, and what counts as a slip.
+# Keys that define the surface of the bed, and a slip.
 SEEN = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
 RESPONSES = (
     Response(
@@ -60,7 +60,10 @@ RESPONSES = (
         lambda run: run.get("after_surface_deg"),
     ),
 )
-RECORDED = Recorded(means=tuple(one.name for one in RESPONSES), single=tuple(one.name for one in RESPONSES))
+RECORDED = Recorded(
+    means=tuple(response.name for response in RESPONSES),
+    single=tuple(response.name for response in RESPONSES),
+)
 
 # --- the vessel ---------------------------------------------------------------------------------
 
@@ -99,12 +102,12 @@ class Drum:
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Which berries (N,), by their centres, lie inside the drum."""
+        """Mask (N,) of the berries whose centres lie inside the drum."""
         inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
         return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)
 
 
-# --- what its configuration asks ------------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------------------
 
 
 class Settings(Section):
@@ -251,7 +254,7 @@ RECORD = _Row._fields
 
 @dataclass(frozen=True)
 class Rotation:
-    """One run: its record over T times, the frames of N berries at these times, and what judges the run."""
+    """One run: its record over T times, the frames of N berries at these times, and numbers by which it is judged."""
 
     record: dict  # columns (T,) of `RECORD`
     centres_m: np.ndarray  # (T, N, 3)
@@ -414,7 +417,7 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Fill and turn once; with `interval_s` the frames are those of the record.
+    """Fill and turn once; with `interval_s` the frames are at the times of the record.
 
     The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N,
     4) and ``turned_STATE_deg`` for start, report, before and after.
@@ -457,12 +460,12 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """What `repose.apparatus.drum_tables.measured_run` finds, and the responses under their public names."""
+    """The result of `repose.apparatus.drum_tables.measured_run`, and the responses under their public names."""
     from repose.apparatus import drum_tables
 
     measured, _ = drum_tables.measured_run(record, arrays, config, particle)
     ok = measured["status"] == "ok"
-    return measured | {one.name: one.of(measured) if ok else None for one in RESPONSES}
+    return measured | {response.name: response.of(measured) if ok else None for response in RESPONSES}
 
 
 def longest_s(config: Config) -> float:

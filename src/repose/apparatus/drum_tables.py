@@ -1,4 +1,4 @@
-"""What is measured of a drum that has turned: the surface of its bed, the motion in the slip, and tables of all runs.
+"""Measurements of a drum that has turned: the surface of its bed, the motion in the slip, and tables of all runs.
 
 Nothing here turns a drum but `run_job`: a changed definition measures the states that were kept.
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 STATES = ("start", "report", "before", "after")
-# What is averaged over seeds, and its name in the table.
+# Quantities averaged over seeds, and their names in the table.
 SUMMARY = {
     "report_turned_deg": "turned at the report",
     "report_surface_deg": "surface at the report",
@@ -76,17 +76,17 @@ def surface_angles(
     section: str = drum.NAME,
 ) -> np.ndarray:
     """Angle of the surface in each of T frames [degrees]; NaN where the bed has no surface."""
-    found = np.full(len(position), math.nan)
+    angles = np.full(len(position), math.nan)
     for k, (centres, turns) in enumerate(zip(position, quaternion, strict=True)):
         try:
-            found[k] = surface_of(centres, turns, scale, config, particle, section).angle_deg
+            angles[k] = surface_of(centres, turns, scale, config, particle, section).angle_deg
         except ValueError:
             continue
-    return found
+    return angles
 
 
 def no_surface(config: Mapping[str, Any]) -> str:
-    """Why a bed has no surface, in words."""
+    """The reason why a bed has no surface."""
     scale = config["measure"]["mm_per_pixel"]
     return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
 
@@ -126,7 +126,7 @@ def measured_run(
 
 
 def _of_slip(record, arrays, config, particle):
-    """How the berries moved in the slip; None where no berry lies under the part of the surface that is fitted."""
+    """Motion of the berries in the slip; None where no berry lies under the part of the surface that is fitted."""
     centres = arrays["position_before"], arrays["position_after"]
     before = surface_of(centres[0], arrays["quaternion_before"], arrays["scale"], config, particle)
     turned_rad = math.radians(record["after_turned_deg"] - record["before_turned_deg"])
@@ -176,16 +176,16 @@ def run(
 
     InputError if a file is missing or none of `run_job`, or a seed is there twice.
     """
-    found: dict[int, tuple[dict, dict]] = {}
+    by_seed: dict[int, tuple[dict, dict]] = {}
     for path in map(Path, json_paths):
-        one = read_json(path, {"run": dict}, WHAT)["run"]
-        if one.get("seed") in found:
-            raise InputError(path, "run.seed", one["seed"], "each seed once")
-        frames = read_npz(path.with_suffix(".npz"), _needed(one), WHAT)
-        measured, profile = measured_run(one, frames, config, particle)
+        record = read_json(path, {"run": dict}, WHAT)["run"]
+        if record.get("seed") in by_seed:
+            raise InputError(path, "run.seed", record["seed"], "each seed once")
+        frames = read_npz(path.with_suffix(".npz"), _needed(record), WHAT)
+        measured, profile = measured_run(record, frames, config, particle)
         angles = surface_angles(frames["position"], frames["quaternion"], frames["scale"], config, particle)
-        found[one["seed"]] = measured, frames | {"profile": profile, "surface_deg": angles}
-    made = tables(list(found.values()))
+        by_seed[record["seed"]] = measured, frames | {"profile": profile, "surface_deg": angles}
+    made = tables(list(by_seed.values()))
     for name, content in made.items():
         write_table(Path(out_dir) / f"{name}.csv", content)
     return made
@@ -209,17 +209,17 @@ def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -
 
     records = [pd.DataFrame({key: arrays[key] for key in RECORD[1:]}) for _, arrays in runs]
     profiles = [pd.DataFrame(arrays["profile"], columns=PROFILE[1:]) for _, arrays in runs]
-    seeds = [one["seed"] for one, _ in runs]
-    table = pd.DataFrame([one for one, _ in runs])
+    seeds = [run["seed"] for run, _ in runs]
+    table = pd.DataFrame([run for run, _ in runs])
     return {
         "runs": table,
         "summary": summarise(table),
         "record": pd.concat(
-            [one.assign(seed=seed)[RECORD] for one, seed in zip(records, seeds, strict=True)],
+            [record.assign(seed=seed)[RECORD] for record, seed in zip(records, seeds, strict=True)],
             ignore_index=True,
         ),
         "profile": pd.concat(
-            [one.assign(seed=seed)[PROFILE] for one, seed in zip(profiles, seeds, strict=True)],
+            [profile.assign(seed=seed)[PROFILE] for profile, seed in zip(profiles, seeds, strict=True)],
             ignore_index=True,
         ),
     }

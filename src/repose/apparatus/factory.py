@@ -1,4 +1,4 @@
-"""Where berries appear, their orientation, and how a scene is filled with them."""
+"""Places and orientations of new berries, and the filling of a scene."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -77,7 +77,7 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
-    """Random quaternion (w, x, y, z), body to world, of a new berry, uniform among those asked for.
+    """Random quaternion (w, x, y, z), body to world, of a new berry, uniform among the orientations of its kind.
 
     orientation: ``random``, ``lying`` (long axis level) or ``upright`` (long axis vertical).
     """

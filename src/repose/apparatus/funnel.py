@@ -37,9 +37,9 @@ FEWEST_IN_PILE = 10
 # Below this height a berry has left the plate and is gone.
 FLOOR_M = -0.05
 
-# --- what it gives --------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------------------
 
-# The keys of `measure` that define what is seen of a pile, and the line along its flank.
+# The keys of `measure` that define the silhouette of a pile, and the line along its flank.
 SEEN = ("measure.views", "measure.mm_per_pixel", "measure.largest_pile_only")
 BERRY = "measure.berry_height_mm"
 LINE = ("measure.flank", "measure.fit_from", "measure.fit_to", BERRY)
@@ -130,7 +130,7 @@ class Funnel:
 
     @property
     def neck_height_m(self) -> float:
-        """Height at which the cone ends [m]: that of the outlet, or of the tube's upper end."""
+        """Height at which the cone ends [m]: at the outlet, or at the tube's upper end."""
         return self.outlet_height_m + self.tube_length_m
 
     @property
@@ -185,7 +185,7 @@ class Funnel:
         return walls
 
 
-# --- what its configuration asks ------------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------------------
 
 
 class Settings(Section):
@@ -271,36 +271,36 @@ def advice(
     particle: "Particle",
     longest_step_s: Callable[[Mapping[str, Any]], float],
 ) -> Iterator[str]:
-    """What to know of stiffness and volume of the grains before they are poured; see `BenchTest.advice`."""
+    """Hints on stiffness and volume of the grains before they are poured; see `BenchTest.advice`."""
     yield f"stiffness: {_softer(config, berry, longest_step_s)}"
     sentence, fits = filling(config, particle.volume_m3)
     yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
 
 
 def _softer(config, berry, longest_step_s):
-    """How far the shear modulus may be lowered, what it costs and what it brings."""
-    step, given = SimulationSettings.of(config).time_step_s, berry["shear_modulus_pa"]
+    """The allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
+    step, modulus = SimulationSettings.of(config).time_step_s, berry["shear_modulus_pa"]
     sinking, softest = softening(config, berry)
     now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
-    if softest >= given:
-        return f"{now}; berry.shear_modulus_pa, {given:.3g}, should not be lower"
+    if softest >= modulus:
+        return f"{now}; berry.shear_modulus_pa, {modulus:.3g}, should not be lower"
     longest = longest_step_s({**berry, "shear_modulus_pa": softest})
     return (
-        f"{now}; with berry.shear_modulus_pa {softest:.2g} instead of {given:.3g} it sinks by "
+        f"{now}; with berry.shear_modulus_pa {softest:.2g} instead of {modulus:.3g} it sinks by "
         f"{100 * LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
         f"{step / longest:.2g} of the time"
     )
 
 
 class Softening(NamedTuple):
-    """What the stiffness of the grains costs."""
+    """Effect of the stiffness of the grains."""
 
     sinking: float  # share of its Height that a pile loses under its own weight
     softest_pa: float  # shear modulus at which it loses `LARGEST_SINKING`
 
 
 def softening(config: Config, berry: Mapping[str, Any]) -> Softening:
-    """How much a pile gives way under its own weight, and the softest grain whose pile hardly does.
+    """Sinking of a pile under its own weight, and the softest grain whose pile hardly sinks.
 
     A grain of diameter d at depth z carries the weight above its own area, F = p rho g z d^2, with p the packing.
     By Hertz two such grains approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean of this over the depth
@@ -322,9 +322,9 @@ def poured_volume_m3(config: Config, grain_m3: float) -> float:
 
 
 def height_m(config: Config) -> float:
-    """Height of the pile: the target, or half the outlet's height where it is none."""
-    found = _target(config, "height_mm")
-    return 1e-3 * (0.5 * config[NAME]["outlet_height_mm"] if found is None else found)
+    """Height of the pile: the target, or half the outlet's height without one."""
+    target_mm = _target(config, "height_mm")
+    return 1e-3 * (0.5 * config[NAME]["outlet_height_mm"] if target_mm is None else target_mm)
 
 
 def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
@@ -347,11 +347,11 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
         sentence = f"{holds}: a cone of {height:g} mm Height with a slope of {needed:.3g} deg"
         if low <= needed <= high:
             return sentence, True
-        wanted = [
-            math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(one)) ** 2) for one in (high, low)
+        volumes = [
+            math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2) for angle in (high, low)
         ]
         return (
-            f"{sentence}; poured grains take {low:g} to {high:g} deg: {_needed(config, grain_m3, wanted)}",
+            f"{sentence}; poured grains take {low:g} to {high:g} deg: {_needed(config, grain_m3, volumes)}",
             False,
         )
     cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
@@ -364,13 +364,13 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
 def _needed(config, grain_m3, volumes_m3):
     """The key to change, for volumes of a pile."""
     numbers = [math.ceil(PACKING * volume / grain_m3) for volume in volumes_m3]
-    wanted = " to ".join(f"{number}" for number in numbers)
-    return f"funnel.berries would have to be {wanted}, or the targets are those of another pour"
+    count = " to ".join(f"{number}" for number in numbers)
+    return f"funnel.berries would have to be {count}, or the targets are those of another pour"
 
 
 def _target(config, response):
-    """Value of a target of the funnel, None where it is none."""
-    return next((one["value"] for one in config["targets"] if one["response"] == response), None)
+    """Value of a target of the funnel; None if the response is no target."""
+    return next((target["value"] for target in config["targets"] if target["response"] == response), None)
 
 
 def _litres(volume_m3):
@@ -383,7 +383,7 @@ def _litres(volume_m3):
 
 @dataclass(frozen=True)
 class Pour:
-    """What is left of a pour of N berries, and the numbers that judge it."""
+    """The final state of a pour of N berries, and the numbers by which it is judged."""
 
     centres_m: np.ndarray  # (N, 3)
     quaternions: np.ndarray  # (N, 4)
@@ -590,15 +590,15 @@ def measure(
     from repose.measure.saved_piles import pile_responses
 
     settings = MeasureSettings.of(config["measure"], berry)
-    wanted = [one.name for one in BENCH.wanted(config)]
-    more = [name for name in wanted if name not in ALWAYS and name not in record]
+    targets = [response.name for response in BENCH.target_responses(config)]
+    more = [name for name in targets if name not in ALWAYS and name not in record]
     judged = {key: record[key] for key in ("seed", "status", "reason")}
     measured = dict.fromkeys((*ALWAYS, *more))
     if record["status"] == "ok":
         plate_mm = config[NAME]["plate_diameter_mm"]
-        found, reasons = pile_responses(arrays, particle, settings, plate_mm, more)
-        measured |= found
-        for name in wanted:
+        responses, reasons = pile_responses(arrays, particle, settings, plate_mm, more)
+        measured |= responses
+        for name in targets:
             if measured.get(name, record.get(name)) is None:
                 judged |= {"status": "no_flank", "reason": reasons.get(name, f"{name} cannot be measured")}
                 break

@@ -1,8 +1,8 @@
 """Jobs: one parameter set in any bench test with all its seeds, poured, saved, and measured.
 
 A job's files are NAME.pours.json (how each run ended), NAME.npz (arrays of each run, ARRAY_SEED),
-NAME_trajectory_SEED.npz (frames, where they are asked for) and, measured, NAME.json. How long each run took stands
-apart, in timings/NAME.json: all other files of equal runs are equal.
+NAME_trajectory_SEED.npz (frames, if requested) and, measured, NAME.json. The wall time of each run is
+in timings/NAME.json alone, so that all other files of equal runs are equal.
 """
 
 import time
@@ -46,7 +46,7 @@ def run_once(
 def about_job(
     test: BenchTest, config: Mapping[str, Any], name: object, parameters: Mapping[str, float]
 ) -> dict[str, Any]:
-    """What every file of a job says of it."""
+    """The description of a job in each of its files."""
     named = {} if test.name == UNNAMED else {"apparatus": test.name}
     return named | {
         "sample": int(str(name)) if str(name).isdigit() else name,
@@ -74,7 +74,7 @@ def pour_job(
     stem of the files, the sample's number. interval_s: also write frames, this simulated time apart. progress:
     called with each seed, gives a context manager that is called with the simulated time. keeps_runs: each run is
     also kept in a file of its own, runs/NAME_SEED.npz, and taken from there where it is the same; so a further seed
-    runs that seed only, and a job that was killed goes on. InputError if somebody else's file is in the way; then
+    runs that seed only, and a job that was killed goes on. InputError if a foreign file has one of these names; then
     nothing is poured.
     """
     from repose.measure.saved_pours import POURS
@@ -124,22 +124,22 @@ def measure_job(
 ) -> dict[str, Any]:
     """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content.
 
-    That is the content of NAME.pours.json with the measured ``runs`` and their ``summary``. InputError if a file is
+    The content is that of NAME.pours.json with the measured ``runs`` and their ``summary``. InputError if a file is
     missing, or holds something else.
     """
-    from repose.measure.saved_pours import POURS, positions_beside, pour_arrays, read_pours, saved_positions
+    from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_pours, saved_positions
 
     path = Path(pours_json)
     job = read_pours(path)
     test = bench(job.get("apparatus", UNNAMED), path)
     pours = job.pop("pours")
-    for one in pours:
-        if one["status"] not in test.statuses:
-            raise InputError(path, "status", one["status"], ", ".join(test.statuses))
-    arrays = saved_positions(positions_beside(path))
+    for pour in pours:
+        if pour["status"] not in test.statuses:
+            raise InputError(path, "status", pour["status"], ", ".join(test.statuses))
+    arrays = saved_positions(positions_file(path))
     runs = [
-        test.measure(one, pour_arrays(arrays, one["seed"], path, test.kept), config, particle, berry)
-        for one in pours
+        test.measure(pour, pour_arrays(arrays, pour["seed"], path, test.kept), config, particle, berry)
+        for pour in pours
     ]
     result = job | {"summary": summarise_runs(runs, test.recorded_for(config)), "runs": runs}
     out = path.parent if out_dir is None else Path(out_dir)

@@ -1,7 +1,7 @@
 """Runs kept one by one, so that none is made twice.
 
-A kept run is taken again only if it is the same: of the same parameters, settings, berry, particle and engine. Its
-record of provenance tells.
+A kept run is taken again only if it is the same: of the same parameters, settings, berry, particle and engine. This
+is judged by its record of provenance.
 """
 
 import json
@@ -15,20 +15,20 @@ from repose.apparatus.bench_test import Run
 from repose.core import attached, provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, read_npz, write_npz
-from repose.core.ledger import is_ours
+from repose.core.ledger import is_own_file
 
 ABOUT = "about"  # name of the array that holds job and record as JSON
 
 
 def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
-    """Keep a run without its frames, unless a file that was damaged or is somebody else's is in its place."""
-    if path.exists() and not is_ours(path):
+    """Keep a run without its frames, unless a damaged or foreign file has its name."""
+    if path.exists() and not is_own_file(path):
         return
     write_npz(path, {**run.arrays, ABOUT: np.array(json_text([about, run.record]))})
 
 
 def read(path: Path, about: Mapping[str, Any]) -> Run | None:
-    """A kept run if it is the one that the stage would make; about: what every file of its job says of it."""
+    """A kept run if it equals the run that the stage would make; about: the description in each file of its job."""
     now, then = provenance.current(), attached.read(path)
     if now is None or then is None or then["origin"] != now["origin"]:
         return None

@@ -25,7 +25,7 @@ def berry_simulation(
 ) -> "dem.Simulation":
     """An empty simulation of berries among walls of the material ``wall``.
 
-    Time step, gravity and the contact's choices are those of the section ``simulation``; `scene` holds walls,
+    Time step, gravity and contact laws come from the section ``simulation``; `scene` holds walls,
     lower, upper and the other arguments of `repose.dem.Simulation`. InputError if the time step is too long for the
     particle.
     """
@@ -148,7 +148,7 @@ class Filmed:
             self.progress(self.simulation.time_s)
 
     def frames(self) -> dict[str, np.ndarray] | None:
-        """The frames, None where none were asked for.
+        """The frames; None if none were requested.
 
         ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies
         that there is room for; NaN where a body is not there.

@@ -1,4 +1,4 @@
-"""What all bench tests share: the configuration's section ``simulation``."""
+"""Settings shared by all bench tests: the section ``simulation`` of the configuration."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The result of a calibration: the parameters, and whether their simulated responses meet the targets."""
+"""The result of a calibration: parameters, and whether their simulated responses meet the targets."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -14,13 +14,13 @@ from repose.core.targets import Targets
 
 
 class Files(NamedTuple):
-    """Where a strategy writes its answer, in the folder of results."""
+    """Files of the answer of a strategy, in the folder of results."""
 
     rule: str  # the last rule that writes them
     summary: str  # the answer
     check: str  # its simulation beside the targets
     solutions: str  # all parameter sets found
-    advice: str  # what helps if only the prediction meets the targets
+    advice: str  # remedy if only the prediction meets the targets
 
 
 def _of_strategy(rule, folder, advice):
@@ -42,7 +42,7 @@ FILES = {
 }
 CARD = "card.json"
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
-# A table of an older version lacks the columns of these probabilities; an answer from it would report nothing.
+# A table of an older version lacks the columns of these probabilities; an answer from it would lack them.
 COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status", *WITHIN.values())
 REPORT = "report.html"
 # Exit status of a run that ended without a feasible solution.
@@ -94,15 +94,15 @@ class Check:
         return f"{self.response} by {-self.margin:.2g} {self.unit}"
 
     def __str__(self) -> str:
-        wanted = f"target {self.low:g} to {self.high:g} {self.unit}"
+        aimed = f"target {self.low:g} to {self.high:g} {self.unit}"
         if self.simulated is None or self.margin is None:
-            return f"{self.response}: no number, the runs ended {self.status}; {wanted}: NOT met"
+            return f"{self.response}: no number, the runs ended {self.status}; {aimed}: NOT met"
         error = "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
         verdict = "met" if self.met else "NOT met"
         side = "inside" if self.met else "outside"
         return (
             f"{self.response}: simulated {self.simulated:.4g}{error} {self.unit} (runs: {self.runs}), measured "
-            f"{self.measured:.4g}; {wanted}: {verdict}, {abs(self.margin):.2g} {self.unit} {side}"
+            f"{self.measured:.4g}; {aimed}: {verdict}, {abs(self.margin):.2g} {self.unit} {side}"
         )
 
 
@@ -157,8 +157,8 @@ class Answer:
             f"all solutions: {self.folder / self.files.solutions}; "
             f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
         )
-        told = [f"{head}:", *rows, "Simulated again with fresh seeds:", *checks, tables, self.verdict]
-        return "\n".join(told)
+        lines = [f"{head}:", *rows, "Simulated again with fresh seeds:", *checks, tables, self.verdict]
+        return "\n".join(lines)
 
 
 def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
@@ -178,23 +178,23 @@ def read_files(
 ) -> Answer:
     """The answer in the files of the verbs miga and validate, or of the check of another strategy."""
     keys = {"representative": dict, "feasible": bool, "message": str}
-    summary = read_json(summary_json, keys, "an answer that a calibration wrote; run it first")
-    rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "what validate wrote")}
+    summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
+    rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "a table of the verb validate")}
     targets = Targets.of(config["targets"])
     for name in targets.names:
         if name not in rows:
             raise InputError(
                 check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration"
             )
-    found = summary["representative"]
+    values = summary["representative"]
     for name in PARAMETERS:
-        check_value(name, found.get(name), summary_json)
+        check_value(name, values.get(name), summary_json)
     return Answer(
         label=config["label"],
-        parameters={name: float(found[name]) for name in PARAMETERS},
+        parameters={name: float(values[name]) for name in PARAMETERS},
         feasible=summary["feasible"],
         message=summary["message"],
-        checks=tuple(_check(one, rows[one.name], check_csv) for one in targets),
+        checks=tuple(_check(target, rows[target.name], check_csv) for target in targets),
         folder=Path(config["results_dir"]),
         files=_files_of(strategy),
         out_of_reach=summary.get("stop") == "out_of_reach",
@@ -215,16 +215,16 @@ def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:
 
 
 def nearness(checks: Iterable[Check]) -> str:
-    """How near the simulated means are to the measured ones, in one sentence."""
+    """Differences of the simulated from the measured means, as a sentence."""
     return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
 def probability_in_words(within: Mapping[float, float | None]) -> str:
     """Probability that all means are near their targets, as text; `within` as in `Answer`."""
     if None in within.values():
-        return "how near the means are to their targets is not known"
-    told = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())
-    return f"probability that all means are near their targets, by these runs alone: {told}"
+        return "the distance of the means from their targets is unknown"
+    shares = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())
+    return f"probability that all means are near their targets, by these runs alone: {shares}"
 
 
 def _check(target, row, source):

@@ -59,7 +59,7 @@ def make(
 
     `berry` is the content of the file of the verb ``berry``, `feasible` the parameter sets found by the search.
     `posterior` holds intervals (`parameter`, `credible_low`, `credible_high`) and draws; without it intervals and
-    correlations are those of the sets found.
+    correlations come from the sets found.
     """
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
@@ -67,7 +67,7 @@ def make(
         "wall": {key: config["wall"][key] for key in WALL},
         "laws": laws(config),
     }
-    tests = {one.name: described(config, one.response, berry) for one in targets}
+    tests = {target.name: described(config, target.response, berry) for target in targets}
     return assembled(about, tests, answer, space, targets, feasible, posterior)
 
 
@@ -105,8 +105,8 @@ def assembled(
         },
         "interval": RANGE if posterior is None else POSTERIOR,
         "correlations": {
-            one: {other: round(float(correlations.loc[one, other]), 4) for other in space.free}
-            for one in space.free
+            parameter: {other: round(float(correlations.loc[parameter, other]), 4) for other in space.free}
+            for parameter in space.free
         },
         "tests": [
             _test(check, target, about) | dict(tests[target.name])
@@ -126,8 +126,8 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
     settings = SimulationSettings.of(config)
     limit = LIMIT[COULOMB[settings.tension]]
     words = {**CONTACT_LAWS[settings.contact_law].words, **ROLLING_LAWS[settings.rolling_law].words}
-    told = {direction: text.format(limit=limit) for direction, text in words.items()}
-    return told | {"end of an impact": TENSION[settings.tension]}
+    sentences = {direction: text.format(limit=limit) for direction, text in words.items()}
+    return sentences | {"end of an impact": TENSION[settings.tension]}
 
 
 def _ends(space, feasible, posterior):
@@ -258,7 +258,7 @@ def _validator():
 
 
 def check(card: Mapping[str, Any], source: object) -> None:
-    """Raise InputError, for all faults at once, if the content is no card, or lacks a probability that its runs give.
+    """Raise InputError, for all faults at once, if the content is not a card, or lacks a computable probability.
 
     `source` names the file in the message.
     """
@@ -280,7 +280,7 @@ def check(card: Mapping[str, Any], source: object) -> None:
 
 
 def read(path: str | PathLike) -> dict[str, Any]:
-    """Read a card; raise InputError if the file cannot be read or is no card."""
+    """Read a card; raise InputError if the file cannot be read or is not a card."""
     card = read_json(path, (), WHAT)
     check(card, path)
     return card
@@ -291,14 +291,14 @@ def read(path: str | PathLike) -> dict[str, Any]:
 
 def read_own(card_json: str | PathLike) -> dict[str, Any]:
     """The card of a study that was simulated by this program; the card of another simulator raises InputError."""
-    found = read(card_json)
-    if "simulator" in found:
-        allowed = "none: the card of a study that was poured here"
-        raise InputError(card_json, "simulator", found["simulator"], allowed)
-    return found
+    card = read(card_json)
+    if "simulator" in card:
+        allowed = "none: a card whose study repose simulated"
+        raise InputError(card_json, "simulator", card["simulator"], allowed)
+    return card
 
 
-def configuration_beside(card_json: str | PathLike) -> Path:
+def configuration_of_card(card_json: str | PathLike) -> Path:
     """The configuration that a run wrote beside its card; InputError if there is none."""
     path = Path(card_json).with_name(CONFIG)
     if not path.is_file():
@@ -320,8 +320,8 @@ def require_one_study(
     """
     unlike = list(_differences_from(card, config, berry))
     if unlike:
-        key, mine, theirs = unlike[0]
-        allowed = f"{theirs}, as in {source}: card and configuration of one study"
+        key, mine, expected = unlike[0]
+        allowed = f"{expected}, as in {source}: card and configuration of one study"
         others = ", ".join(key for key, *_ in unlike[1:])
         raise InputError(card_json, key, mine, allowed + (f"; other differences: {others}" if others else ""))
 
@@ -329,12 +329,12 @@ def require_one_study(
 def _differences_from(
     card: Mapping[str, Any], config: Mapping[str, Any], berry: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any, Any]]:
-    """The differences of the two: key, the card's value, the configuration's."""
+    """The differences as (key, value of the card, value of the configuration)."""
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
-    theirs = {"material": config["label"], "grain.mean_axes_mm": axes}
-    theirs |= {f"grain.{key}": berry[key] for key in GRAIN}
-    theirs |= {f"wall.{key}": config["wall"][key] for key in WALL}
-    theirs |= {f"laws.{key}": law for key, law in laws(config).items()}
+    expected = {"material": config["label"], "grain.mean_axes_mm": axes}
+    expected |= {f"grain.{key}": berry[key] for key in GRAIN}
+    expected |= {f"wall.{key}": config["wall"][key] for key in WALL}
+    expected |= {f"laws.{key}": law for key, law in laws(config).items()}
     mine = {"material": card["material"]}
     mine |= {
         f"{part}.{key}": value for part in ("grain", "wall", "laws") for key, value in card[part].items()
@@ -342,25 +342,25 @@ def _differences_from(
     for test in card["tests"]:
         section, name = config.get(test["apparatus"], {}), test["apparatus"]
         mine |= {f"{name}.{key}": value for key, value in test["bench"].items()}
-        theirs |= {f"{name}.{key}": section.get(key) for key in test["bench"]}
-    for key, value in theirs.items():
+        expected |= {f"{name}.{key}": section.get(key) for key in test["bench"]}
+    for key, value in expected.items():
         if not _same(mine.get(key), value):
             yield key, mine.get(key), value
 
 
-def _same(one, other):
+def _same(first, second):
     """Whether two values are the same; numbers to the precision of a file."""
-    if isinstance(one, list) and isinstance(other, list):
-        return len(one) == len(other) and all(map(_same, one, other))
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return math.isclose(one, other, rel_tol=AGREEMENT)
-    return one == other
+    if isinstance(first, list) and isinstance(second, list):
+        return len(first) == len(second) and all(map(_same, first, second))
+    if isinstance(first, int | float) and isinstance(second, int | float):
+        return math.isclose(first, second, rel_tol=AGREEMENT)
+    return first == second
 
 
 # --- shown ----------------------------------------------------------------------------------------
 
 
-def in_words(card: Mapping[str, Any]) -> str:
+def describe(card: Mapping[str, Any]) -> str:
     """A card as text for people."""
     made = card["made_by"]
     free = list(card["correlations"])
@@ -371,11 +371,14 @@ def in_words(card: Mapping[str, Any]) -> str:
             f"Material card: {card['material']}; targets {MET[card['met']]}",
             *_about(card),
             f"parameters [{card['interval']}]:",
-            *(f"  {name:7} {_value(one):32} {one['meaning']}" for name, one in card["parameters"].items()),
+            *(
+                f"  {name:7} {_value(parameter):32} {parameter['meaning']}"
+                for name, parameter in card["parameters"].items()
+            ),
             "correlations of 0.5 and more: "
             + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
             "tests:",
-            *(f"  {line}" for test in card["tests"] for line in _test_in_words(test)),
+            *(f"  {line}" for test in card["tests"] for line in _test_lines(test)),
             f"  {nearness(map(_check, card['tests']))}",
             *(f"  all within {key}: probability {_chance(value)}" for key, value in card["within"].items()),
             *(f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()),
@@ -408,82 +411,84 @@ def _about(card):
     yield from (f"  {name}: {law}" for name, law in card["laws"].items())
 
 
-def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """Two cards side by side, with the differences that make their parameters hard to compare."""
-    names = [card["material"] for card in (one, other)]
+def compared(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+    """Two cards side by side, with the differences that hinder a comparison of their parameters."""
+    names = [card["material"] for card in (first, second)]
     rows = [["", *names]]
-    for name in dict.fromkeys([*one["parameters"], *other["parameters"]]):
-        pair = [card["parameters"].get(name) for card in (one, other)]
-        apart = [_apart(*pair)] if all(pair) else []
-        rows.append([name, *(_value(value) if value else "-" for value in pair), *apart])
-    tests = [{test["response"]: test for test in card["tests"]} for card in (one, other)]
+    for name in dict.fromkeys([*first["parameters"], *second["parameters"]]):
+        pair = [card["parameters"].get(name) for card in (first, second)]
+        note = [_overlap_note(*pair)] if all(pair) else []
+        rows.append([name, *(_value(value) if value else "-" for value in pair), *note])
+    tests = [{test["response"]: test for test in card["tests"]} for card in (first, second)]
     for name in dict.fromkeys([*tests[0], *tests[1]]):
         rows.append([name, *(_simulated(own.get(name)) for own in tests)])
     for key in ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"):
-        if "simulator" not in one and "simulator" not in other:
-            rows.append([key, *(_plain(card["grain"][key]) for card in (one, other))])
+        if "simulator" not in first and "simulator" not in second:
+            rows.append([key, *(_plain(card["grain"][key]) for card in (first, second))])
     widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(3)]
     lines = [
         "  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows
     ]
-    return "\n".join([*(line.rstrip() for line in lines), *_differences(one, other)])
+    return "\n".join([*(line.rstrip() for line in lines), *_differences(first, second)])
 
 
-def _differences(one, other):
+def _differences(first, second):
     """Sentences on the differences of two cards besides the grain."""
-    simulators = [card.get("simulator", "repose") for card in (one, other)]
+    simulators = [card.get("simulator", "repose") for card in (first, second)]
     if simulators[0] != simulators[1]:
         yield f"Another simulator: {simulators[0]} | {simulators[1]}."
-    laws = [card.get("laws", {}) for card in (one, other)]
+    laws = [card.get("laws", {}) for card in (first, second)]
     for name in dict.fromkeys([*laws[0], *laws[1]] if all(laws) else []):
         pair = [of.get(name, "none") for of in laws]
         if pair[0] != pair[1]:
             yield f"Another law, {name}: {pair[0]} | {pair[1]}. The same parameters would give other piles."
-    yield from _other_tests(one, other)
-    if one["interval"] != other["interval"]:
-        yield f"The intervals differ in kind: {one['interval']} | {other['interval']}."
-    if one["made_by"]["engine"] != other["made_by"]["engine"]:
-        yield "Another version of the simulator made each of them."
+    yield from _other_tests(first, second)
+    if first["interval"] != second["interval"]:
+        yield f"The intervals differ in kind: {first['interval']} | {second['interval']}."
+    if first["made_by"]["engine"] != second["made_by"]["engine"]:
+        yield "The versions of the simulator differ."
 
 
-def _other_tests(one, other):
+def _other_tests(first, second):
     """Sentences on responses with different definitions, and on bench tests with different settings."""
-    tests = [{test["response"]: test["definition"] for test in card["tests"]} for card in (one, other)]
+    tests = [{test["response"]: test["definition"] for test in card["tests"]} for card in (first, second)]
     for name in (name for name in tests[0] if name in tests[1]):
         pair = [of[name] for of in tests]
-        names = [of["name"] or "not told" for of in pair]
+        names = [of["name"] or "not stated" for of in pair]
         if names[0] != names[1]:
             yield f"Another definition of {name}: {names[0]} | {names[1]}. Their numbers must not be compared."
         elif pair[0] != pair[1]:
             yield f"{name} is measured with other settings: {_unlike(*(of['settings'] for of in pair))}."
-    benches = [_benches(card) for card in (one, other)]
+    benches = [_benches(card) for card in (first, second)]
     for name in (name for name in benches[0] if name in benches[1]):
         if benches[0][name] != benches[1][name]:
             yield f"Another {name}: {_unlike(benches[0][name], benches[1][name])}."
 
 
-def _unlike(one, other):
+def _unlike(first, second):
     """Keys whose values differ, with both."""
-    keys = dict.fromkeys([*one, *other])
-    told = [
-        (key, *(_plain(of.get(key)) for of in (one, other))) for key in keys if one.get(key) != other.get(key)
+    keys = dict.fromkeys([*first, *second])
+    differing = [
+        (key, *(_plain(of.get(key)) for of in (first, second)))
+        for key in keys
+        if first.get(key) != second.get(key)
     ]
-    return "; ".join(f"{key} {mine} | {theirs}" for key, mine, theirs in told)
+    return "; ".join(f"{key} {mine} | {theirs}" for key, mine, theirs in differing)
 
 
-def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+def _overlap_note(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     """Whether two intervals overlap."""
-    ends = [value for part in (one, other) for value in (part["low"], part["high"])]
+    ends = [value for part in (first, second) for value in (part["low"], part["high"])]
     if None in ends:
         return ""
     return "" if ends[0] <= ends[3] and ends[2] <= ends[1] else "intervals apart"
 
 
-def _value(one):
+def _value(parameter):
     """A parameter with its interval."""
-    if one["low"] is None:
-        return f"{one['value']:.4g} fixed"
-    return f"{one['value']:.4g} [{one['low']:.4g}, {one['high']:.4g}]"
+    if parameter["low"] is None:
+        return f"{parameter['value']:.4g} fixed"
+    return f"{parameter['value']:.4g} [{parameter['low']:.4g}, {parameter['high']:.4g}]"
 
 
 def _simulated(test):
@@ -499,7 +504,7 @@ def _check(test):
     return Check(**{field.name: test[field.name] for field in fields(Check)})
 
 
-def _test_in_words(test):
+def _test_lines(test):
     """A test with the definition of its response."""
     error = "" if test["standard_error"] is None else f" +- {test['standard_error']:.2g}"
     simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}{error} {test['unit']}"
@@ -509,7 +514,7 @@ def _test_in_words(test):
         f"(runs: {test['runs']}): {MET[test['met']]}"
     )
     definition = test["definition"]
-    name, settings = definition["name"] or "not told", _settings(definition["settings"])
+    name, settings = definition["name"] or "not stated", _settings(definition["settings"])
     yield f"  definition: {name}" + (f"; {settings}" if settings else "")
 
 
@@ -525,7 +530,7 @@ def _benches(card):
 
 def _chance(value):
     """A probability."""
-    return "not known, as it takes two good runs of each bench test" if value is None else f"{value:.2f}"
+    return "unknown; it requires two good runs of each bench test" if value is None else f"{value:.2f}"
 
 
 def _moduli(part):
@@ -536,7 +541,7 @@ def _moduli(part):
 def _plain(value: Any) -> str:
     """A value of a table."""
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return " x ".join(f"{one:.4g}" for one in value)
+        return " x ".join(f"{item:.4g}" for item in value)
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "none"}[value]
     return f"{value:.4g}" if isinstance(value, int | float) else str(value)

@@ -23,29 +23,29 @@ def chance_of_meeting(
     otherwise inside its range. None where fewer than two runs gave the response.
     """
     random = np.random.default_rng(SEED)
-    found: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
+    chances: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
     together = np.ones(DRAWS, dtype=bool)
     for bench in targets.apparatus:
-        own = [one for one in targets if one.response.apparatus == bench]
+        own = [target for target in targets if target.response.apparatus == bench]
         values = _values(runs.get(bench, ()), own)
         if len(values) < 2:
-            return found
+            return chances
         drawn = _means(values, random)
-        for k, one in enumerate(own):
+        for k, target in enumerate(own):
             if percent is None:
-                low, high = one.low, one.high
+                low, high = target.low, target.high
             else:
-                low, high = (one.aim + side * percent / 100 * abs(one.aim) for side in (-1, 1))
+                low, high = (target.aim + side * percent / 100 * abs(target.aim) for side in (-1, 1))
             inside = (drawn[:, k] >= low) & (drawn[:, k] <= high)
-            found[one.name] = float(inside.mean())
+            chances[target.name] = float(inside.mean())
             together &= inside
-    found["all"] = float(together.mean())
-    return found
+    chances["all"] = float(together.mean())
+    return chances
 
 
 def _values(runs, own):
     """Responses (n, k) of the ok runs of a bench test."""
-    rows = [[run[one.name] for one in own] for run in runs if run["status"] == "ok"]
+    rows = [[run[target.name] for target in own] for run in runs if run["status"] == "ok"]
     return np.array(rows, dtype=float).reshape(-1, len(own))
 
 

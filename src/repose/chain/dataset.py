@@ -36,7 +36,7 @@ def assemble(
     """The dataset (a row for each sample) and the single runs (a row for each run) of a study.
 
     `jobs` has the job of each sample by bench test (`read_jobs`). The dataset has the parameters, `status`, `reason`,
-    `n_seeds`, then means and standard errors, those of the targets first. A sample is ok if it is ok in every bench
+    `n_seeds`, then means and standard errors, the targets first. A sample is ok if it is ok in every bench
     test; `n_seeds` is then the smallest number of ok runs. With several bench tests the runs have a column `apparatus`.
     """
     summaries = [
@@ -90,7 +90,7 @@ def job_files(words: Iterable[str], samples_csv: str | os.PathLike) -> list[Path
     """Paths of job files. A folder stands for the files of all samples of the design in it."""
     paths = [Path(word) for word in words]
     samples = read_rows(samples_csv, ("sample",)) if any(path.is_dir() for path in paths) else []
-    names = [f"{one['sample'].zfill(3)}.json" for one in samples]
+    names = [f"{row['sample'].zfill(3)}.json" for row in samples]
     return [file for path in paths for file in ([path / name for name in names] if path.is_dir() else [path])]
 
 
@@ -149,14 +149,16 @@ def read_jobs(
             allowed = f"a sample of the table, once; also in {source[apparatus, sample]}"
             raise InputError(path, "sample", sample, allowed)
         for name in PARAMETERS:
-            value, wanted = job["parameters"].get(name), float(expected.at[sample, name])
+            value, expected_value = job["parameters"].get(name), float(expected.at[sample, name])
             if not isinstance(value, int | float) or not math.isclose(
-                value, wanted, rel_tol=1e-6, abs_tol=1e-9
+                value, expected_value, rel_tol=1e-6, abs_tol=1e-9
             ):
-                raise InputError(path, f"parameters.{name}", value, f"{wanted}, as in the table of samples")
+                raise InputError(
+                    path, f"parameters.{name}", value, f"{expected_value}, as in the table of samples"
+                )
         jobs[apparatus][sample], source[apparatus, sample] = job, path
-    for name, found in jobs.items():
-        missing = [int(sample) for sample in expected.index if sample not in found]
+    for name, by_sample in jobs.items():
+        missing = [int(sample) for sample in expected.index if sample not in by_sample]
         if missing:
             raise InputError(f"jobs of the {name}", "samples without a file", missing, "one file a sample")
     return jobs
@@ -165,7 +167,7 @@ def read_jobs(
 def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
     """A job and the name of its bench test.
 
-    InputError if the file is no job of a bench test of the targets, a run has an unknown status, or an ok run has no
+    InputError if the file is not a job of a bench test of the targets, a run has an unknown status, or an ok run has no
     finite number for a target.
     """
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
@@ -177,21 +179,21 @@ def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
     if not job["runs"]:
         raise InputError(path, "runs", [], "at least one run")
     statuses = bench(apparatus, path).statuses
-    for i, one in enumerate(job["runs"]):
-        if not isinstance(one, dict) or one.get("status") not in statuses:
-            value = one.get("status") if isinstance(one, dict) else one
+    for i, run in enumerate(job["runs"]):
+        if not isinstance(run, dict) or run.get("status") not in statuses:
+            value = run.get("status") if isinstance(run, dict) else run
             raise InputError(path, f"runs[{i}].status", value, ", ".join(statuses))
         for key in _own(targets, apparatus):
-            value = one.get(key)
+            value = run.get(key)
             finite = isinstance(value, int | float) and math.isfinite(value)
-            if one["status"] == "ok" and not finite:
+            if run["status"] == "ok" and not finite:
                 raise InputError(path, f"runs[{i}].{key}", value, "a finite number, as the run is ok")
     return job, apparatus
 
 
 def _own(targets, apparatus):
     """Names of the targets of a bench test."""
-    return tuple(one.name for one in targets if one.response.apparatus == apparatus)
+    return tuple(target.name for target in targets if target.response.apparatus == apparatus)
 
 
 def _merged(summaries):
@@ -199,13 +201,13 @@ def _merged(summaries):
     first, *others = summaries.values()
     if not others:
         return first
-    merged = {key: value for one in summaries.values() for key, value in one.items()}
-    failed = [one["status"] for one in summaries.values() if one["status"] != "ok"]
+    merged = {key: value for summary in summaries.values() for key, value in summary.items()}
+    failed = [summary["status"] for summary in summaries.values() if summary["status"] != "ok"]
     merged["status"] = failed[0] if failed else "ok"
     merged["reason"] = "; ".join(
-        f"{name}: {one['reason']}" for name, one in summaries.items() if one["reason"]
+        f"{name}: {summary['reason']}" for name, summary in summaries.items() if summary["reason"]
     )
-    merged["n_seeds"] = min(one["n_seeds"] for one in summaries.values())
+    merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())
     return merged
 
 
@@ -216,9 +218,9 @@ def _all_runs(samples, jobs, targets):
     for name in targets.apparatus:
         columns |= dict.fromkeys(recorded(name, targets).single)
     rows = [
-        {"sample": sample, "apparatus": name, **one}
+        {"sample": sample, "apparatus": name, **run}
         for sample in samples
         for name in targets.apparatus
-        for one in jobs[name][sample]["runs"]
+        for run in jobs[name][sample]["runs"]
     ]
     return pd.DataFrame(rows, columns=list(columns))

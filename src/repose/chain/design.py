@@ -92,7 +92,7 @@ def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Quality of designs, by method: `method`, `samples`, `min_distance`, `phi_p`, `centred_discrepancy`.
 
-    phi_p has the power 16; the discrepancy is that of Hickernell (1998), squared as in scipy.
+    phi_p has the power 16; the centred discrepancy follows Hickernell (1998), squared as in scipy.
     """
     rows = [
         {
@@ -152,7 +152,7 @@ def run(
 
 
 def _is_integer(value):
-    """True for an int that is no bool."""
+    """True for an int other than a bool."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 

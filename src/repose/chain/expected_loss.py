@@ -1,8 +1,8 @@
-"""The parameter set of least expected loss: near the targets by the surrogate, and where the surrogate is sure.
+"""The parameter set of least expected loss: predicted near the targets, where the error of the surrogate is small.
 
 The search (`repose.chain.invert`) takes the least Eq. 11 of the predictions. Thousands of sets have it, and the
-surrogate is less sure of some. The loss is Eq. 11 of the true means; its expectation weighs the predicted deviations
-and their errors.
+errors of the surrogate differ among them. The loss is Eq. 11 of the true means; its expectation weighs the predicted
+deviations and their errors.
 """
 
 from collections.abc import Mapping
@@ -61,9 +61,9 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
     ends = [minimize(with_gradient, place, jac=True, method="L-BFGS-B", bounds=bounds) for place in first]
     best = min(ends, key=lambda end: end.fun)
     X = space.values(best.x[None])
-    found = dict(zip(space.names, X[0].tolist(), strict=True))
+    values = dict(zip(space.names, X[0].tolist(), strict=True))
     predicted = dict(zip(targets.predicted, surrogate.predict(X)[0].tolist(), strict=True))
-    return found | predicted | judged(surrogate, found, targets)
+    return values | predicted | judged(surrogate, values, targets)
 
 
 def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targets) -> dict[str, Any]:
@@ -77,7 +77,8 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     error, reach = np.sqrt(np.diagonal(covariance[0])), np.abs(aim) / 100
     square = ((mean[0] - aim) ** 2 + error**2) / aim**2
     chances = {
-        f"{one:g} %": within(mean, covariance, aim - one * reach, aim + one * reach) for one in PERCENT
+        f"{percent:g} %": within(mean, covariance, aim - percent * reach, aim + percent * reach)
+        for percent in PERCENT
     }
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),

@@ -1,4 +1,4 @@
-"""The parameter sets whose predicted responses match the measured ones: section 3.3 of the paper, Table 3.
+"""Parameter sets whose predicted responses match the measured responses: section 3.3 of the paper, Table 3.
 
 `invert` searches with the multi-island genetic algorithm (`repose.search`) on the surrogate; `run` reads and writes.
 """
@@ -56,14 +56,16 @@ def invert(
     expected loss, or of least objective. Among sets that meet the targets equally well, those near the means of the
     priors come first. With a support, solutions beyond the samples get a warning.
     """
-    for one in targets:
-        if not one.low <= one.aim <= one.high:
-            raise InputError("targets", one.name, one.aim, f"inside its range {[one.low, one.high]}")
+    for target in targets:
+        if not target.low <= target.aim <= target.high:
+            raise InputError(
+                "targets", target.name, target.aim, f"inside its range {[target.low, target.high]}"
+            )
     respond, preference = on_free_parameters(surrogate, space), Preference.of(space)
     objective = Objective.of(targets, preference.largest if preference else 0.0)
     archive, history, feasible_met = search(respond, objective, space.dimensions, settings, preference)
     evaluations = history[-1][HISTORY.index("evaluations")]
-    if not feasible_met:  # then the nearest to the targets, not to the edge of a box that has nothing in it
+    if not feasible_met:  # then the nearest to the targets, not to the edge of empty ranges
         objective = Objective.of(targets, constrained=False)
         archive, history, _ = search(respond, objective, space.dimensions, settings, preference)
         evaluations += history[-1][HISTORY.index("evaluations")]
@@ -110,28 +112,28 @@ def run(
 ) -> dict[str, Any]:
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary.
 
-    If the surrogate knows its errors, the summary has those of the representative. A surrogate with other responses or
-    other definitions raises InputError; `source` names the file of the definitions in its message. Without `table3_csv`
-    there are no published intervals.
+    If the surrogate knows its errors, the summary has the errors of the representative. A surrogate with other
+    responses or other definitions raises InputError; `source` names the file of the definitions in its message.
+    Without `table3_csv` there are no published intervals.
     """
     surrogate = load(surrogate_json, targets.names)
     require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
-    found = invert(surrogate, space, targets, settings, published, support)
+    inversion = invert(surrogate, space, targets, settings, published, support)
     if surrogate.knows_its_errors:
-        best = found.summary["representative"]
-        found.summary["representative_judged"] = expected_loss.judged(surrogate, best, targets)
-    write(found, out_dir)
-    return found.summary
+        best = inversion.summary["representative"]
+        inversion.summary["representative_judged"] = expected_loss.judged(surrogate, best, targets)
+    write(inversion, out_dir)
+    return inversion.summary
 
 
-def write(found: Inversion, out_dir: str | os.PathLike) -> None:
+def write(inversion: Inversion, out_dir: str | os.PathLike) -> None:
     """Write feasible.csv, intervals.csv, history.csv and summary.json."""
     out = Path(out_dir)
-    write_table(out / "feasible.csv", found.solutions)
-    write_table(out / "intervals.csv", found.intervals)
-    write_table(out / "history.csv", found.history)
-    write_json(out / "summary.json", found.summary)
+    write_table(out / "feasible.csv", inversion.solutions)
+    write_table(out / "intervals.csv", inversion.intervals)
+    write_table(out / "history.csv", inversion.history)
+    write_json(out / "summary.json", inversion.summary)
 
 
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
@@ -154,8 +156,8 @@ def intervals(
 ) -> pd.DataFrame:
     """Table 3: interval and dispersion of each parameter over the solutions.
 
-    Columns `variable`, `low`, `high`, `dispersion_percent` (width of the interval over that of the range; 0 for a fixed
-    parameter), and with a published table its three values as `published_*`.
+    Columns `variable`, `low`, `high`, `dispersion_percent` (width of the interval over width of the range; 0 for a
+    fixed parameter), and with a published table its three values as `published_*`.
     """
     range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
     rows = []
@@ -165,19 +167,19 @@ def intervals(
         rows.append((name, low, high, 100 * (high - low) / (highest - lowest)))
     table = pd.DataFrame(rows, columns=["variable", *INTERVAL])
     if published is not None:
-        theirs = published.set_index("parameter").reindex(space.names)
+        reference = published.set_index("parameter").reindex(space.names)
         for column in INTERVAL:
-            table[f"published_{column}"] = theirs[column].to_numpy()
+            table[f"published_{column}"] = reference[column].to_numpy()
     return table
 
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
     """The result of the search as text, from the responses (k,) of the representative."""
-    ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
+    ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
     best = f"the answer is predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
-    wanted = targets.in_words([f"{one.aim:g}" for one in targets])
+    aims = targets.in_words([f"{target.aim:g}" for target in targets])
     off = targets.in_words([f"{value:.2f}" for value in abs(responses - targets.aim)])
-    off += f" from the target {wanted}"
+    off += f" from the target {aims}"
     if n_feasible:
         return (
             f"{n_feasible} distinct feasible solutions inside {ranges}, at least {distance:g} apart "
@@ -185,8 +187,8 @@ def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: 
         )
     beyond = targets.in_words([f"{value:.2f}" for value in _outside(responses, targets.low, targets.high)])
     return (
-        f"No feasible solution: nothing met inside {ranges}. Of the nearest ones {best}: {beyond} outside the box, "
-        f"{off}. Everything after this uses the nearest solutions."
+        f"No feasible solution inside {ranges}. Of the nearest solutions {best}: {beyond} outside the ranges, "
+        f"{off}. All later stages use the nearest solutions."
     )
 
 
@@ -216,9 +218,9 @@ def _summary(table, space, targets, settings, evaluations, n_feasible, feasible_
 def _behind(first, points, space, distance):
     """The points (n, d) after the set `first`, without those too near to it; the best of them stays."""
     place = 2 * space.unit(np.array([[first[name] for name in space.names]])) - 1
-    apart = np.linalg.norm(points - place, axis=1) >= distance
-    apart[0] = True
-    return np.vstack([place, points[apart]])
+    far = np.linalg.norm(points - place, axis=1) >= distance
+    far[0] = True
+    return np.vstack([place, points[far]])
 
 
 def _outside(responses, low, high):

@@ -1,6 +1,6 @@
 """Reading of a study's tables, with checks that they are whole, of one study, and consistent.
 
-A table that was cut, or that stands beside the runs of another study, has all its columns; only its rows show the
+A truncated table, or a table beside the runs of another study, has all its columns; only its rows show the
 fault.
 """
 
@@ -43,7 +43,7 @@ def read_runs(
     """The table of single runs of a table of samples.
 
     InputError if a run is there twice, an ok run lacks a response or has one beyond its limits, or if samples, numbers
-    of ok runs, means or standard errors differ from those of the table of samples.
+    of ok runs, means or standard errors differ from the table of samples.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     several = "apparatus" in runs
@@ -51,16 +51,16 @@ def read_runs(
     if not several:
         _check_responses(runs, targets, runs_csv)
     _check_count(runs, runs_csv, dataset_csv, "runs")
-    strange = sorted(set(runs["sample"]) ^ set(dataset["sample"]))
-    if strange:
-        raise InputError(runs_csv, "sample", strange[0], f"the samples of {dataset_csv}, all of them")
+    unshared = sorted(set(runs["sample"]) ^ set(dataset["sample"]))
+    if unshared:
+        raise InputError(runs_csv, "sample", unshared[0], f"the samples of {dataset_csv}, all of them")
     if not several:
         _check_means(runs, dataset, targets, runs_csv, dataset_csv)
     return runs
 
 
 def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
-    """Raise unless numbers, means and standard errors of the runs are those of the samples."""
+    """Raise unless numbers, means and standard errors of the runs agree with the samples."""
     ok = runs[runs["status"] == "ok"].groupby("sample")
     count = ok.size().reindex(dataset["sample"], fill_value=0)
     for sample, n, n_seeds in zip(dataset["sample"], count, dataset["n_seeds"], strict=True):
@@ -69,20 +69,20 @@ def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
             raise InputError(f"{runs_csv}, sample {sample}", "ok runs", int(n), allowed)
     usable = (dataset["status"] == "ok").to_numpy()
     responses = ok[list(targets.names)]
-    for what, columns, of_runs in (
+    for quantity, columns, of_runs in (
         ("mean", targets.names, responses.mean()),
         ("standard error", targets.errors, responses.sem()),
     ):
         for name, column in zip(targets.names, columns, strict=True):
-            told = dataset[column].to_numpy(float)[usable]
-            found = of_runs[name].reindex(dataset["sample"]).to_numpy(float)[usable]
-            alike = np.isclose(found, told, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True)
+            stated = dataset[column].to_numpy(float)[usable]
+            computed = of_runs[name].reindex(dataset["sample"]).to_numpy(float)[usable]
+            alike = np.isclose(computed, stated, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True)
             if not alike.all():
                 k = int((~alike).argmax())
                 sample = dataset["sample"][usable].iloc[k]
-                allowed = f"{told[k]:.6g}, its {what} in {dataset_csv}"
+                allowed = f"{stated[k]:.6g}, its {quantity} in {dataset_csv}"
                 raise InputError(
-                    f"{runs_csv}, sample {sample}", f"{what} of {name}", float(found[k]), allowed
+                    f"{runs_csv}, sample {sample}", f"{quantity} of {name}", float(computed[k]), allowed
                 )
 
 
@@ -108,7 +108,7 @@ def _refuse_twice(table, columns, path):
 
 
 def _check_count(table, path, dataset_csv, key):
-    """Raise if the number of rows is not that of the dataset's summary."""
+    """Raise if the number of rows differs from the dataset's summary."""
     summary, summary_json = read_summary(dataset_csv)
     if key in summary and len(table) != summary[key]:
         raise InputError(path, "rows", len(table), f"{summary[key]}, the {key} of {summary_json}")

@@ -65,7 +65,7 @@ class Replicates:
         weights = []
         for apparatus in targets.apparatus:
             own = ok[ok["apparatus"] == apparatus] if "apparatus" in ok else ok
-            columns = [k for k, one in enumerate(targets) if one.response.apparatus == apparatus]
+            columns = [k for k, target in enumerate(targets) if target.response.apparatus == apparatus]
             block, count = within_covariance(own[[targets.names[k] for k in columns]], own["sample"])
             if not (count > len(columns) and np.linalg.eigvalsh(block)[0] > 0):
                 return None
@@ -148,9 +148,9 @@ def run(
     """
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
-    found, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(found, summary_json, definitions or {}, source)
-    training = train(dataset, runs, targets, settings, definitions or found, dataset_csv)
+    of_dataset, summary_json = read_definitions(dataset_csv)
+    require_same_definitions(of_dataset, summary_json, definitions or {}, source)
+    training = train(dataset, runs, targets, settings, definitions or of_dataset, dataset_csv)
     out = Path(out_dir)
     training.model.save(out / "network.json")
     write_json(out / "metrics.json", training.metrics)
@@ -162,17 +162,19 @@ def run(
 def message(metrics: Mapping[str, Any]) -> str:
     """The training as text: errors at unseen samples, and for a network the result of its starts."""
     responses = metrics["test"].items()
-    words = [f"{name}: R2 {one['r2']:.3f}, error {one['rmse']:.3g}" for name, one in responses if one["r2"]]
+    words = [
+        f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}" for name, score in responses if score["r2"]
+    ]
     lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
     if metrics["n_fitted"] == metrics["n_samples"]:
         lines.append(f"then fitted to all {metrics['n_fitted']} samples")
     if "starts" in metrics:
         lines.append(
             f"{metrics['converged_starts']} of {metrics['starts']} starts converged; the data determine "
-            f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the one that is kept"
+            f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the kept network"
         )
     if "members" in metrics:
-        lines.append(f"{metrics['members']} networks predict; what they disagree about is in the error")
+        lines.append(f"{metrics['members']} networks predict; their disagreement is part of the error")
     if metrics.get("at_cap"):
         lines.append(f"at the cap of their regularisation, so held at zero: {', '.join(metrics['at_cap'])}")
     return "\n".join(lines)
@@ -193,8 +195,8 @@ def restore(
     of_all = set(_finally(model.outputs)) <= set(predictions)
     predicted = _finally(model.outputs) if of_all else predicted
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
-    found, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(model.definitions, surrogate_json, found, summary_json)
+    definitions, summary_json = read_definitions(dataset_csv)
+    require_same_definitions(model.definitions, surrogate_json, definitions, summary_json)
     usable = table[table["status"] == "ok"].set_index("sample")
     trained = predictions[(predictions["split"] == "train") | of_all]
     missing = sorted(set(trained["sample"]) - set(usable.index))
@@ -263,16 +265,16 @@ def _three_ways(usable, runs, Y, P, errors, test, names):
     """R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
     position = {sample: i for i, sample in zip(test, usable["sample"].iloc[test], strict=True)}
     ok = runs[(runs["status"] == "ok") & runs["sample"].isin(list(position))]
-    found = {}
+    scores = {}
     for k, name in enumerate(names):
         single = ok[ok[name].notna()]
         row = [position[sample] for sample in single["sample"]]
-        found[name] = {
+        scores[name] = {
             "sample_means": r2(Y[test, k], P[test, k]),
             "single_runs": r2(single[name].to_numpy(float), P[row, k]),
             "noise_corrected": r2_noise_corrected(Y[test, k], P[test, k], errors[test, k]),
         }
-    return found
+    return scores
 
 
 def _finally(names):
@@ -285,6 +287,6 @@ def _predictions(samples, rows, Y, P, targets):
     table = pd.DataFrame({"sample": samples, "split": ""})
     for name in SPLITS:
         table.loc[rows[name], "split"] = name
-    for k, one in enumerate(targets.responses):
-        table[one.name], table[one.predicted] = Y[:, k], P[:, k]
+    for k, target in enumerate(targets):
+        table[target.name], table[target.response.predicted] = Y[:, k], P[:, k]
     return table

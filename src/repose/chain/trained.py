@@ -22,7 +22,7 @@ def require_targets(
 ) -> None:
     """Refuse a surrogate with other responses than the targets, in another order, or with other definitions of them.
 
-    `definitions` are those of the study's responses; the InputError names `path` or `source`.
+    `definitions` belong to the study's responses; the InputError names `path` or `source`.
     """
     if model.outputs != targets.names:
         allowed = f"the responses of the targets, {', '.join(targets.names)}"

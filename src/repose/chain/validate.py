@@ -28,7 +28,7 @@ from repose.surrogate.support import Support
 
 SOLUTION = ("sample", *PARAMETERS, "origin", "solution", "role")
 ENDED = ("n_seeds", "status", "reason")
-FIRST_PUBLISHED = 101  # sample numbers of ours run from 1, so the two can never meet
+FIRST_PUBLISHED = 101  # own solutions are numbered from 1, so the numbers cannot coincide
 
 
 def solutions_to_simulate(
@@ -38,24 +38,24 @@ def solutions_to_simulate(
     targets: Targets,
     count: int,
 ) -> pd.DataFrame:
-    """The solutions to simulate again: `count` of ours besides the representative, and the published ones.
+    """The solutions to simulate again: `count` own solutions besides the representative, and the published solutions.
 
-    Columns: `sample` (ours from 1, the representative first; published ones from 101), `origin` ("miga" or
-    "published"), `solution` (its name in its own table), `role` ("representative", "least objective" or "spread"), the
-    six parameters, and predictions, for published solutions those of the published network. Published solutions are
+    Columns: `sample` (own solutions from 1, the representative first; published ones from 101), `origin` ("miga" or
+    "published"), `solution` (its name there), `role` ("representative", "least objective" or "spread"), the
+    six parameters, and predictions, for published solutions by the published network. Published solutions are
     left out if they have none of the targets, or if `published` is None.
     """
     columns = [*SOLUTION, *targets.predicted]
-    ours = select_for_validation(feasible, count, space)
-    ours["origin"], ours["sample"] = "miga", range(1, len(ours) + 1)
-    parts = [ours[columns]]
+    own = select_for_validation(feasible, count, space)
+    own["origin"], own["sample"] = "miga", range(1, len(own) + 1)
+    parts = [own[columns]]
     if published is not None and published_responses(published, targets.responses):
-        theirs = published.copy()
-        theirs["origin"] = "published"
-        theirs["sample"] = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(theirs))
-        named = theirs["solution"].astype(str) == "representative"
-        theirs["role"] = named.map({True: "representative", False: "spread"})
-        parts.append(theirs.reindex(columns=columns))
+        reference = published.copy()
+        reference["origin"] = "published"
+        reference["sample"] = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(reference))
+        named = reference["solution"].astype(str) == "representative"
+        reference["role"] = named.map({True: "representative", False: "spread"})
+        parts.append(reference.reindex(columns=columns))
     return pd.concat([part.astype({"solution": str}) for part in parts]).reset_index(drop=True)
 
 
@@ -92,24 +92,26 @@ def validate(
 ) -> dict[str, pd.DataFrame]:
     """Prediction, simulation and the physical measurement side by side.
 
-    `table4`: our solutions. `representative`: that solution against the physical measurement, a row for each response,
+    `table4`: own solutions. `representative`: that solution against the physical measurement, a row for each response,
     with the probabilities that all are met within 1 % and 2 %. `published`: the published solutions in this engine,
     perhaps no rows. A failed solution keeps its row, with its status and without numbers. With a support, `warning`
     marks solutions beyond the samples.
     """
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
-    simulated = simulated.rename(columns={one.name: one.simulated for one in targets.responses})
-    numbers = [column for one in targets.responses for column in (one.simulated, one.error)]
+    simulated = simulated.rename(
+        columns={response.name: response.simulated for response in targets.responses}
+    )
+    numbers = [column for response in targets.responses for column in (response.simulated, response.error)]
     simulated[numbers] = simulated[numbers].astype(float)  # None of a failed solution, or of one seed, to NaN
     rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
 
-    ours, theirs = (rows[rows["origin"] == origin] for origin in ("miga", "published"))
-    best = ours[ours["role"] == "representative"].iloc[0]
+    own, reference = (rows[rows["origin"] == origin] for origin in ("miga", "published"))
+    best = own[own["role"] == "representative"].iloc[0]
     runs = {bench: jobs[bench][best["sample"]]["runs"] for bench in targets.apparatus}
     tables = {
-        "table4": table4(ours, targets.responses),
+        "table4": table4(own, targets.responses),
         "representative": with_chances(against_physical(best, targets), runs, targets),
-        "published": beside_published(theirs, published, targets.responses),
+        "published": compared_with_published(reference, published, targets.responses),
     }
     if support is not None:
         for name in ("table4", "published"):
@@ -121,11 +123,14 @@ def validate(
 def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
     """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution."""
     table = rows[["sample", "solution", "role", *PARAMETERS]].copy()
-    for one in responses:
-        table[one.predicted], table[one.simulated] = rows[one.predicted], rows[one.simulated]
-        table[one.error] = rows[one.error]
-        off = (rows[one.predicted] - rows[one.simulated]).abs()
-        table[f"{one.quantity}_error_percent"] = 100 * off / rows[one.simulated]
+    for response in responses:
+        table[response.predicted], table[response.simulated] = (
+            rows[response.predicted],
+            rows[response.simulated],
+        )
+        table[response.error] = rows[response.error]
+        off = (rows[response.predicted] - rows[response.simulated]).abs()
+        table[f"{response.quantity}_error_percent"] = 100 * off / rows[response.simulated]
     table[list(ENDED)] = rows[list(ENDED)]
     return table
 
@@ -133,18 +138,18 @@ def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
 def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
     """The representative solution's simulation against the physical measurement, a row for each response."""
     rows = []
-    for one in targets:
-        simulated = row[one.response.simulated]
+    for target in targets:
+        simulated = row[target.response.simulated]
         rows.append(
             {
-                "response": one.name,
-                "physical_mean": one.value,
-                "physical_sd": one.sd,
-                "predicted": row[one.response.predicted],
+                "response": target.name,
+                "physical_mean": target.value,
+                "physical_sd": target.sd,
+                "predicted": row[target.response.predicted],
                 "simulated": simulated,
-                "simulated_se": row[one.response.error],
-                "error_percent": 100 * abs(simulated - one.value) / abs(one.value),
-                "within_one_sd": bool(abs(simulated - one.value) <= one.sd),
+                "simulated_se": row[target.response.error],
+                "error_percent": 100 * abs(simulated - target.value) / abs(target.value),
+                "within_one_sd": bool(abs(simulated - target.value) <= target.sd),
                 "n_seeds": row["n_seeds"],
                 "status": row["status"],
             }
@@ -159,27 +164,29 @@ def with_chances(
 
     The new columns are empty if fewer than two runs could be measured.
     """
-    chances = {f"within_{one:g}_percent": chance_of_meeting(runs, targets, one)["all"] for one in PERCENT}
+    chances = {
+        f"within_{percent:g}_percent": chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT
+    }
     return table.assign(**chances)
 
 
-def beside_published(
+def compared_with_published(
     rows: pd.DataFrame, published: pd.DataFrame | None, responses: Iterable[Response]
 ) -> pd.DataFrame:
-    """The published solutions: their simulation beside ours with its standard error, and ours minus theirs.
+    """The published solutions: published and own simulation, its standard error, and own minus published.
 
     Only responses of the published table are compared.
     """
     table = rows[["sample", "solution", *PARAMETERS]].copy()
     if published is not None:
-        theirs = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])
-        for one in published_responses(published, responses):
-            simulated = theirs[one.simulated].to_numpy(float)
-            table[derived(one.name, "published_predicted")] = rows[one.predicted]
-            table[derived(one.name, "published_simulated")] = simulated
-            table[one.simulated] = rows[one.simulated]
-            table[one.error] = rows[one.error]
-            table[derived(one.name, "difference")] = rows[one.simulated] - simulated
+        reference = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])
+        for response in published_responses(published, responses):
+            simulated = reference[response.simulated].to_numpy(float)
+            table[derived(response.name, "published_predicted")] = rows[response.predicted]
+            table[derived(response.name, "published_simulated")] = simulated
+            table[response.simulated] = rows[response.simulated]
+            table[response.error] = rows[response.error]
+            table[derived(response.name, "difference")] = rows[response.simulated] - simulated
     table[list(ENDED)] = rows[list(ENDED)]
     return table
 

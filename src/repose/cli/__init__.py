@@ -1,6 +1,6 @@
 """The command line: one module per family of verbs. The options of a verb stand beside the function that runs it.
 
-The work is done in the modules of `repose`; here they get their files and settings. They are imported inside the
+The work is done in the modules of `repose`; the verbs hand them files and settings. They are imported inside the
 verbs, so that help and parsing load none of them.
 """
 
@@ -33,7 +33,7 @@ from repose.cli import (
 )
 from repose.cli.registry import PROGRAM
 from repose.cli.stages import stage
-from repose.core.errors import BAD_INPUT, InputError, tell
+from repose.core.errors import BAD_INPUT, InputError, print_fault
 
 FAMILIES = (
     *(
@@ -52,7 +52,7 @@ FAMILIES = (
     *(uncertainty, refinement, pictures, services),
 )
 VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
-# What a person types, in the groups of the help. Every other verb is a stage, which the rules of the workflow call.
+# The verbs that a person types, in the groups of the help. All others are stages, called by the rules of the workflow.
 GROUPS = {
     "a study": ("new", "marker", "measure", "check", "plan", "run", "card", "export"),
     "your own simulator": ("design", "tell", "ask", "calibrate"),
@@ -79,7 +79,7 @@ def main(words: Sequence[str] | None = None) -> int:
         words.insert(0, STAGE)
     unknown = _unknown(words)
     if unknown is not None:
-        tell(unknown)
+        print_fault(unknown)
         return BAD_INPUT
     args, rest = parser().parse_known_args(words)
     verb = VERBS[args.verb]
@@ -100,7 +100,7 @@ def main(words: Sequence[str] | None = None) -> int:
         InputError,
         OSError,
     ) as error:  # the system's message names file and reason: no space, read-only, ...
-        tell(error)
+        print_fault(error)
         return BAD_INPUT
 
 

@@ -1,4 +1,4 @@
-"""The berry and its particle: from files that the options name, or made from the configuration."""
+"""The berry and its particle: read from files, or made from the configuration."""
 
 from collections.abc import Mapping
 from os import PathLike
@@ -33,7 +33,7 @@ def berry_and_particle(
 
 
 def write_berry(config: Mapping[str, Any], out_dir: str | PathLike) -> None:
-    """Write sizes and moduli of the configuration's berry, beside the published ones."""
+    """Write sizes and moduli of the configuration's berry, beside the published values."""
     from repose.particle import berry
 
     section = config["berry"]

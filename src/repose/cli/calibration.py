@@ -113,12 +113,12 @@ def published_solutions(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "compare predicted and simulated responses of our solutions (Table 4) and of the published ones",
+    "compare predicted and simulated responses of the study's and the published solutions (Table 4)",
     example="results/validation/heaps/???.json",
     out="results/validation",
     options=[
         Option("jobs", nargs="+", help="JSON files that measure_runs wrote, one for each solution"),
-        Option("--solutions", default="results/validation/solutions.csv", help="what `solutions` wrote"),
+        Option("--solutions", default="results/validation/solutions.csv", help="file of the verb solutions"),
         SUPPORT,
     ],
 )
@@ -138,6 +138,6 @@ def _support(args, config):
     from repose.core.responses import require_same_definitions
     from repose.surrogate.support import Support
 
-    found, summary = read_definitions(args.dataset)
-    require_same_definitions(found, summary, definitions_of(config), args.config)
+    definitions, summary = read_definitions(args.dataset)
+    require_same_definitions(definitions, summary, definitions_of(config), args.config)
     return Support.of_dataset(args.dataset, ParameterSpace.of(config["parameters"]))

@@ -24,11 +24,11 @@ family = Family()
 def card(args: argparse.Namespace) -> None:
     from repose.chain import card
 
-    wanted = {"show": 1, "compare": 2}[args.action]
-    if len(args.cards) != wanted:
-        raise InputError("command line", f"card {args.action}", args.cards, f"files: {wanted}")
+    needed = {"show": 1, "compare": 2}[args.action]
+    if len(args.cards) != needed:
+        raise InputError("command line", f"card {args.action}", args.cards, f"files: {needed}")
     cards = [card.read(path) for path in args.cards]
-    print(card.in_words(cards[0]) if args.action == "show" else card.compared(*cards))
+    print(card.describe(cards[0]) if args.action == "show" else card.compared(*cards))
 
 
 @family.verb(
@@ -37,11 +37,11 @@ def card(args: argparse.Namespace) -> None:
     out="results/card.json",
     options=[
         BERRY,
-        Option("--particle", default="results/berry/particle.json", help="what the verb shape wrote"),
+        Option("--particle", default="results/berry/particle.json", help="file of the verb shape"),
         FEASIBLE,
-        Option("--summary", default=MIGA, help="what the verb miga wrote: its answer"),
+        Option("--summary", default=MIGA, help="file of the verb miga: the answer"),
         Option(
-            "--representative", default=VALIDATION, help="what the verb validate wrote: the answer's check"
+            "--representative", default=VALIDATION, help="file of the verb validate: the check of the answer"
         ),
         Option(
             "--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"
@@ -55,6 +55,6 @@ def material_card(args: argparse.Namespace) -> None:
     if (args.posterior is None) != (args.draws is None):
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
     study = Study.load(args.config)
-    found = answer.read_files(study.config, args.summary, args.representative, study.config["strategy"])
+    result = answer.read_files(study.config, args.summary, args.representative, study.config["strategy"])
     files = {name: getattr(args, name) for name in ("berry", "particle", "feasible", "posterior", "draws")}
-    card.run(study.config, found, files, args.out)
+    card.run(study.config, result, files, args.out)

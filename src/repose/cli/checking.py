@@ -26,7 +26,7 @@ family = Family()
 
 
 @family.verb(
-    "check a configuration; tell how long the time step may be, how soft the grains, and what a run needs",
+    "check a configuration; print the longest time step, the softest grain and the cost of a run",
     example="--config config/paper.yaml",
     options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
 )
@@ -41,7 +41,7 @@ def check(args: argparse.Namespace) -> None:
     config, berry, particle = study.config, study.grain, study.particle
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     written, _ = loader.read_layers([args.config])
-    numbers = [f"{one.key} {get(config, one.key)}" for one in computed.asked(written)]
+    numbers = [f"{setting.key} {get(config, setting.key)}" for setting in computed.to_compute(written)]
     if numbers:
         print(f"computed, since they are auto or not given: {', '.join(numbers)}")
     for line in (*_about_the_grain(config, berry, particle), *_about_the_targets(config)):
@@ -85,7 +85,7 @@ def _about_the_grain(
 
 
 def about_step(step_s: float, limit: "Limit") -> str:
-    """A sentence on the longest time step, with the time that a longer step than `step_s` saves."""
+    """A sentence on the longest time step, with the time saved if it is longer than `step_s`."""
     from repose.config import computed
 
     advised = computed.advised_step_s(limit.time_step_s)
@@ -97,14 +97,14 @@ def about_step(step_s: float, limit: "Limit") -> str:
 
 def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
     """Warnings of measurements whose scatter is unknown."""
-    for one in config["targets"]:
-        name, piles = one["response"], one["repetitions"]
+    for target in config["targets"]:
+        name, piles = target["response"], target["repetitions"]
         if piles < FEWEST_PILES:
             yield (
-                f"{name}: WARNING: repetitions is {piles}; fewer than {FEWEST_PILES} hardly tell how piles scatter, "
-                "and all intervals stand on that: measure more piles"
+                f"{name}: WARNING: repetitions is {piles}; fewer than {FEWEST_PILES} hardly show the scatter, "
+                "on which all intervals depend: measure more piles"
             )
-        if one["sd"] == 0:
+        if target["sd"] == 0:
             yield (
                 f"{name}: WARNING: sd is 0, as if every pile were the same; the intervals are too narrow: give the "
                 "standard deviation of the measured piles"
@@ -112,12 +112,12 @@ def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
 
 
 @family.verb(
-    "before any pour: how many pours the noise asks for, and how probable success is with a budget",
+    "before any pour: the pours that the noise requires, and the probability of success by budget",
     example="--config config/fast.yaml",
     options=[
         Option(
             "--runs",
-            help="runs.csv of earlier pours, which tell the noise (those of the study, if there are any)",
+            help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)",
         )
     ],
 )
@@ -129,24 +129,24 @@ def plan(args: argparse.Namespace) -> None:
     own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
     path = args.runs or next(iter(own), None)
     runs = None if path is None else plan.read_runs(path, targets)
-    found = plan.plan(config, runs, path)
-    for name, percent in zip(targets.names, found.noise_percent, strict=True):
-        source = f"measured in {path}" if found.measured else "taken for granted, as no runs are there yet"
+    result = plan.plan(config, runs, path)
+    for name, percent in zip(targets.names, result.noise_percent, strict=True):
+        source = f"measured in {path}" if result.measured else "assumed, as there are no runs yet"
         print(f"noise: a pour's {name} scatters by {percent:.2g} % of the target, {source}")
-    for tolerance, needed in found.needed.items():
+    for tolerance, needed in result.needed.items():
         print(
             f"the noise alone: {needed} pours at one parameter set, to know its means within {tolerance:g} % with "
             f"probability {plan.CERTAINTY:g}"
         )
     print("probability that the answer of strategy: sequential lies within 1 % and 2 % of all targets:")
     print(f"{'pours':>7} {'1 %':>12} {'2 %':>12}")
-    for row in found.budgets.to_dict("records"):
-        shares = (f"within_{one:g}_percent" for one in plan.TOLERANCES)
+    for row in result.budgets.to_dict("records"):
+        shares = (f"within_{percent:g}_percent" for percent in plan.TOLERANCES)
         chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
         print(f"{row['pours']:>7} {chances}")
     print("from hidden truths with six free parameters, docs/sequential.md", flush=True)
     measured = _berry_step_s(config, study.grain, study.particle)
-    print(*_costs(config, found.budgets["pours"], measured), sep="\n")
+    print(*_costs(config, result.budgets["pours"], measured), sep="\n")
 
 
 def _costs(config: Mapping[str, Any], budgets: Iterable[int], berry_step_s: float) -> Iterator[str]:
@@ -184,12 +184,12 @@ def _berry_step_s(config, berry, particle):
     sentence = (
         "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core"
     )
-    with seconds_told(sentence):
+    with elapsed_seconds_shown(sentence):
         return cost.measured_berry_step_s(config, berry, particle)
 
 
 @contextlib.contextmanager
-def seconds_told(sentence: str) -> Iterator[None]:
+def elapsed_seconds_shown(sentence: str) -> Iterator[None]:
     """Print a sentence on stderr, and on a terminal the seconds as they pass."""
     terminal = sys.stderr.isatty()
     done = threading.Event()

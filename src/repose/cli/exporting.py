@@ -8,7 +8,7 @@ from repose.config.study import Study
 from repose.core import provenance
 from repose.core.errors import InputError
 
-# Of a clump: so many where the study has none, the fewest that LIGGGHTS takes, the most that fill a mesh here.
+# Spheres of a clump: the default, the fewest that LIGGGHTS takes, the most that fill a mesh here.
 SPHERES, FEWEST, MOST = 14, 2, 64
 PROGRAMS = ("liggghts", "lammps", "yade", "mercurydpm", "edem", "rocky")
 
@@ -16,14 +16,14 @@ family = Family()
 
 
 @family.verb(
-    "write the calibrated grain and its pour as a deck of another program, or a table of what to type there",
+    "write the calibrated grain and its pour as a deck of another program, or as a table of its input fields",
     example="--to yade --card results/card.json --config results/config.json --out results/export/yade",
     out="results/export",
     config=False,
     options=[
         CONFIG.but(
             default=None,
-            help="the study's configuration (that beside the card; without a card config/config.yaml)",
+            help="the study's configuration (default: config.json beside the card; no card: config/config.yaml)",
         ),
         Option("--to", required=True, choices=PROGRAMS, help="the program"),
         Option("--card", help="card.json of the finished study: its parameters"),
@@ -32,7 +32,7 @@ family = Family()
             "--spheres",
             type=int,
             metavar="N",
-            help=f"spheres of the clump (those of the study's own clump; {SPHERES} where it has none)",
+            help=f"spheres of the clump (default: as in the study's clump, or {SPHERES} without one)",
         ),
         Option("--seed", type=int, default=1, help="of the grains' places (1)"),
     ],
@@ -44,10 +44,10 @@ def export(args: argparse.Namespace) -> None:
 
     study = None if args.config is None else Study.load(args.config)
     _check_source(args)
-    found = None if args.card is None else card.read_own(args.card)
+    of_card = None if args.card is None else card.read_own(args.card)
     if study is None:
-        beside = None if found is None else card.configuration_beside(args.card)
-        args.config = CONFIG.keywords["default"] if beside is None else str(beside)
+        configuration = None if of_card is None else card.configuration_of_card(args.card)
+        args.config = CONFIG.keywords["default"] if configuration is None else str(configuration)
         study = Study.load(args.config)
     if args.seed < 0:
         raise InputError("command line", "--seed", args.seed, "a whole number from 0")
@@ -60,11 +60,11 @@ def export(args: argparse.Namespace) -> None:
         study = Study.of(study.config | {"berry": section | spheres}, args.config)
         provenance.note_config(study.config)
     config, (berry, particle) = study.config, berry_and_particle(study)
-    if found is None:
+    if of_card is None:
         values = parameters(args.set, args.samples, args.sample, config["parameters"])
     else:
-        card.require_one_study(found, args.card, config, args.config, berry)
-        values = {name: row["value"] for name, row in found["parameters"].items()}
+        card.require_one_study(of_card, args.card, config, args.config, berry)
+        values = {name: row["value"] for name, row in of_card["parameters"].items()}
     job = export.make(config, values, particle, berry, args.seed)
     for path in export.write(job, args.to, args.out):
         print(path)
@@ -72,7 +72,7 @@ def export(args: argparse.Namespace) -> None:
 
 def _check_source(args: argparse.Namespace) -> None:
     """One source of the six parameters: a card, or the options that name them."""
-    given = bool(args.set) or args.samples is not None
-    if (args.card is not None) == given:
-        allowed = "one of --card, --set and --samples: the parameters"
+    sets = bool(args.set) or args.samples is not None
+    if (args.card is not None) == sets:
+        allowed = "one source of the parameters: --card, --set or --samples"
         raise InputError("command line", "export", args.card, allowed)

@@ -46,8 +46,8 @@ def _build(args: argparse.Namespace) -> None:
 
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
-    given = args.density
-    density = Study.load(args.config).config["berry"]["density_kg_m3"] if given is None else given
+    stated = args.density
+    density = Study.load(args.config).config["berry"]["density_kg_m3"] if stated is None else stated
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     stl = mesh.export(file_type="stl")

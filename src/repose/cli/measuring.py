@@ -42,16 +42,15 @@ family = Family()
             metavar=("MM", "X1", "Y1", "X2", "Y2"),
             help="instead of the scale: a level length and the pixels of its ends, column and row",
         ),
-        Option(
-            "--base-row", type=float, help="row of the plate in pixels from the top, where no sheet tells it"
-        ),
+        Option("--base-row", type=float, help="row of the plate in pixels from the top, without the sheet"),
         Option(
             "--grain-mm",
             type=float,
             help="height of a grain, for the secant (from the sizes of --config or sizes.csv)",
         ),
         Option(
-            "--config", help="the study for which it is measured: its definition of the angle (the line fit)"
+            "--config",
+            help="the study that the photographs are for; its definition of the angle (default: the line fit)",
         ),
         JSON.but(help="print every number as JSON"),
     ],
@@ -60,7 +59,7 @@ def measure(args: argparse.Namespace) -> None:
     from repose.core.files import write_image
     from repose.core.ledger import check_replaceable
     from repose.measure import drawing, photographs
-    from repose.measure.photograph_tables import as_record, tables, told, write_tables
+    from repose.measure.photograph_tables import as_record, describe, tables, write_tables
 
     pictures = [Path(name) for name in args.pictures]
     out = Path(args.out)
@@ -72,22 +71,22 @@ def measure(args: argparse.Namespace) -> None:
         if overlay.resolve() == path.resolve():
             raise InputError("command line", "--out", args.out, "another folder than that of the photographs")
     scale, how = _scale(args), _settings(args)
-    found = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
-    for one, overlay in zip(found, overlays, strict=True):
-        if one.measurement is not None:
-            shown = drawing.overlay(one.view, one.measurement)
+    results = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
+    for photograph, overlay in zip(results, overlays, strict=True):
+        if photograph.measurement is not None:
+            shown = drawing.overlay(photograph.view, photograph.measurement)
         else:
-            shown = drawing.overlay_of_refused(one.view, one.pile)
+            shown = drawing.overlay_of_refused(photograph.view, photograph.pile)
         write_image(overlay, shown)
-    allowed = "a pile with two flanks, seen from the side; {} shows what was taken for the pile"
-    if all(one.measurement is None for one in found):
+    allowed = "a pile with two flanks, seen from the side; {} shows the part taken for the pile"
+    if all(photograph.measurement is None for photograph in results):
         raise_together(
-            InputError(one.path, "pile", one.refused, allowed.format(overlay))
-            for one, overlay in zip(found, overlays, strict=True)
+            InputError(photograph.path, "pile", photograph.refused, allowed.format(overlay))
+            for photograph, overlay in zip(results, overlays, strict=True)
         )
-    made = tables(found, how)
+    made = tables(results, how)
     write_tables(made, how, out)
-    print(json_text(as_record(made)) if args.json else told(found, made, how, out))
+    print(json_text(as_record(made)) if args.json else describe(results, made, how, out))
 
 
 def _scale(args: argparse.Namespace) -> "Scale":
@@ -114,14 +113,14 @@ def _scale(args: argparse.Namespace) -> "Scale":
     if scale is not None:
         number("--length" if args.length else "--mm-per-pixel", scale, *SCALES)
         if args.lens:
-            raise InputError("command line", "--lens", args.lens, "where the printed sheet tells the scale")
+            raise InputError("command line", "--lens", args.lens, "with the printed sheet as the scale")
     elif args.base_row is not None:
         raise InputError("command line", "--base-row", args.base_row, "with --mm-per-pixel or --length")
     return Scale(args.square_mm, scale, args.base_row, level)
 
 
 def _settings(args: argparse.Namespace) -> "MeasureSettings":
-    """How photographs are measured: outside a study the angle of repose is the line fit, the grain the folder's."""
+    """Settings of the measurement; outside a study the angle of repose is the line fit, the grain the folder's."""
     from repose.measure.settings import MeasureSettings
 
     if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:
@@ -142,7 +141,7 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
 
 
 @family.verb(
-    "write the sheet (PDF, A4) that tells scale, tilt and lens of a photograph",
+    "write the sheet (PDF, A4) for the scale, tilt and lens of a photograph",
     example="--out sheet.pdf",
     out="sheet.pdf",
     config=False,
@@ -185,7 +184,7 @@ def silhouette(args: argparse.Namespace) -> None:
     example="silhouette.png --overlay overlay.png",
     out="measured.json",
     options=[
-        Option("picture", help="what the verb silhouette wrote"),
+        Option("picture", help="file of the verb silhouette"),
         Option("--overlay", default="overlay.png", help="picture with the fitted lines (overlay.png)"),
         BERRY,
     ],

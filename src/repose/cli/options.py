@@ -6,19 +6,19 @@ from collections.abc import Iterable, Mapping
 from repose.cli.registry import Option
 from repose.core.errors import InputError
 
-BERRY = Option("--berry", default="results/berry/berry.json", help="what the verb berry wrote")
-SAMPLES = Option("--samples", default="results/design/samples.csv", help="what the verb design wrote")
-DATASET = Option("--dataset", default="results/dataset.csv", help="what the verb dataset wrote")
-RUNS = Option("--runs", default="results/runs.csv", help="what the verb dataset wrote: single runs")
-NETWORK = Option("--network", default="results/network/network.json", help="what the verb network wrote")
-FEASIBLE = Option("--feasible", default="results/miga/feasible.csv", help="what the verb miga wrote")
+BERRY = Option("--berry", default="results/berry/berry.json", help="file of the verb berry")
+SAMPLES = Option("--samples", default="results/design/samples.csv", help="file of the verb design")
+DATASET = Option("--dataset", default="results/dataset.csv", help="file of the verb dataset")
+RUNS = Option("--runs", default="results/runs.csv", help="file of the verb dataset: single runs")
+NETWORK = Option("--network", default="results/network/network.json", help="file of the verb network")
+FEASIBLE = Option("--feasible", default="results/miga/feasible.csv", help="file of the verb miga")
 JSON = Option("--json", action="store_true", help="print as JSON")
 
 
-def file_options(files: Mapping[str, str], what: str = "") -> list[Option]:
+def file_options(files: Mapping[str, str], prefix: str = "") -> list[Option]:
     """An option for each file: its default path by the option's name with underscores; `what` begins the help."""
     return [
-        Option(f"--{name.replace('_', '-')}", default=path, help=f"{what}({path})")
+        Option(f"--{name.replace('_', '-')}", default=path, help=f"{prefix}({path})")
         for name, path in files.items()
     ]
 
@@ -30,10 +30,10 @@ def chosen_files(args: argparse.Namespace, files: Iterable[str]) -> dict[str, st
 
 def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     """Values by name of the NAME=VALUE entries of an option; InputError for a bad entry or a name given twice."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for entry in entries:
         name, equals, value = entry.partition("=")
-        if not equals or not name or not value or name in found:
+        if not equals or not name or not value or name in values:
             raise InputError("command line", option, entry, "NAME=VALUE, each name once")
-        found[name] = value
-    return found
+        values[name] = value
+    return values

@@ -47,27 +47,27 @@ def parameters(
 
     `section` is `parameters` of the configuration; a parameter that is not set has the centre of its range.
     """
-    given = pairs(entries, "--set")
+    chosen = pairs(entries, "--set")
     if samples:
-        if given or sample is None:
+        if chosen or sample is None:
             raise InputError("command line", "--samples", samples, "together with --sample, without --set")
         return read_sample(samples, sample)
     if sample is not None:
         raise InputError("command line", "--sample", sample, "together with --samples")
-    for name, value in given.items():
+    for name, value in chosen.items():
         if name not in PARAMETERS:
             known = ", ".join(f"{key} ({LABELS[key]})" for key in PARAMETERS)
             raise InputError("command line", f"--set {name}", value, f"a parameter of {known}")
-    values = {name: check_value(name, value, "command line") for name, value in given.items()}
+    values = {name: check_value(name, value, "command line") for name, value in chosen.items()}
     return ParameterSpace.of(section).centre | values
 
 
-def run_seeds(given: list[int] | None) -> list[int]:
+def run_seeds(seeds: list[int] | None) -> list[int]:
     """Seeds from --seed, without it seed 1; InputError unless they are distinct whole numbers from 0."""
-    given = given or [1]
-    if min(given) < 0 or len(set(given)) < len(given):
-        raise InputError("command line", "--seed", given, "distinct whole numbers from 0")
-    return given
+    seeds = seeds or [1]
+    if min(seeds) < 0 or len(set(seeds)) < len(seeds):
+        raise InputError("command line", "--seed", seeds, "distinct whole numbers from 0")
+    return seeds
 
 
 def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED) -> list[int]:

@@ -28,7 +28,7 @@ POUR = (
 KEEP = Option(
     "--keep-runs",
     action="store_true",
-    help="keep each run in OUT/runs, and take those that are there and the same instead of running them again",
+    help="keep each run in OUT/runs; a kept run with the same settings is not run again",
 )
 
 family = Family()
@@ -92,7 +92,7 @@ def heap(args: argparse.Namespace) -> None:
         print(json_text(_flat(result) if len(result["runs"]) == 1 else result))
     else:
         for run in result["runs"]:
-            print(told(run, job.test.in_words))
+            print(describe(run, job.test.in_words))
 
 
 def _job(args: argparse.Namespace, apparatus: str) -> _Job:
@@ -146,13 +146,13 @@ def measure_runs(args: argparse.Namespace) -> None:
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
     for path in args.pours:
         result = measure_job(study.config, path, particle, berry_of, args.out)
-        words = bench(result.get("apparatus", UNNAMED)).in_words
+        template = bench(result.get("apparatus", UNNAMED)).in_words
         for run in result["runs"]:
-            print(f"{path}: {told(run, words)}")
+            print(f"{path}: {describe(run, template)}")
 
 
 @family.verb(
-    "fill a drum and turn it until the bed slips; save the runs for drum_tables, say what is measured",
+    "fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement",
     example="--set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try",
     out="results/try",
     options=[
@@ -173,7 +173,7 @@ def drum(args: argparse.Namespace) -> None:
         print(json_text(results))
     else:
         for result in results:
-            print(told(result["run"], bench("drum").in_words))
+            print(describe(result["run"], bench("drum").in_words))
 
 
 @family.verb(
@@ -191,11 +191,11 @@ def drum_tables(args: argparse.Namespace) -> None:
     drum_tables.run(args.runs, study.config, particle, args.out)
 
 
-def told(run: Mapping[str, Any], words: str) -> str:
-    """A measured run in words, by the bench test's template `words`; a failed run with its reason."""
+def describe(run: Mapping[str, Any], template: str) -> str:
+    """A measured run in words, by the bench test's `template`; a failed run with its reason."""
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:
-        return f"seed {run['seed']}: {words.format(**run)}"
+        return f"seed {run['seed']}: {template.format(**run)}"
     except TypeError:  # a response that is no target and could not be measured
         return f"seed {run['seed']}: ok"

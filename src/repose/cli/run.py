@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from repose.cli.registry import Family
-from repose.cli.stages import tell_of_own_crop
+from repose.cli.stages import note_built_in_crop
 from repose.core import places
 from repose.core.errors import InputError
 
@@ -45,9 +45,9 @@ def run(args: argparse.Namespace) -> int:
     if LIST in args.rest:
         print(catalogue(args.rest))
         return 0
-    check_words(args.rest)
-    tell_of_own_crop(*configurations(args.rest))
-    with missing_targets_told():
+    check_arguments(args.rest)
+    note_built_in_crop(*configurations(args.rest))
+    with missing_targets_reported():
         return uninterrupted(main, args.rest, [] if _given(args.rest, PLAIN_OPTIONS) else _display())
 
 
@@ -75,7 +75,7 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], display
 
     earlier = signal.signal(signal.SIGINT, stop)
     try:
-        main([*display, *snakemake_words(words)])
+        main([*display, *snakemake_arguments(words)])
     except (KeyboardInterrupt, SystemExit) as end:
         if not ended_by:
             raise
@@ -87,7 +87,7 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], display
     return 0
 
 
-def check_words(words: Sequence[str]) -> None:
+def check_arguments(words: Sequence[str]) -> None:
     """Refuse words that snakemake would answer with a traceback.
 
     InputError for a configuration that cannot be read, a value without a name, or a bad number of cores.
@@ -110,26 +110,26 @@ def check_words(words: Sequence[str]) -> None:
 
 
 @contextlib.contextmanager
-def missing_targets_told() -> Iterator[None]:
+def missing_targets_reported() -> Iterator[None]:
     """Turn snakemake's end at a target without a rule into an InputError."""
     from snakemake.logging import logger
 
-    found: list[str] = []
+    missing_targets: list[str] = []
 
     def seen(record):
         missing = getattr(record, "exception", None) == "MissingRuleException"
         if missing:
-            found.append(record.getMessage().split("No rule to produce ")[-1].split(" (if you")[0])
+            missing_targets.append(record.getMessage().split("No rule to produce ")[-1].split(" (if you")[0])
         return not missing
 
     logger.addFilter(seen)
     try:
         yield
     except SystemExit:
-        if not found:
+        if not missing_targets:
             raise
         allowed = "a target that `repose run --list` names, a rule, or a file of the study"
-        raise InputError("command line", "target", found[0], allowed) from None
+        raise InputError("command line", "target", missing_targets[0], allowed) from None
     finally:
         logger.removeFilter(seen)
 
@@ -148,14 +148,14 @@ def _interrupt_jobs() -> None:
 
 def configurations(words: Sequence[str]) -> list[str]:
     """Files of configurations among the words of `repose run`."""
-    found, option = [], ""
+    paths, option = [], ""
     for word in words:
         value = word
         if word.startswith("-"):
             option, _, value = word.partition("=")
         if option in CONFIG_OPTIONS and Path(value).suffix in CONFIG_SUFFIXES:
-            found.append(value)
-    return found
+            paths.append(value)
+    return paths
 
 
 def catalogue(words: list[str]) -> str:
@@ -173,7 +173,7 @@ def catalogue(words: list[str]) -> str:
     except InputError:
         incomplete = ", ".join(files) or "config.yaml"
         costs = dict.fromkeys(
-            cost.SENTENCES, f"cost: once {incomplete} is complete; `repose check` names what is missing"
+            cost.SENTENCES, f"cost: once {incomplete} is complete; `repose check` lists the missing keys"
         )
     lines = [f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{costs[target]}" for target in cost.SENTENCES]
     return "\n".join(
@@ -194,11 +194,11 @@ def _cost_of(config):
     return f"at most {number} pours, about {minutes:.0f} min on one core, by itself"
 
 
-def snakemake_words(words: list[str]) -> list[str]:
+def snakemake_arguments(words: list[str]) -> list[str]:
     """The command line of snakemake for the words of `repose run`, options and targets in any order.
 
     Targets come first, since `--configfile` would take later ones for files. Without `--cores` all cores work; without
-    `--snakefile` the workflow is the built-in one. A configuration or profile that the working folder lacks, such as
+    `--snakefile` the workflow is the built-in one. A configuration or profile missing in the working folder, such as
     config/quick.yaml, is the built-in one too.
     """
     targets: list[str] = []
@@ -208,11 +208,11 @@ def snakemake_words(words: list[str]) -> list[str]:
         if word.startswith("-"):
             option, equals, path = word.partition("=")
             expected = "" if equals else option
-            options.append(f"{option}={_found(option, path)}" if equals else word)
+            options.append(f"{option}={_resolved(option, path)}" if equals else word)
         elif expected in CONFIG_OPTIONS and Path(word).suffix not in CONFIG_SUFFIXES:
             targets.append(word)
         else:
-            options.append(_found(expected, word))
+            options.append(_resolved(expected, word))
     if not _given(options, CORES_OPTIONS):
         options = ["--cores", "all", *options]
     if not _given(options, SNAKEFILE_OPTIONS):
@@ -220,8 +220,8 @@ def snakemake_words(words: list[str]) -> list[str]:
     return [*targets, *options]
 
 
-def _found(option, path):
-    """A value of an option; a configuration or profile that the working folder lacks is the built-in one."""
+def _resolved(option, path):
+    """A value of an option; a configuration or profile missing in the working folder is the built-in one."""
     return str(places.find(path)) if option in (*CONFIG_OPTIONS, *PROFILE_OPTIONS) else path
 
 

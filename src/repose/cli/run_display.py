@@ -1,7 +1,7 @@
 """The display of `repose run`: bars by stage on a terminal, a line now and then elsewhere, each failure with its log.
 
 Snakemake reports its work as events; `LogHandler` is a handler of them, as its logger plugins are. `RunProgress` keeps
-what they report: finished jobs of each stage, pours a minute, time left, and failures. All times are seconds of the
+their content: finished jobs of each stage, pours a minute, time left, and failures. All times are seconds of the
 system's clock, which also dates files.
 """
 
@@ -34,7 +34,7 @@ REFRESH_PER_S = 2
 SHORTEST_RATE_S = 1.0
 BAR_WIDTH = 30
 LOG_LINES = 20
-# Messages of snakemake that do not help a user who waits.
+# Messages of snakemake that are of no use to a waiting user.
 CHATTER = (
     "Assuming unrestricted",
     "Building DAG",
@@ -48,7 +48,7 @@ CHATTER = (
     "host:",
 )
 # A job's failure is reported by the job's own event.
-TOLD_BY_THE_JOB = ("CalledProcessError", "RuleException", "SpawnedJobError")
+REPORTED_BY_THE_JOB = ("CalledProcessError", "RuleException", "SpawnedJobError")
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class RunProgress:
             numbers = [number for rule in jobs if stage_of.get(rule) == name for number in jobs[rule]]
             if numbers:
                 self.stages[name] = Stage(total=len(numbers))
-        self._planned = {number: told for known in jobs.values() for number, told in known.items()}
+        self._planned = {number: planned for known in jobs.values() for number, planned in known.items()}
 
     def start(self, number: int, rule: str, message: str, output: str, now_s: float) -> Running:
         """A job begins, or begins again; `message` is its work in words, `output` its first output."""
@@ -189,7 +189,7 @@ class LogHandler(LogHandlerBase):
         """Take an event of snakemake."""
         try:
             with self.changing:
-                lines = list(self._told_by(record))
+                lines = list(self._lines_of(record))
             if "plan" in record.__dict__:
                 self._begin()
             for line in lines:
@@ -209,20 +209,20 @@ class LogHandler(LogHandlerBase):
             self.console.print("When the cause is mended, the same command goes on.")
         super().close()
 
-    def _told_by(self, record: LogRecord) -> Iterator[Text]:
+    def _lines_of(self, record: LogRecord) -> Iterator[Text]:
         """Take an event; yields the lines to print."""
-        event, told = getattr(record, "event", None), record.__dict__
-        if "plan" in told:
-            self.progress.plan(*told["plan"])
+        event, fields = getattr(record, "event", None), record.__dict__
+        if "plan" in fields:
+            self.progress.plan(*fields["plan"])
         if event == LogEvent.JOB_INFO:
-            yield from self._started(told)
+            yield from self._started(fields)
         elif event == LogEvent.JOB_FINISHED:
-            self.progress.finish(told["job_id"])
+            self.progress.finish(fields["job_id"])
             yield from self._line()
         elif event == LogEvent.JOB_ERROR:
-            yield from self._failed(told)
+            yield from self._failed(fields)
         elif event == LogEvent.ERROR:
-            if told.get("exception") not in TOLD_BY_THE_JOB:
+            if fields.get("exception") not in REPORTED_BY_THE_JOB:
                 yield Text(record.getMessage(), style="red")
         elif event is None and record.msg:
             if record.levelno > INFO:
@@ -230,27 +230,27 @@ class LogHandler(LogHandlerBase):
             elif not str(record.msg).startswith(CHATTER):
                 yield Text(record.getMessage())
 
-    def _started(self, told: Mapping[str, Any]) -> Iterator[Text]:
+    def _started(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """A job begins; without bars the first of a stage is printed."""
-        if not told["output"]:  # a target, which makes nothing
+        if not fields["output"]:  # a target, which makes nothing
             return
-        number, rule = told["jobid"], told["rule_name"]
-        message = told["rule_msg"] or rule
-        self.logs[number] = ", ".join(told["log"])
-        job = self.progress.start(number, rule, message, str(told["output"][0]), time.time())
+        number, rule = fields["jobid"], fields["rule_name"]
+        message = fields["rule_msg"] or rule
+        self.logs[number] = ", ".join(fields["log"])
+        job = self.progress.start(number, rule, message, str(fields["output"][0]), time.time())
         if self.live is None and job.stage not in self.stages_said:
             yield Text(f"{job.stage}: {message}")
         self.stages_said.add(job.stage)
 
-    def _failed(self, told: Mapping[str, Any]) -> Iterator[Text]:
+    def _failed(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """A job has failed: print it, and the end of its log."""
-        number = told["jobid"]
+        number = fields["jobid"]
         job = self.progress.fail(number)
         if job is None:
             return
-        head = f"FAILED: {job.message} (rule {told['rule_name']}){self._log_of(number)}"
+        head = f"FAILED: {job.message} (rule {fields['rule_name']}){self._log_of(number)}"
         yield Text(head, style="bold red")
-        for log in told["log"]:
+        for log in fields["log"]:
             yield from (Text(f"    {line}") for line in last_lines(Path(log)))
 
     def _log_of(self, number):
@@ -283,7 +283,7 @@ class LogHandler(LogHandlerBase):
         rate, left_s = self.progress.pours_a_minute(now_s), self.progress.left_s(now_s)
         if rate is not None:
             yield f"{rate:.2g} pours a minute"
-        yield f"{in_words(left_s)} left" if left_s is not None else "time left: known after the first pours"
+        yield f"{rough_time(left_s)} left" if left_s is not None else "time left: known after the first pours"
         if self.progress.failed:
             yield f"{len(self.progress.failed)} failed"
 
@@ -308,7 +308,7 @@ class LogHandler(LogHandlerBase):
             )
 
 
-def in_words(seconds: float) -> str:
+def rough_time(seconds: float) -> str:
     """A rough time in words."""
     minutes = round(seconds / 60)
     if minutes < 1:

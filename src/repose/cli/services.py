@@ -21,7 +21,7 @@ family = Family()
 
 @family.verb(
     "measure the speed: microseconds per step and seconds per pour, "
-    "beside a reference that tells how fast this machine is",
+    "with a reference for the speed of the machine",
     example="--json",
     options=[JSON],
 )
@@ -36,7 +36,7 @@ def bench(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "run the simulator's verification suite: compare its answers with known ones",
+    "run the simulator's verification suite: compare its results with known answers",
     example="--out results/verification --case chung1",
     out="results/verification",
     options=[
@@ -82,7 +82,7 @@ def _case_line(name: str, result: "Result") -> str:
 
 
 @family.verb(
-    "print what a result stands on: its stage, settings, engine, origin, seed, versions and processor",
+    "print the provenance of a result: stage, settings, engine, origin, seed, versions and processor",
     example="results/dataset.csv",
     config=False,
     options=[Option("result", help="a file that a verb wrote"), JSON],
@@ -115,7 +115,7 @@ def snapshot(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "write what another program prints to a file, in one move, and only in place of a file that repose wrote",
+    "write standard input to a file, in one move; of existing files only those that repose wrote are replaced",
     example="--out results/graph.dot",
     out="results/printed.txt",
     config=False,
@@ -125,5 +125,5 @@ def write(args: argparse.Namespace) -> None:
 
     content = sys.stdin.buffer.read()
     if not content:
-        raise InputError("standard input", "content", "nothing", "what is to be written")
+        raise InputError("standard input", "content", "nothing", "the content of the file")
     write_bytes(args.out, content)

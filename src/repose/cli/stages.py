@@ -19,7 +19,7 @@ NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "res
 def stage(args: argparse.Namespace) -> Iterator[None]:
     """Run a verb as a stage; where its configuration is that of a folder of results, hold the folder meanwhile.
 
-    At the end it prints a message if the built-in crop stood in for the user's (`tell_of_own_crop`). InputError for
+    At the end it prints a message if the built-in crop stood in for the user's (`note_built_in_crop`). InputError for
     files of different origin.
     """
 
@@ -34,10 +34,10 @@ def stage(args: argparse.Namespace) -> Iterator[None]:
     with joined_folder(folder), provenance.stage(args.verb, files_of(args), settings_of, apparatus):
         yield
     if getattr(args, "config", None) is not None:
-        tell_of_own_crop(args.config)
+        note_built_in_crop(args.config)
 
 
-def tell_of_own_crop(*files: str) -> None:
+def note_built_in_crop(*files: str) -> None:
     """Print on stderr if the built-in crop stands in for a configuration that the folder lacks."""
     from repose.config import loader
     from repose.config.reading import read
@@ -45,7 +45,8 @@ def tell_of_own_crop(*files: str) -> None:
     own = loader.own_crop_under(*files)
     if own is not None and not any("simulator" in read(places.find(path)) for path in files):
         print(
-            f"repose: note: this folder has no config.yaml; what nobody gave is that of the program's own crop, {own}",
+            f"repose: note: this folder has no config.yaml; missing settings were taken from "
+            f"the built-in goji example, {own}",
             file=sys.stderr,
         )
 
@@ -59,9 +60,9 @@ def files_of(args: argparse.Namespace) -> Iterator[Path]:
             from repose.chain.dataset import job_files
 
             value = list(map(str, job_files(value, args.samples)))
-        for one in value if isinstance(value, list) else [value]:
-            if isinstance(one, str):
-                path = Path(one.partition("=")[2] if option == "input" else one)
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, str):
+                path = Path(item.partition("=")[2] if option == "input" else item)
                 path = path / "dataset.csv" if path.is_dir() else path
                 if path.is_file():
                     yield path

@@ -21,7 +21,7 @@ family = Family()
 
 
 @family.verb(
-    "split the variance of the responses into within and between samples; tell what more seeds gain",
+    "split the variance of the responses into within and between samples; print the gain of more seeds",
     example="--runs results/runs.csv",
     out="results/noise",
     options=[RUNS],
@@ -34,7 +34,7 @@ def noise(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "sample the posterior of the free parameters; tell which ones the measurements do not determine",
+    "sample the posterior of the free parameters; name those that the measurements do not determine",
     example="--network results/network/network.json",
     out="results/posterior",
     options=file_options(POSTERIOR_FILES),

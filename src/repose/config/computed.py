@@ -51,12 +51,12 @@ class Computed(NamedTuple):
         return "berry" in self.reads
 
 
-def asked(config: Config) -> list[Computed]:
-    """Keys of a configuration that are `auto` or missing, in an order in which each can be computed.
+def to_compute(config: Config) -> list[Computed]:
+    """Settings of a configuration that are `auto` or missing, in the order of their computation.
 
     The configuration may lack sections, and hold values that are not allowed.
     """
-    return [one for one in COMPUTED if _value(config, one.key) == AUTO]
+    return [setting for setting in COMPUTED if _value(config, setting.key) == AUTO]
 
 
 def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
@@ -70,13 +70,13 @@ def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
 def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
     """The longest time step that the engine takes for every set of parameters of a study and its published table.
 
-    The time step of the configuration is not read; `mean` is the result of the verb `berry`.
+    The time step of the configuration is not read; `mean` is the mean grain, as the verb `berry` writes it.
     """
     from repose.apparatus.scene import longest_time_step
 
     sets = [{name: range_of(name, config["parameters"][name])[0] for name in PARAMETERS}]
     sets += published_sets(config["validation"]["published"])
-    lowest = {name: min(one[name] for one in sets) for name in PARAMETERS}
+    lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
     return longest_time_step(config, lowest, particle, mean)
 
 
@@ -94,8 +94,8 @@ def axes_mm(berry: Mapping[str, Any]) -> Sequence[float]:
 def _value(config, key):
     """Value of a key; `auto` if only the key is missing, None without its section."""
     section, name = key.split(".")
-    found = config.get(section)
-    return found.get(name, AUTO) if isinstance(found, Mapping) else None
+    values = config.get(section)
+    return values.get(name, AUTO) if isinstance(values, Mapping) else None
 
 
 def _diameter_mm(berry):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 SECONDS_A_BERRY_STEP = 8e-8
 SECONDS_A_VIEW = 0.01
 JOB_START_S = 2.5  # of a pour's job and of its measurement's
-REST_S = 120.0  # of a study besides its runs: posterior, figures, film and report, and snakemake itself
+REST_S = 120.0  # rest of a study without its runs: posterior, figures, film and report, and snakemake itself
 # The pour that is timed: simulated time [s], and steps of a berry that take half a second.
 TIMED_S, TIMED_STEPS = 1.5, 1.0e7
 REPEATS = 3  # the shortest time counts: other programs only slow a pour down
@@ -68,13 +68,13 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
     }
     small = {**config, "funnel": {**config["funnel"], **pour}}
     values = ParameterSpace.of(config["parameters"]).centre
-    found = []
+    times_s = []
     for _ in range(REPEATS):
         began, began_cpu = time.perf_counter(), time.process_time()
         poured = funnel.pour(small, values, 1, particle, berry)
         share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
-        found.append(1e-6 * min(1.0, share) * poured.us_per_step / grains)
-    return min(found)
+        times_s.append(1e-6 * min(1.0, share) * poured.us_per_step / grains)
+    return min(times_s)
 
 
 def work(
@@ -101,12 +101,12 @@ def work(
         )
         return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
     funnel, validation = config["funnel"], config["validation"]
-    theirs = published_count(validation["published"], targets.responses)
+    published_sets = published_count(validation["published"], targets.responses)
     pours = (
         ("design", config["design"]["samples"], funnel["seeds"]),
         ("representative", 1, validation["representative_seeds"]),
         ("validation", validation["solutions"], validation["seeds"]),
-        ("published", theirs, validation["seeds"]),
+        ("published", published_sets, validation["seeds"]),
     )
     total_s = REST_S + sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
     if "drum" in config:
@@ -126,7 +126,7 @@ def job_s(config: Mapping[str, Any], name: str, runs: int) -> float:
 SENTENCES = {
     "calibration": "The method from the sizes to the check: which contact parameters give the measured pile.",
     "response_surface": "Another way to calibrate: screening, steepest ascent, a quadratic surface.",
-    "sequential": "Another way to calibrate: few pours, each where it says most.",
+    "sequential": "Another way to calibrate: few pours, each where it is most informative.",
     "uncertainty": "How sure the answer is: noise, posterior and sensitivity.",
     "refined": "More pours near the answer, until it meets the targets.",
 }
@@ -147,8 +147,8 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
     a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
     all_min = of_all["total_s"] / 60
-    found = dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
+    texts = dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
         "calibration": f"{of_calibration} pours and the other bench tests, about {all_min:.0f} min on one core",
         "refined": f"at most {pours(refine['rounds'] * a_round)}",
     }
-    return found
+    return texts

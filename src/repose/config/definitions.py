@@ -16,8 +16,8 @@ def definitions_of(config: Mapping[str, Any]) -> Definitions:
     """
     used = Targets.of(config["targets"]).apparatus
     return {
-        one.name: {key: get(config, key) for key in one.definition}
+        response.name: {key: get(config, key) for key in response.definition}
         for test in bench_tests()
         if test.name in used
-        for one in test.responses
+        for response in test.responses
     }

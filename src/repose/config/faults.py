@@ -42,14 +42,14 @@ WORDS = {
 
 
 class Checked(NamedTuple):
-    """What the models say of a configuration."""
+    """The faults that the models find in a configuration."""
 
     faults: list[InputError]
-    keys: set[str]  # dotted keys with a fault; a mistyped key is missing as well
+    keys: set[str]  # dotted keys with a fault; a mistyped key counts as missing, too
 
 
 class _Error(NamedTuple):
-    """An error of a model at a key, or around it where the key is unknown."""
+    """An error of a model at a key, or at its section if the key is unknown."""
 
     type: str
     path: list[str]
@@ -96,10 +96,10 @@ def schema() -> dict[str, Any]:
 
 def subschema(path: Sequence[str]) -> dict[str, Any]:
     """The schema of a key, given by its parts, with references followed."""
-    found = schema()
+    node = schema()
     for step in path:
-        found = _inside(found, int(step) if step.isdigit() else step)
-    return found
+        node = _inside(node, int(step) if step.isdigit() else step)
+    return node
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
@@ -111,7 +111,7 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
     if "enum" in schema:
         return " or ".join(map(str, schema["enum"]))
     if "anyOf" in schema:
-        kinds = [allowed_by(one) for one in schema["anyOf"]]
+        kinds = [allowed_by(kind) for kind in schema["anyOf"]]
         numbers = " or ".join(kind for kind in kinds if kind != AUTO)
         return f"{AUTO}, or {numbers}" if AUTO in kinds else numbers
     if "properties" in schema:
@@ -148,11 +148,11 @@ def _errors(config: Any) -> list[_Error]:
     try:
         settings_type().model_validate(config)
     except ValidationError as error:
-        found = [_error(one) for one in error.errors(include_url=False, include_input=False)]
-        inside = {one.path[0] for one in found if len(one.path) > 1}
+        errors = [_error(fault) for fault in error.errors(include_url=False, include_input=False)]
+        inside = {fault.path[0] for fault in errors if len(fault.path) > 1}
         # a list is also too short where all its entries have faults
-        found = [one for one in found if one.type != "too_short" or inside.isdisjoint(one.path)]
-        return sorted(found, key=lambda one: (one.type not in UNKNOWN, one.path))
+        errors = [fault for fault in errors if fault.type != "too_short" or inside.isdisjoint(fault.path)]
+        return sorted(errors, key=lambda error: (error.type not in UNKNOWN, error.path))
     return []
 
 
@@ -196,8 +196,8 @@ def _faults(errors: list[_Error], config: Any, source: str | Origin) -> Iterator
                 yield YamlError(owner_of(source, key), key, None, words)
         elif error.type == CONTRADICTION:
             for name, words in error.context["found"]:
-                one = ".".join([*error.path, *filter(None, [name])])
-                yield YamlError(owner_of(source, one), one, get(config, one), words)
+                dotted = ".".join([*error.path, *filter(None, [name])])
+                yield YamlError(owner_of(source, dotted), dotted, get(config, dotted), words)
         else:
             words = allowed_by(subschema(error.path)) if key else "keys with values"
             yield YamlError(origin_of(source, key), key, get(config, key), words)

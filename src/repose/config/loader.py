@@ -34,16 +34,16 @@ def read_layers(
     """
     from repose.config.faults import lacks_keys  # imported here and below, so that help loads none of it
 
-    given = [places.find(path) for path in files]
-    if given:
-        config, source = _over_each_other(given, overrides)
+    paths = [places.find(path) for path in files]
+    if paths:
+        config, source = _over_each_other(paths, overrides)
         if not lacks_keys(config):
             return config, source
-    return _over_each_other(layers(given), overrides)
+    return _over_each_other(layers(paths), overrides)
 
 
-def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
-    """The files of a configuration, each to be read over the one before it: the default ones, then those given.
+def layers(files: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
+    """The files of a configuration, each to be read over the one before it: the defaults, then the given files.
 
     The built-in crop is a default only if no other file defines a crop. So a missing key of a crop is reported, and no
     number of another crop is used.
@@ -51,7 +51,7 @@ def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
     own = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
     others = [path for path in defaults if path.resolve() != own]
-    return [*(others if any(_is_a_crop(read(path)) for path in (*others, *given)) else defaults), *given]
+    return [*(others if any(_is_a_crop(read(path)) for path in (*others, *files)) else defaults), *files]
 
 
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
@@ -65,12 +65,12 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
     own = places.root() / places.DEFAULT_CONFIG
     if places.configs()[-1] != own:
         return None
-    given = [places.find(path) for path in files]
-    if any(path != own and path.parent == own.parent for path in given):
+    paths = [places.find(path) for path in files]
+    if any(path != own and path.parent == own.parent for path in paths):
         return None
-    if given and own not in given and (is_resolved(*given) or not lacks_keys(_over_each_other(given)[0])):
+    if paths and own not in paths and (is_resolved(*paths) or not lacks_keys(_over_each_other(paths)[0])):
         return None
-    return own if own in (*given, *layers(given)) else None
+    return own if own in (*paths, *layers(paths)) else None
 
 
 def _is_a_crop(config):
@@ -88,13 +88,13 @@ def _over_each_other(
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
-    return _with_files_found(config), Origin(
+    return _with_files_resolved(config), Origin(
         origin, str(files[-1]) if files else "", str(places.find(places.METHOD_CONFIG))
     )
 
 
-def _with_files_found(config):
-    """The configuration with the files it names replaced by the program's own where the working folder lacks them."""
+def _with_files_resolved(config):
+    """The configuration, with built-in files for the named files that the working folder lacks."""
     for section, keys in FILES.items():
         for key in keys:
             found = config.get(section)
@@ -105,7 +105,7 @@ def _with_files_found(config):
 
 
 def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
-    """Write a configuration as JSON, but only where that changes the file."""
+    """Write a configuration as JSON; an equal file stays untouched."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
@@ -113,8 +113,8 @@ def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
 
 
 def is_resolved(*files: str | os.PathLike) -> bool:
-    """Whether these files are one that `write_resolved` wrote into a folder of results and nobody changed since."""
-    return len(files) == 1 and Path(files[0]).name == RESOLVED and ledger.is_ours(files[0])
+    """Whether this is a single file that `write_resolved` wrote, unchanged since."""
+    return len(files) == 1 and Path(files[0]).name == RESOLVED and ledger.is_own_file(files[0])
 
 
 def _values(value):

@@ -57,14 +57,14 @@ class Making:
         from repose.config import faults
 
         self.faults, self.bad = faults.check(self.config, self.source)
-        asked = [one for one in computed.asked(self.config) if self._may_read(one.section)]
-        for one in asked:
-            self.config = computed.filled(self.config, one.key, computed.AUTO)
+        pending = [setting for setting in computed.to_compute(self.config) if self._may_read(setting.section)]
+        for setting in pending:
+            self.config = computed.filled(self.config, setting.key, computed.AUTO)
         if inputs:
             self._read_files()
-        if inputs or any(one.needs_grain for one in asked):
+        if inputs or any(setting.needs_grain for setting in pending):
             self._make_grain()
-        self._compute(asked)
+        self._compute(pending)
         for rule in rules(self.config):
             if self._may_read(*rule.reads):
                 self._add(rule.faults(self.config))
@@ -87,7 +87,7 @@ class Making:
         return {key.partition(".")[0] for key in self.bad}.isdisjoint(sections)
 
     def _may_use(self, key):
-        """Whether a key of a section has no fault, whatever the others have."""
+        """Whether a key has no fault; faults of other keys in its section do not count."""
         return self.bad.isdisjoint((key, key.partition(".")[0]))
 
     def _add(self, pairs: Iterable[tuple[str, str]]) -> None:
@@ -96,7 +96,7 @@ class Making:
             self.faults.append(YamlError(owner_of(self.source, key), key, get(self.config, key), allowed))
             self.bad.add(key)
 
-    def _found(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
+    def _result_of(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
         """Result of a function; if it refuses its arguments, None, with a further fault of the key."""
         try:
             return function(*arguments)
@@ -106,41 +106,41 @@ class Making:
             return None
 
     def _read_files(self) -> None:
-        """Look for the files, and read those that no other check reads."""
+        """Check that the files exist; read the files that no other check reads."""
         from repose.particle.berry_files import read_sizes
 
         if self._may_read("results_dir"):
-            self._add(results_folder.taken(self.config["results_dir"]))
+            self._add(results_folder.existing_results(self.config["results_dir"]))
         for key in filter(self._may_use, NAMED_FILES):
             path = get(self.config, key)
             if path is not None and not Path(path).is_file():
-                self._add([(key, "an existing file, seen from the project's folder")])
+                self._add([(key, "an existing file, relative to the folder of the project")])
         if self._may_use("berry.sizes"):
-            self._found("berry.sizes", read_sizes, self.config["berry"]["sizes"])
+            self._result_of("berry.sizes", read_sizes, self.config["berry"]["sizes"])
         if self._may_use("validation.published") and self._may_read("targets"):
             published = self.config["validation"]["published"]
             responses = Targets.of(self.config["targets"]).responses
-            self._found("validation.published", check_published, published, responses)
+            self._result_of("validation.published", check_published, published, responses)
 
     def _make_grain(self) -> None:
         """Make the mean berry and its particle."""
         from repose.particle import build
 
         if self.mean is None and self._may_read(*GRAIN):
-            self.mean = self._found("berry", _mean_berry, self.config)
+            self.mean = self._result_of("berry", _mean_berry, self.config)
         if self.mean is not None and self.particle is None:
-            self.particle = self._found("berry", build.of_settings, self.mean, self.config["berry"])
+            self.particle = self._result_of("berry", build.of_settings, self.mean, self.config["berry"])
 
-    def _compute(self, asked: Iterable[computed.Computed]) -> None:
-        """Replace each `auto` by its number; where that cannot be found, the key is one with a fault."""
-        for one in asked:
+    def _compute(self, pending: Iterable[computed.Computed]) -> None:
+        """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
+        for setting in pending:
             value = None
-            if self._may_read(*one.sections) and not (one.needs_grain and self.particle is None):
-                value = self._found(one.key, one.of, self.config, self.mean, self.particle)
+            if self._may_read(*setting.sections) and not (setting.needs_grain and self.particle is None):
+                value = self._result_of(setting.key, setting.of, self.config, self.mean, self.particle)
             if value is None:
-                self.bad.add(one.key)
+                self.bad.add(setting.key)
             else:
-                self.config = computed.filled(self.config, one.key, value)
+                self.config = computed.filled(self.config, setting.key, value)
 
     def _fit_together(self) -> None:
         """Check the grain against the bench tests and the time step."""

@@ -45,14 +45,14 @@ def _strategies() -> Iterable[str]:
 
 
 def _rising(numbers):
-    """A list of numbers that rise, or the error of one that does not."""
+    """A list of rising numbers; ValueError for any other list."""
     if not all(low < high for low, high in pairwise(numbers)):
         raise ValueError("the numbers do not rise")
     return numbers
 
 
 def _folder_of_results(path):
-    """A folder that a study may write into, or the error of one that it may not."""
+    """A folder that a study may write into; an error for any other folder."""
     refuse(("", allowed) for _, allowed in results_folder.contradictions(path))
     return path
 
@@ -107,22 +107,22 @@ class _Parameter:
         return handler.generate_schema(pair | fixed | known)
 
 
-def _in_words(low, high):
-    """What is allowed for a contact parameter within bounds."""
+def _described(low, high):
+    """The allowed values of a contact parameter within bounds, as text."""
     pair = f"a pair [low, high] of numbers from {low:g} to {high:g} with low < high"
     return Field(description=f"{pair}; or fixed; or prior with mean and sd")
 
 
-Restitution = Annotated[Any, _in_words(0.01, 1), _Parameter(0.01, 1)]
-StaticFriction = Annotated[Any, _in_words(0, 5), _Parameter(0, 5)]
-RollingFriction = Annotated[Any, _in_words(0, 1), _Parameter(0, 1)]
+Restitution = Annotated[Any, _described(0.01, 1), _Parameter(0.01, 1)]
+StaticFriction = Annotated[Any, _described(0, 5), _Parameter(0, 5)]
+RollingFriction = Annotated[Any, _described(0, 1), _Parameter(0, 1)]
 
 
 # --- the grain, the parameters and the simulation --------------------------------------------------------------
 
 
 class Berry(Section):
-    """What was measured of the grain, and the body that stands for it."""
+    """The measurements of the grain, and the body that represents it."""
 
     sizes: Path
     compression: PathOrNull
@@ -141,9 +141,9 @@ class Berry(Section):
     @field_validator("poisson_ratio", "shear_modulus_pa")
     @classmethod
     def _measured(cls, value: float | None, info: ValidationInfo) -> float | None:
-        """A modulus, or the error where there are no compression tests, either."""
+        """A modulus; an error if there are no compression tests either."""
         if value is None and info.data.get("compression", "invalid") is None:
-            tests = "a table of compression tests in berry.compression, which tells both moduli"
+            tests = "a table of compression tests in berry.compression, which gives both moduli"
             refuse([("", f"a number; or {tests}")])
         return value
 
@@ -168,7 +168,7 @@ class Parameters(Section):
     def contradictions(self) -> Contradictions:
         """No free parameter."""
         if all(hasattr(value, "fixed") for _, value in self):
-            yield "", "at least one that is not fixed: there is nothing to calibrate"
+            yield "", "at least one free parameter: there is nothing to calibrate"
 
 
 class Design(Section):
@@ -180,7 +180,7 @@ class Design(Section):
 
 
 class Simulation(Section):
-    """What all bench tests share."""
+    """Settings shared by all bench tests."""
 
     time_step_s: Annotated[float, Field(ge=1.0e-7, le=1.0e-2)] | Auto = AUTO
     gravity_m_s2: float = Field(ge=0.1, le=100)
@@ -191,7 +191,7 @@ class Simulation(Section):
 
 
 class Measure(Section):
-    """How a pile is measured."""
+    """Measurement of a pile."""
 
     views: int = Field(ge=1, le=360)
     mm_per_pixel: Annotated[float, Field(ge=0.02, le=5)] | Auto = AUTO
@@ -209,7 +209,7 @@ class Measure(Section):
     @field_validator("fit_to")
     @classmethod
     def _long_enough(cls, end: str | float, info: ValidationInfo) -> str | float:
-        """The end of the line's part, or the error where the part is too short for a line."""
+        """Upper end of the fitted part; an error if the part is too short for a line."""
         start = info.data.get("fit_from")
         if start == end == "berry":
             refuse([("", "a number from 0.1 to 1, as measure.fit_from is berry")])
@@ -233,8 +233,8 @@ class Target(Section):
     weight: float = Field(default=1.0, gt=0, le=1.0e6)
 
     def contradictions(self) -> Contradictions:
-        """A response that no bench test gives, and values outside the allowed range."""
-        known = {one.name: one for one in responses_of(self.apparatus)}
+        """A response of no bench test, and values outside the allowed range."""
+        known = {response.name: response for response in responses_of(self.apparatus)}
         if not known:
             yield "apparatus", f"one of {', '.join(names())}"
         elif self.response not in known:
@@ -259,7 +259,7 @@ class Target(Section):
 
 
 class Network(Section):
-    """How a surrogate is trained."""
+    """Training of a surrogate."""
 
     hidden: int = Field(ge=1, le=100)
     epochs: int = Field(ge=1, le=100000)
@@ -279,7 +279,7 @@ class Network(Section):
     @field_validator("split")
     @classmethod
     def _whole(cls, shares: Any) -> Any:
-        """The shares, or the error where they do not sum to 1, or leave nothing to train or to test."""
+        """The shares; an error if they do not sum to 1, or leave nothing to train or to test."""
         if shares != AUTO and (abs(sum(shares) - 1) > 1e-6 or shares[0] == 0 or shares[2] == 0):
             refuse([("", "three shares that sum to 1, those of training and test above 0")])
         return shares

@@ -83,19 +83,19 @@ def parse(text: str, name: str) -> Any:
 
 
 def _characters(node, known):
-    """Characters of a node with its aliases replaced; a node inside itself has none there."""
+    """Characters of a node with its aliases replaced; a recursive alias counts 0."""
     if id(node) not in known:
         known[id(node)] = 0
         if isinstance(node, yaml.ScalarNode):
             known[id(node)] = 1 + len(node.value)
         else:
-            inside = (one for item in node.value for one in (item if isinstance(item, tuple) else (item,)))
-            known[id(node)] = 1 + sum(_characters(one, known) for one in inside)
+            inside = (part for item in node.value for part in (item if isinstance(item, tuple) else (item,)))
+            known[id(node)] = 1 + sum(_characters(part, known) for part in inside)
     return known[id(node)]
 
 
 class Origin:
-    """The file of each dotted key; a missing key is that of the last file, `default`, a key in a list that of the list.
+    """The file of each dotted key; a missing key belongs to the last file, `default`, an entry to the file of its list.
 
     `shared` is the file that all crops share, which no user writes.
     """
@@ -112,7 +112,7 @@ class Origin:
     def owner(self, key: str) -> str:
         """Name of the user's file to edit for a dotted key that is missing, or whose default does not fit.
 
-        It is that of the key, or of the innermost section around it outside the shared file.
+        It is the file of the key, or of the innermost section around it outside the shared file.
         """
         steps = key.split(".")
         for k in range(len(steps), 0, -1):

@@ -17,7 +17,7 @@ from repose.core.ledger import LEDGER
 from repose.core.seeds import UNNAMED
 
 # Folders of the project that results must never be written into.
-OUR_OWN = (
+PROJECT_FOLDERS = (
     *("src", "config", "resources", "workflow", "profiles", "tests", "docs", "examples", "benchmarks"),
     "results/published",
 )
@@ -49,9 +49,9 @@ NOT_RESULTS = ("benchmarks", "logs")  # written anew by every job
 RESULTS = tuple(name for name in WRITTEN if name not in NOT_RESULTS)
 CHANGED = (
     *("content", "something else"),
-    "what repose wrote; remove this file, which is damaged or edited, and give the same command again",
+    "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
 )
-NOT_OURS = (
+FOREIGN = (
     *("file", "there already"),
     "a file that repose wrote; a result of the study has this name: move yours away",
 )
@@ -62,44 +62,47 @@ def contradictions(results_dir: str) -> Faults:
     """Faults of the path alone, as (key, what is allowed)."""
     folder = Path(results_dir).resolve()
     roots = {Path.cwd(), places.root().resolve()}
-    kept = [root / own for root in roots for own in OUR_OWN]
+    kept = [root / own for root in roots for own in PROJECT_FOLDERS]
     around = {*roots, Path.home()}
     inside = any(folder.is_relative_to(own) for own in (*kept, places.PACKAGE))
-    if inside or any(one.is_relative_to(folder) for one in around):
-        yield "results_dir", f"a folder of its own, not around the project and outside {', '.join(OUR_OWN)}"
+    if inside or any(path.is_relative_to(folder) for path in around):
+        yield (
+            "results_dir",
+            f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}",
+        )
 
 
-def taken(results_dir: str) -> Faults:
+def existing_results(results_dir: str) -> Faults:
     """Faults of the present content of the folder, as (key, what is allowed)."""
     folder = Path(results_dir)
-    if any(one.exists() and not one.is_dir() for one in (folder, *folder.parents)):
+    if any(path.exists() and not path.is_dir() for path in (folder, *folder.parents)):
         yield "results_dir", "a folder; a file is in its way"
     elif folder.is_dir() and not _is_a_study(folder):
         there = [name for name in WRITTEN if (folder / name).exists()]
         if there:
             yield (
                 "results_dir",
-                f"a new folder, or one that a study wrote; there is {there[0]}, which no study of repose wrote",
+                f"a new folder, or the folder of a study; there is {there[0]}, which no study of repose wrote",
             )
 
 
-def refuse_strange(results_dir: str, is_result: Callable[[str], bool]) -> None:
-    """Refuse a folder where a result was changed, or where a foreign file lies in the place of a result.
+def check_no_foreign_files(results_dir: str, is_result: Callable[[str], bool]) -> None:
+    """Raise InputError if a result was changed, or if a foreign file has the name of a result.
 
     A changed result would make its followers wrong, and snakemake would remove a file in the place of a result.
     `is_result` takes a path. One InputError holds all faults.
     """
-    found: dict[str, tuple[str, str, str]] = {}
+    faults: dict[str, tuple[str, str, str]] = {}
     places: list[tuple[str, Sequence[str]]] = [(results_dir, WRITTEN)]
     places += [(at, names) for part in RESULTS for at, _, names in os.walk(f"{results_dir}/{part}")]
     for folder, names in places:
         known = ledger.names(folder)
-        found |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in names}
+        faults |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in names}
         for path in (f"{folder}/{name}" for name in names if name not in known):
             # an empty file holds nothing to lose; snakemake makes such marks
             if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
-                found[path] = NOT_OURS
-    raise_together([InputError(path, *told) for path, told in sorted(found.items())])
+                faults[path] = FOREIGN
+    raise_together([InputError(path, *fault) for path, fault in sorted(faults.items())])
 
 
 def _is_a_study(folder):
@@ -108,9 +111,9 @@ def _is_a_study(folder):
         return True
     for path in folder.glob("config*.json"):
         try:
-            found = json.loads(path.read_bytes())
+            content = json.loads(path.read_bytes())
         except ValueError:
             continue
-        if isinstance(found, dict) and {"label", "results_dir"} <= set(found):
+        if isinstance(content, dict) and {"label", "results_dir"} <= set(content):
             return True
     return False

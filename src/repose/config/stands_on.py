@@ -57,13 +57,15 @@ def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     """Settings that the measurement of a run reads."""
     test = bench(apparatus)
     own = (f"{apparatus}.{key}" for key in test.measured_by)
-    return sections(config, "measure", *own) | {"responses": [one.name for one in test.wanted(config)]}
+    return sections(config, "measure", *own) | {
+        "responses": [response.name for response in test.target_responses(config)]
+    }
 
 
 def settings_of(
     config: Config, verb: str, apparatus: str | None = None, berry_is_made: bool = False
 ) -> dict[str, Any]:
-    """Settings that the stage of a verb reads, with files by their content.
+    """Settings that the stage of a verb reads, with the content of files in place of their paths.
 
     `apparatus` is the bench test that it runs or measures, None the funnel; with `berry_is_made` it makes berry and
     particle itself. A stage that is not listed here reads the whole configuration except its names.
@@ -78,7 +80,7 @@ def settings_of(
     elif verb == "measure_runs":
         chosen = measuring(config, apparatus)
     elif verb == "dataset":
-        chosen = {"responses": [one["response"] for one in config["targets"]]}
+        chosen = {"responses": [target["response"] for target in config["targets"]]}
     elif verb in KEYS:
         chosen = sections(config, *KEYS[verb])
     else:
@@ -93,7 +95,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
 
     Paths that are missing or carry no record are left out.
     """
-    found = []
+    results = []
     for path in paths:
         record = attached.read(path)
         if record is None or record.get("seed") is None:  # of a stage that reads no configuration
@@ -101,8 +103,8 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
         now = hash_of(settings_of(config, record["verb"], record.get("apparatus")))
         simulated = record["verb"] in SIMULATING
         if record["settings"] != now or (simulated and record["engine"] != engine_hash()):
-            found.append(str(path))
-    return found
+            results.append(str(path))
+    return results
 
 
 def _with_contents(chosen):

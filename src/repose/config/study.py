@@ -160,9 +160,9 @@ class Study:
         Parameters
         ----------
         *files : path
-            YAML or JSON files. Each may hold only the keys that differ; it lies over the one before it, and all lie
-            over the defaults. A complete file needs no default. What `write_resolved` wrote was checked, and is read as
-            it is.
+            YAML or JSON files. Each may hold only the keys that differ; it overrides the files before it, and all
+            override the defaults. A complete file needs no default. A file of `write_resolved` was checked before,
+            and is read unchanged.
         overrides : mapping, optional
             Nested values over those of all files; their texts are read as YAML.
         inputs : bool, optional
@@ -217,7 +217,7 @@ class Study:
         Parameters
         ----------
         path : path
-            `RESULTS/config.json`, which holds what was checked. Nothing is checked again.
+            `RESULTS/config.json`, which was checked before. Nothing is checked again.
 
         Returns
         -------

@@ -1,7 +1,7 @@
 """The record of provenance in a result, by type of file.
 
 A JSON file has it under the key ``provenance``, an .npz file as an array of this name, a PNG as a text of this name in
-its header. Every other file has it beside itself, in FILE.provenance.json.
+its header. Every other file has it in a sidecar, FILE.provenance.json.
 """
 
 import json
@@ -16,7 +16,7 @@ from typing import Any
 from repose.core.ledger import write_whole
 
 KEY = "provenance"
-BESIDE = ".provenance.json"
+SIDECAR = ".provenance.json"
 PNG = b"\x89PNG\r\n\x1a\n"
 HEADER = 33  # bytes of a PNG's signature and first chunk
 # A flipped bit may turn on an archive's password or an unknown method, which is a RuntimeError.
@@ -26,10 +26,10 @@ UNREADABLE = (
 )
 
 
-def write_beside(path: str | PathLike, record: Mapping[str, Any]) -> None:
-    """Write a record beside a file."""
+def write_sidecar(path: str | PathLike, record: Mapping[str, Any]) -> None:
+    """Write the record of a file into its sidecar."""
     text = json.dumps(record, indent=1) + "\n"
-    write_whole(f"{path}{BESIDE}", lambda handle: handle.write(text.encode()))
+    write_whole(f"{path}{SIDECAR}", lambda handle: handle.write(text.encode()))
 
 
 def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
@@ -42,7 +42,7 @@ def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
 def read(path: str | PathLike) -> dict[str, Any] | None:
     """The record of a file; None if it has none or cannot be read."""
     path = Path(path)
-    of_type = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}.get(path.suffix, _from_beside)
+    of_type = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}.get(path.suffix, _from_sidecar)
     try:
         record = of_type(path)
     except UNREADABLE:
@@ -50,8 +50,8 @@ def read(path: str | PathLike) -> dict[str, Any] | None:
     return record if isinstance(record, dict) and {"verb", "origin", "settings"} <= set(record) else None
 
 
-def _from_beside(path):
-    return json.loads(Path(f"{path}{BESIDE}").read_text(encoding="utf-8"))
+def _from_sidecar(path):
+    return json.loads(Path(f"{path}{SIDECAR}").read_text(encoding="utf-8"))
 
 
 def _from_json(path):

@@ -5,11 +5,19 @@ from collections.abc import Iterable
 
 from repose.dem.errors import MOST_SHOWN, InputError, shown
 
-__all__ = ["BAD_INPUT", "InputError", "InputErrors", "NoFlankError", "YamlError", "raise_together", "tell"]
+__all__ = [
+    "BAD_INPUT",
+    "InputError",
+    "InputErrors",
+    "NoFlankError",
+    "YamlError",
+    "print_fault",
+    "raise_together",
+]
 
 BAD_INPUT = 2  # exit status of a verb and of the workflow for a fault of the input
 
-MOST_TOLD = 30  # or a file of another program would be reported key by key
+MOST_REPORTED = 30  # or a file of another program would be reported key by key
 
 
 class YamlError(InputError):
@@ -21,14 +29,14 @@ class YamlError(InputError):
 
 
 class InputErrors(InputError):
-    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` are those of the first."""
+    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` come from the first."""
 
     def __init__(self, faults: list[InputError]) -> None:
         self.faults, first = faults, faults[0]
         super().__init__(first.source, first.key, first.value, first.allowed)
-        lines = [str(fault) for fault in faults[:MOST_TOLD]]
-        if len(faults) > MOST_TOLD:
-            lines.append(f"{faults[MOST_TOLD].source}: {len(faults) - MOST_TOLD} more faults")
+        lines = [str(fault) for fault in faults[:MOST_REPORTED]]
+        if len(faults) > MOST_REPORTED:
+            lines.append(f"{faults[MOST_REPORTED].source}: {len(faults) - MOST_REPORTED} more faults")
         self.args = ("\n".join(lines),)
 
 
@@ -45,21 +53,21 @@ def raise_together(faults: Iterable[InputError]) -> None:
 
     A single fault is raised as itself, several as `InputErrors`. Duplicates are reported once.
     """
-    found = list({str(fault): fault for fault in faults}.values())
-    if found:
-        raise found[0] if len(found) == 1 else InputErrors(found)
+    distinct = list({str(fault): fault for fault in faults}.values())
+    if distinct:
+        raise distinct[0] if len(distinct) == 1 else InputErrors(distinct)
 
 
-def tell(fault: object) -> None:
-    """Print a fault of the input (an exception or its text) on stderr, a line each."""
+def print_fault(fault: object) -> None:
+    """Print a fault of the input, an exception or its text, on stderr; one line for each fault."""
     for line in str(fault).splitlines():
         print(f"repose: error: {line}", file=sys.stderr, flush=True)
 
 
 def _in_yaml(value):
     """A value as it is written in YAML; texts in quotes."""
-    if isinstance(value, list) and not any(isinstance(one, list | dict) for one in value):
+    if isinstance(value, list) and not any(isinstance(item, list | dict) for item in value):
         text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
         return text if len(text) <= MOST_SHOWN else shown(value)
     words = ("null", None), ("true", True), ("false", False)
-    return next((word for word, one in words if one is value), shown(value))
+    return next((word for word, constant in words if constant is value), shown(value))

@@ -52,14 +52,14 @@ def write_text(path: Path_, text: str) -> None:
 
 
 def write_bytes(path: Path_, content: bytes) -> None:
-    """Write a file of any type, in one move."""
+    """Write bytes, in one move."""
     record = provenance.current()
     inside = content.startswith(attached.PNG)
     if record and inside:
         content = attached.in_png(content, record)
     write_whole(path, lambda handle: handle.write(content))
     if record and not inside:
-        attached.write_beside(path, record)
+        attached.write_sidecar(path, record)
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
@@ -110,7 +110,7 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
     except cv2.error:
         done = False
     if not done:
-        raise InputError(path, "suffix", suffix, "that of a picture, as in .png")
+        raise InputError(path, "suffix", suffix, "the suffix of a picture, as in .png")
     write_bytes(path, content.tobytes())
 
 

@@ -47,12 +47,12 @@ def check_replaceable(path: str | os.PathLike) -> None:
     """Raise InputError if a path holds a folder, a link, a device or a file that this program did not write."""
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
-        raise InputError(path, "name", path.name, "that of a new file, in characters that can be printed")
-    if os.path.lexists(path) and not is_ours(path):
+        raise InputError(path, "name", path.name, "a file name of printable characters")
+    if os.path.lexists(path) and not is_own_file(path):
         raise InputError(path, "file", "there already", ALLOWED)
 
 
-def is_ours(path: str | os.PathLike) -> bool:
+def is_own_file(path: str | os.PathLike) -> bool:
     """Whether this program wrote a file, and nobody changed it since; False for anything but a plain file."""
     path = Path(path)
     if path.is_symlink() or not path.is_file():
@@ -63,7 +63,7 @@ def is_ours(path: str | os.PathLike) -> bool:
 
 def remove(path: str | os.PathLike) -> None:
     """Remove a file that this program wrote; InputError for any other, or if somebody changed it since."""
-    if not is_ours(path):
+    if not is_own_file(path):
         raise InputError(path, "file", "there already", ALLOWED)
     Path(path).unlink()
 
@@ -71,7 +71,7 @@ def remove(path: str | os.PathLike) -> None:
 def changed(folder: str | os.PathLike) -> list[Path]:
     """Files that this program wrote in a folder and that differ since: edited, or damaged; without lost files.
 
-    Subfolders are not searched. InputError if the folder's ledger is no ledger, here and in `names`.
+    Subfolders are not searched. InputError if the folder's ledger is invalid, here and in `names`.
     """
     digests = defaultdict(set)
     for line in _lines(Path(folder)):
@@ -91,12 +91,12 @@ def _lines(folder):
     if path.is_symlink() or not path.is_file():
         return frozenset()
     lines = os.fsdecode(path.read_bytes()).split("\n")
-    whole = frozenset(line for line in lines[:-1] if LINE.match(line))
-    if not whole and not all(map(CUT_OFF.fullmatch, lines)):
+    complete = frozenset(line for line in lines[:-1] if LINE.match(line))
+    if not complete and not all(map(CUT_OFF.fullmatch, lines)):
         raise InputError(
             path, "content", "something else", "the list of files that repose wrote in this folder"
         )
-    return whole
+    return complete
 
 
 def _note(path, digest):

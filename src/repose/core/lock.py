@@ -37,8 +37,8 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
         )
     with (folder / JOBS).open("a", encoding="utf-8") as jobs:
         if not _locked(jobs, fcntl.LOCK_EX):
-            told = f"repose: {folder}: waiting until the jobs of a workflow that was killed have ended"
-            print(told, file=sys.stderr, flush=True)
+            message = f"repose: {folder}: waiting until the jobs of a workflow that was killed have ended"
+            print(message, file=sys.stderr, flush=True)
             fcntl.flock(jobs, fcntl.LOCK_EX)
     mine.truncate(0)
     mine.write(f"process {os.getpid()} on {socket.gethostname()}")

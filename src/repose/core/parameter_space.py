@@ -38,8 +38,8 @@ class ParameterSpace:
         """From the configuration's section `parameters`.
 
         Each parameter has a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without a
-        ``range``. InputError if a parameter is missing or unknown, or a range is empty or no range; `source` stands in
-        its message.
+        ``range``. InputError if a parameter is missing or unknown, or a range is empty or invalid; `source` is named
+        in the message.
         """
         for name in section:
             if name not in names:
@@ -49,13 +49,13 @@ class ParameterSpace:
         for name in names:
             if name not in section:
                 raise InputError(source, name, None, "a pair [low, high]")
-            given = section[name]
-            if isinstance(given, Mapping) and "fixed" in given:
-                fixed[name] = float(given["fixed"])
+            entry = section[name]
+            if isinstance(entry, Mapping) and "fixed" in entry:
+                fixed[name] = float(entry["fixed"])
                 continue
-            bounds = _checked_range(name, given, source)
-            if isinstance(given, Mapping) and "prior" in given:
-                prior[name] = (float(given["prior"]["mean"]), float(given["prior"]["sd"]))
+            bounds = _checked_range(name, entry, source)
+            if isinstance(entry, Mapping) and "prior" in entry:
+                prior[name] = (float(entry["prior"]["mean"]), float(entry["prior"]["sd"]))
             free.append(name)
             low.append(bounds[0])
             high.append(bounds[1])
@@ -149,27 +149,27 @@ class ParameterSpace:
         return unit
 
 
-def range_of(name: str, given: Any) -> tuple[float, float]:
+def range_of(name: str, entry: Any) -> tuple[float, float]:
     """Lowest and highest value of a parameter, given as in the configuration; equal for a fixed parameter."""
-    if not isinstance(given, Mapping):
-        return float(given[0]), float(given[1])
-    if "fixed" in given:
-        return float(given["fixed"]), float(given["fixed"])
-    if "range" in given:
-        return float(given["range"][0]), float(given["range"][1])
-    mean, sd = given["prior"]["mean"], given["prior"]["sd"]
+    if not isinstance(entry, Mapping):
+        return float(entry[0]), float(entry[1])
+    if "fixed" in entry:
+        return float(entry["fixed"]), float(entry["fixed"])
+    if "range" in entry:
+        return float(entry["range"][0]), float(entry["range"][1])
+    mean, sd = entry["prior"]["mean"], entry["prior"]["sd"]
     lowest, highest = PHYSICAL_LIMITS.get(name, (-math.inf, math.inf))
     low, high = max(lowest, mean - PRIOR_WIDTHS * sd), min(highest, mean + PRIOR_WIDTHS * sd)
     return (float(low), float(high)) if math.isfinite(high) else (float(low), float(mean + PRIOR_WIDTHS * sd))
 
 
-def _checked_range(name, given, source):
-    """A parameter's range, or InputError where it is none."""
+def _checked_range(name, entry, source):
+    """The range of a parameter; InputError if it is invalid."""
     allowed = "[low, high] with low < high, both finite numbers"
     try:
-        low, high = range_of(name, given)
+        low, high = range_of(name, entry)
     except (TypeError, ValueError, IndexError, KeyError):
-        raise InputError(source, name, given, allowed) from None
+        raise InputError(source, name, entry, allowed) from None
     if not (-math.inf < low < high < math.inf):
-        raise InputError(source, name, given, allowed)
+        raise InputError(source, name, entry, allowed)
     return low, high

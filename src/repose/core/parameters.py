@@ -31,7 +31,7 @@ PHYSICAL_LIMITS = {name: (0.01, 1.0) if name.startswith("e_") else (0.0, math.in
 def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
     """A parameter's value, or its text, as a finite number within `PHYSICAL_LIMITS`; otherwise InputError.
 
-    `source` and `key` (None: the parameter's name) stand in its message.
+    The message names `source` and `key` (default: the name of the parameter).
     """
     key = name if key is None else key
     try:

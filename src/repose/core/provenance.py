@@ -5,7 +5,7 @@ put its record into every file (`repose.core.attached` defines where). Without a
 file carries no record.
 
 ========== =====================================================================================
-verb       which stage wrote the file, and in which bench test
+verb       the stage that wrote the file, and its bench test
 settings   hash of the keys of the configuration that the stage reads
 engine     hash of the source of the simulator and the bench tests behind the result
 origin     hash of settings, engine and the origins of all files that it was made from
@@ -64,7 +64,7 @@ def stage(
     settings_of: Callable[[Mapping[str, Any], str | None], Any],
     apparatus: str | None = None,
 ) -> Iterator[None]:
-    """Let every file that is written meanwhile carry the record of a stage.
+    """Write the record of a stage into every file that is written meanwhile.
 
     `paths` are its input files; InputError if they are of different origin. `settings_of` chooses from a configuration
     the settings of the stage; it also gets the name of the bench test. `apparatus` None means the bench test of the
@@ -185,12 +185,12 @@ def _processor():
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
-    told: dict[str, str] = {}
+    fields: dict[str, str] = {}
     for line in lines:
         key, _, value = line.partition(":")
-        told.setdefault(key.strip(), value.strip())
-    name = told.get("model name") or platform.processor() or platform.machine()
+        fields.setdefault(key.strip(), value.strip())
+    name = fields.get("model name") or platform.processor() or platform.machine()
     # a virtual machine may call several generations by one name
-    numbers = [f"{key.rpartition(' ')[2]} {told[key]}" for key in ("cpu family", "model") if key in told]
+    numbers = [f"{key.rpartition(' ')[2]} {fields[key]}" for key in ("cpu family", "model") if key in fields]
     forced = [f"{key}={os.environ[key]}" for key in FORCED_TYPES if os.environ.get(key)]
     return ", ".join([name, *numbers, *forced])

@@ -14,12 +14,12 @@ MOST = 899  # their sample numbers are 101 to 999
 
 
 def beside(path: str | os.PathLike | None, table: str) -> Path | None:
-    """Another published table of the crop, beside that of the solutions `path`; None if there is none.
+    """Another published table of the crop, in the folder of the solutions `path`; None if there is none.
 
     table1.csv holds sizes, table3.csv intervals of the parameters.
     """
-    found = None if path is None else Path(path).with_name(table)
-    return found if found and found.is_file() else None
+    sibling = None if path is None else Path(path).with_name(table)
+    return sibling if sibling and sibling.is_file() else None
 
 
 def representative(path: str | os.PathLike | None) -> dict[str, float]:
@@ -54,7 +54,9 @@ def check_published(path: str | os.PathLike | None, responses: Iterable[Response
     if not 1 <= len(rows) <= MOST:
         raise InputError(path, "rows", len(rows), f"1 to {MOST} solutions")
     values = [
-        name for one in published_responses(rows[0], responses) for name in (one.predicted, one.simulated)
+        name
+        for response in published_responses(rows[0], responses)
+        for name in (response.predicted, response.simulated)
     ]
     for number, row in enumerate(rows, start=1):
         for name in PARAMETERS:
@@ -73,7 +75,7 @@ def published_sets(path: str | os.PathLike | None) -> list[dict[str, float]]:
 def published_responses(columns: Iterable[str], responses: Iterable[Response]) -> tuple[Response, ...]:
     """Responses whose predicted and simulated values are among the columns of a published table."""
     columns = set(columns)
-    return tuple(one for one in responses if {one.predicted, one.simulated} <= columns)
+    return tuple(response for response in responses if {response.predicted, response.simulated} <= columns)
 
 
 def _finite(text):

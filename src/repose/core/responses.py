@@ -1,8 +1,8 @@
-"""What a response is, and the registry of all of them.
+"""Responses and their registry.
 
 A response is a number that a bench test gives: the angle of repose of a pile, its Height, the angle at which a bed
-slips. Each bench test registers its responses where it stands (`repose.apparatus`); everything after it takes them
-from here by name, and works for any number of them.
+slips. Each bench test registers its responses in its module (`repose.apparatus`); all later
+stages take them from this registry by name, and work for any number of them.
 """
 
 import math
@@ -33,7 +33,7 @@ class Response:
     apparatus : str
         Name of the bench test that gives it.
     low, high : float
-        What a target of it may be, in its unit.
+        Limits of a target of the response, in its unit.
     definition : tuple of str
         Dotted keys of the configuration that define the number. Tables made with another definition must not be mixed.
     function : function, optional
@@ -62,7 +62,7 @@ class Response:
 
     @property
     def simulated(self) -> str:
-        """Column of what a simulation gave beside a prediction: ``aor_simulated_deg``."""
+        """Column of the simulated response, beside its prediction: ``aor_simulated_deg``."""
         return derived(self.name, "simulated")
 
     @property
@@ -87,15 +87,15 @@ _REGISTRY: dict[str, Response] = {}
 
 def register(*responses: Response) -> None:
     """Make responses of a bench test known by their names; ValueError if another response has one."""
-    for one in responses:
-        if _REGISTRY.setdefault(one.name, one) != one:
+    for response in responses:
+        if _REGISTRY.setdefault(response.name, response) != response:
             raise ValueError(
-                f"response {one.name!r} is registered already, by {_REGISTRY[one.name].apparatus}"
+                f"response {response.name!r} is registered already, by {_REGISTRY[response.name].apparatus}"
             )
 
 
 def response(name: str, source: object = "response") -> Response:
-    """The response of a name; without one InputError, which names `source`."""
+    """The response of a name; InputError, which names `source`, if there is none."""
     if name not in _REGISTRY:
         raise InputError(source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}")
     return _REGISTRY[name]
@@ -103,11 +103,15 @@ def response(name: str, source: object = "response") -> Response:
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:
     """All responses of a bench test, in the order of their registration."""
-    return tuple(one for one in _REGISTRY.values() if one.apparatus == apparatus)
+    return tuple(response for response in _REGISTRY.values() if response.apparatus == apparatus)
 
 
-def require_same_definitions(found: Definitions, path: object, wanted: Definitions, other: object) -> None:
-    """InputError if a response that both files have is defined differently; path, other: of the files."""
-    for name in found:
-        if name in wanted and found[name] != wanted[name]:
-            raise InputError(path, f"definition of {name}", found[name], f"{wanted[name]}, as in {other}")
+def require_same_definitions(
+    definitions: Definitions, path: object, expected: Definitions, source: object
+) -> None:
+    """InputError if a response that both files have is defined differently; `path` and `source` are the files."""
+    for name in definitions:
+        if name in expected and definitions[name] != expected[name]:
+            raise InputError(
+                path, f"definition of {name}", definitions[name], f"{expected[name]}, as in {source}"
+            )

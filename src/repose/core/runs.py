@@ -28,17 +28,17 @@ class Recorded:
     single: tuple[str, ...] = ()  # columns of the table of single runs
 
     def beginning_with(self, targets: Sequence[str]) -> "Recorded":
-        """The same with other columns in front, each with its standard error."""
+        """The same columns after these targets, each target with its standard error."""
         return Recorded(
             tuple(dict.fromkeys((*targets, *self.means))),
-            tuple(one for one in self.without_error if one not in targets),
+            tuple(mean for mean in self.without_error if mean not in targets),
             tuple(dict.fromkeys((*targets, *self.single))),
         )
 
     @property
     def summary(self) -> tuple[str, ...]:
         """Keys of a summary of runs, in its order; see `summarise_runs`."""
-        pairs = ((one,) if one in self.without_error else (one, error_of(one)) for one in self.means)
+        pairs = ((mean,) if mean in self.without_error else (mean, error_of(mean)) for mean in self.means)
         return ("status", "reason", "n_seeds", *(column for pair in pairs for column in pair))
 
 

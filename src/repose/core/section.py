@@ -6,7 +6,7 @@ A section is a subclass of `Section` with one field a key::
         seeds: int = Field(ge=1, le=100)
         height_mm: float = Field(ge=1, le=1000)
 
-A message about a bad value says what the field allows: its type and bounds, or its `description` where it has one.
+The message about a bad value states the allowed values: the `description` of the field, or its type and bounds.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -27,7 +27,7 @@ Berries = Annotated[int, Field(ge=1, le=20000)]
 
 
 class Section(BaseModel):
-    """A section: every key known, no value converted; 8.0 is no integer, true no number, and numbers are finite."""
+    """A section: all keys known, no value converted; 8.0 is not an integer, true not a number; numbers are finite."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -39,7 +39,7 @@ class Section(BaseModel):
     )
 
     def contradictions(self) -> Contradictions:
-        """Values, each valid by itself, that do not go together; the key is that inside this section."""
+        """Values, each valid by itself, that contradict each other; the key is relative to this section."""
         return iter(())
 
     @model_validator(mode="after")
@@ -51,11 +51,11 @@ class Section(BaseModel):
 def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
     """Raise the error by which a validator reports `Contradictions`, if there are any.
 
-    The key "" is that of the value that it validates.
+    The key "" means the validated value itself.
     """
-    found = list(contradictions)
-    if found:
-        raise PydanticCustomError(CONTRADICTION, "values that do not go together", {"found": found})
+    pairs = list(contradictions)
+    if pairs:
+        raise PydanticCustomError(CONTRADICTION, "values that do not go together", {"found": pairs})
 
 
 class OneOf:

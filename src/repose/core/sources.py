@@ -9,7 +9,7 @@ from pathlib import Path
 from repose.core.places import PACKAGE
 
 ENGINE = ("dem", "apparatus")  # a pour depends on the simulator and the bench tests
-# What every stage passes through; an edit there changes no number of a result.
+# Rooms that every stage uses; an edit there changes no number of a result.
 SHARED = ("config", "core", "export")
 
 
@@ -31,14 +31,14 @@ def stage_hash(verb: str) -> str:
 
     Imports inside functions count. Rooms in `SHARED` are left out.
     """
-    found: set[Path] = set()
+    files: set[Path] = set()
     waiting = [path for module in _used_by(verb) for path in _files(module)]
     while waiting:
         path = waiting.pop()
-        if path not in found:
-            found.add(path)
+        if path not in files:
+            files.add(path)
             waiting += _imported(path)
-    return _hash(path for path in sorted(found) if path.parent != PACKAGE / "cli")
+    return _hash(path for path in sorted(files) if path.parent != PACKAGE / "cli")
 
 
 def _hash(paths):
@@ -82,7 +82,7 @@ def _used_by(verb: str) -> Iterator[str]:
             names |= used
             waiting += used
     for node in _parsed(path).body:
-        if isinstance(node, ast.ImportFrom) and {one.asname or one.name for one in node.names} & names:
+        if isinstance(node, ast.ImportFrom) and {alias.asname or alias.name for alias in node.names} & names:
             yield from _imports(node)
 
 

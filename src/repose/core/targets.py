@@ -46,16 +46,16 @@ class Targets(Sequence[Target]):
         return cls(
             [
                 Target(
-                    response(one["response"], "targets"),
-                    float(one["value"]),
-                    float(one["sd"]),
-                    int(one["repetitions"]),
-                    float(one["range"][0]),
-                    float(one["range"][1]),
-                    float(one.get("aim", one["value"])),
-                    float(one.get("weight", 1.0)),
+                    response(entry["response"], "targets"),
+                    float(entry["value"]),
+                    float(entry["sd"]),
+                    int(entry["repetitions"]),
+                    float(entry["range"][0]),
+                    float(entry["range"][1]),
+                    float(entry.get("aim", entry["value"])),
+                    float(entry.get("weight", 1.0)),
                 )
-                for one in section
+                for entry in section
             ]
         )
 
@@ -70,68 +70,68 @@ class Targets(Sequence[Target]):
 
     @property
     def responses(self) -> tuple[Response, ...]:
-        return tuple(one.response for one in self)
+        return tuple(target.response for target in self)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Columns of the responses."""
-        return tuple(one.name for one in self)
+        return tuple(target.name for target in self)
 
     @property
     def predicted(self) -> tuple[str, ...]:
         """Columns of their predictions."""
-        return tuple(one.response.predicted for one in self)
+        return tuple(target.response.predicted for target in self)
 
     @property
     def errors(self) -> tuple[str, ...]:
         """Columns of their standard errors."""
-        return tuple(one.response.error for one in self)
+        return tuple(target.response.error for target in self)
 
     @property
     def apparatus(self) -> tuple[str, ...]:
         """Bench tests of the responses, each once."""
-        return tuple(dict.fromkeys(one.response.apparatus for one in self))
+        return tuple(dict.fromkeys(target.response.apparatus for target in self))
 
     @property
     def value(self) -> np.ndarray:
-        return np.array([one.value for one in self])
+        return np.array([target.value for target in self])
 
     @property
     def sd(self) -> np.ndarray:
-        return np.array([one.sd for one in self])
+        return np.array([target.sd for target in self])
 
     @property
     def standard_error(self) -> np.ndarray:
-        return np.array([one.standard_error for one in self])
+        return np.array([target.standard_error for target in self])
 
     @property
     def low(self) -> np.ndarray:
-        return np.array([one.low for one in self])
+        return np.array([target.low for target in self])
 
     @property
     def high(self) -> np.ndarray:
-        return np.array([one.high for one in self])
+        return np.array([target.high for target in self])
 
     @property
     def aim(self) -> np.ndarray:
-        return np.array([one.aim for one in self])
+        return np.array([target.aim for target in self])
 
     @property
     def weight(self) -> np.ndarray:
-        return np.array([one.weight for one in self])
+        return np.array([target.weight for target in self])
 
     def in_words(self, numbers: Sequence[str]) -> str:
         """Text with a number for each target and its unit: ``32.5 deg and 66.1 mm``.
 
-        If two targets have the same unit, each number stands with its response.
+        If two targets have the same unit, each number is preceded by the symbol of its response.
         """
-        units = [one.response.unit for one in self]
+        units = [target.response.unit for target in self]
         several = len(set(units)) < len(units)
         parts = [
-            f"{one.response.symbol} {number} {one.response.unit}"
+            f"{target.response.symbol} {number} {target.response.unit}"
             if several
-            else f"{number} {one.response.unit}"
-            for one, number in zip(self, numbers, strict=True)
+            else f"{number} {target.response.unit}"
+            for target, number in zip(self, numbers, strict=True)
         ]
         parts = [part.rstrip() for part in parts]
         return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))

@@ -118,7 +118,7 @@ def residual_correlation(
     if freedom < 4:
         raise ValueError(f"{freedom} degrees of freedom within samples; allowed: at least 4")
     if not (np.diagonal(covariance) > 0).all():
-        raise ValueError("a response does not vary within samples; allowed: one that does")
+        raise ValueError("a response does not vary within samples; allowed: a response that varies")
     correlation = float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
     # variance 1 / (n - 3) for n - 1 degrees of freedom
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)

@@ -46,7 +46,8 @@ def anova(model: Model) -> pd.DataFrame:
     inverse = np.diag(np.asarray(ols.normalized_cov_params))[first:]
     partial = model.coefficients**2 / inverse
     rows += [
-        _row(name, float(one), 1, error, df_residual) for name, one in zip(model.labels, partial, strict=True)
+        _row(name, float(squares), 1, error, df_residual)
+        for name, squares in zip(model.labels, partial, strict=True)
     ]
     rows.append(_row("residual", residual, df_residual))
     pure, df_pure = pure_error(model)
@@ -95,18 +96,18 @@ def effects(model: Model) -> pd.DataFrame:
     """
     first = 1 + model.block_columns
     table = anova(model).set_index("source")
-    found = pd.DataFrame(
+    estimates = pd.DataFrame(
         {
             "term": model.labels,
             "coefficient": model.coefficients,
             "standard_error": np.asarray(model.ols.bse)[first:] if model.ols.df_resid else math.nan,
         }
     )
-    found["t"] = (found["coefficient"] / found["standard_error"]).abs()
-    found["p"] = table.loc[model.labels, "p"].to_numpy()
+    estimates["t"] = (estimates["coefficient"] / estimates["standard_error"]).abs()
+    estimates["p"] = table.loc[model.labels, "p"].to_numpy()
     partial = table.loc[model.labels, "sum_of_squares"].to_numpy(float)
-    found["contribution_percent"] = 100 * partial / float(table.loc["total", "sum_of_squares"])
-    return found.sort_values("contribution_percent", ascending=False, ignore_index=True)
+    estimates["contribution_percent"] = 100 * partial / float(table.loc["total", "sum_of_squares"])
+    return estimates.sort_values("contribution_percent", ascending=False, ignore_index=True)
 
 
 def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:

@@ -12,7 +12,7 @@ def direction(slopes: ArrayLike) -> np.ndarray:
     slopes = np.asarray(slopes, dtype=float)
     length = np.linalg.norm(slopes)
     if not length > 0:
-        raise ValueError(f"slopes {slopes.tolist()}; allowed: at least one that is not 0")
+        raise ValueError(f"slopes {slopes.tolist()}; allowed: at least one slope other than 0")
     return slopes / length
 
 

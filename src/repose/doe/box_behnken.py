@@ -47,5 +47,5 @@ def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, n
             rows.append(run)
         middle = centres // len(parts) + (number <= centres % len(parts))
         rows.append(np.zeros((middle, factors)))
-        blocks += [number] * (sum(2 ** len(one) for one in part) + middle)
+        blocks += [number] * (sum(2 ** len(block) for block in part) + middle)
     return np.vstack(rows), np.array(blocks)

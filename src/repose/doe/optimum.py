@@ -30,7 +30,7 @@ def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: Ar
     mean (Derringer and Suich 1980).
     """
     predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
-    aims, low, high = (np.asarray(one, dtype=float) for one in (aims, low, high))
+    aims, low, high = (np.asarray(numbers, dtype=float) for numbers in (aims, low, high))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(
             predicted < aims, (predicted - low) / (aims - low), (high - predicted) / (high - aims)
@@ -53,18 +53,18 @@ def optimum(
     bounds = [(-1.0, 1.0)] * count
 
     def misses(point):
-        return np.array([float(one.predict(point[None])[0]) for one in models]) - aims
+        return np.array([float(model.predict(point[None])[0]) for model in models]) - aims
 
     def squared(point):
         return float(((misses(point) / scale) ** 2).sum())
 
     starts = np.vstack([np.zeros(count), 0.5 * two_level(count), np.eye(count), -np.eye(count)])
-    found = [
+    ends = [
         optimize.minimize(squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14).x for start in starts
     ]
-    best = min(found, key=squared)
+    best = min(ends, key=squared)
     if np.abs(misses(best) / scale).max() < 1e-3:
-        meeting = [_nearest(point, misses, scale, bounds) for point in found if squared(point) < 1e-6]
+        meeting = [_nearest(point, misses, scale, bounds) for point in ends if squared(point) < 1e-6]
         exact = [point for point in meeting if np.abs(misses(point) / scale).max() < MET]
         best = min(exact, key=lambda point: float(point @ point)) if exact else best
     predicted = misses(best) + aims

@@ -25,17 +25,17 @@ def deck(job: Job) -> dict[str, str]:
     """The files of a LAMMPS run by name: in.pour, grain.mol."""
     half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
     steps, cone = job.steps(job.duration_s), job.funnel.cone_line()
-    on_wall = contact_words(job, job.on_wall)
+    on_wall = contact_keywords(job, job.on_wall)
     low, high = (_on_line(cone, place) for place in (cone.first, cone.last))
     text = filled(
         "lammps.in",
-        head=differences(job, "# ", _told(job)),
+        head=differences(job, "# ", _differences(job)),
         seed=job.seed,
         half=half,
         below=job.bounding_radius_m,
         top=job.factory_height_m + 4.0 * job.bounding_radius_m,
         skin=skin_m(job),
-        law_gg=contact_words(job, job.grains),
+        law_gg=contact_keywords(job, job.grains),
         law_gp=on_wall,
         time_step=job.time_step_s,
         gravity=job.gravity_m_s2,
@@ -56,7 +56,7 @@ def deck(job: Job) -> dict[str, str]:
     return {"in.pour": text, "grain.mol": molecule(job)}
 
 
-def contact_words(job: Job, pair: Pair) -> str:
+def contact_keywords(job: Job, pair: Pair) -> str:
     """A contact in the keywords of pair_style granular.
 
     Moduli stand for both surfaces: those of two equal surfaces with the pair's E*.
@@ -113,9 +113,9 @@ def _tube(job, law):
     )
 
 
-def _told(job):
+def _differences(job):
     """Differences of LAMMPS from this engine."""
-    told = [
+    lines = [
         rolled(job),
         damped_alone(),
         undamped_tangent(),
@@ -123,8 +123,8 @@ def _told(job):
         "the edge of the outlet is sharp",
     ]
     if job.tension == "release":
-        told.append(
+        lines.append(
             "the second number of hertz/material is the restitution that gives the study's damping; with limit_damping "
             "an impact then ends with the restitution calibrated"
         )
-    return told
+    return lines

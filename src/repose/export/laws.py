@@ -33,7 +33,7 @@ def rolling_coefficient(job: Job, pair: Pair) -> float:
 
 
 def rolling_stiffness(pair: Pair) -> float:
-    """Stiffness of a rolling spring [N m]: that of the tangential spring times R*^2."""
+    """Stiffness of a rolling spring [N m]: the stiffness of the tangential spring times R*^2."""
     return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
 
 
@@ -45,15 +45,15 @@ def skin_m(job: Job) -> float:
     return 0.75 * job.mean_radius_m
 
 
-def differences(job: Job, comment: str, told: list[str]) -> str:
+def differences(job: Job, comment: str, lines: list[str]) -> str:
     """Head of a deck as comment lines: the study, and the differences from it.
 
-    `comment` begins a line; `told` are the differences of the program.
+    `comment` begins a line; `lines` state how the program differs.
     """
-    return "\n".join(comment + line for line in _head(job, told))
+    return "\n".join(comment + line for line in _head(job, lines))
 
 
-def _head(job: Job, told: list[str]) -> Iterator[str]:
+def _head(job: Job, lines: list[str]) -> Iterator[str]:
     """Lines of the head."""
     gg, gp = job.grains, job.on_wall
     yield f"Pour of {job.count} grains of the study `{job.label}`, written by `repose export`. SI units."
@@ -67,7 +67,7 @@ def _head(job: Job, told: list[str]) -> Iterator[str]:
         "smallest sphere."
     )
     yield "Not as in the study:"
-    for line in (*told, *job.notes):
+    for line in (*lines, *job.notes):
         yield f"- {line}"
 
 

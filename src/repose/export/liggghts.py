@@ -26,7 +26,7 @@ def deck(job: Job) -> dict[str, str]:
     steps = job.steps(job.duration_s)
     text = filled(
         "liggghts.in",
-        head=differences(job, "# ", _told(job)),
+        head=differences(job, "# ", _differences(job)),
         seed=prime(job.seed),
         half=half,
         below=job.bounding_radius_m,
@@ -73,18 +73,18 @@ def prime(seed: int) -> int:
     return number
 
 
-def _told(job):
+def _differences(job):
     """Differences of LIGGGHTS from this engine."""
-    told = [rolled(job), damped_alone(), undamped_tangent(), *limited_friction(job)]
+    lines = [rolled(job), damped_alone(), undamped_tangent(), *limited_friction(job)]
     if job.tension == "release":
-        told.append(
+        lines.append(
             "coefficientRestitution is the number that gives the study's damping; with limitForce an impact then "
             "ends with the restitution calibrated"
         )
     for name, pair in (("grains", job.grains), ("grain and wall", job.on_wall)):
         if equivalent_restitution(pair, LEAST_RESTITUTION) == LEAST_RESTITUTION:
-            told.append(
+            lines.append(
                 f"{name}: the study's damping is stronger than coefficientRestitution {LEAST_RESTITUTION:g} gives, "
                 "the least that LIGGGHTS takes"
             )
-    return told
+    return lines

@@ -36,7 +36,7 @@ def deck(job: Job) -> dict[str, str]:
         }
     text = filled(
         "mercurydpm.cpp.txt",
-        head=differences(job, "// ", _told(job)),
+        head=differences(job, "// ", _differences(job)),
         spheres="".join(
             "    {" + ", ".join(f"{value:.9g}" for value in sphere) + "},\n" for sphere in job.spheres_m
         ),
@@ -62,9 +62,9 @@ def deck(job: Job) -> dict[str, str]:
     return {"Pour.cpp": text, "funnel.stl": stl(job.funnel)}
 
 
-def _told(job):
+def _differences(job):
     """Differences of MercuryDPM from this engine, and features that were not tried."""
-    told = [
+    lines = [
         "this driver was neither compiled nor run by those who wrote it",
         rolled(job),
         damped_alone(),
@@ -73,5 +73,5 @@ def _told(job):
         "grains turn by three random angles, so not all orientations are alike",
     ]
     if job.tension != "keep":
-        told.append("the damped force may pull at the end of an impact; the damping is that of the study")
-    return told
+        lines.append("the damped force may pull at the end of an impact; the damping is that of the study")
+    return lines

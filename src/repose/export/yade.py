@@ -28,7 +28,7 @@ def deck(job: Job) -> dict[str, str]:
     }
     text = filled(
         "yade.py.txt",
-        head=differences(job, "# ", _told(job)),
+        head=differences(job, "# ", _differences(job)),
         seed=job.seed,
         count=job.count,
         every=job.steps(1.0 / job.rate_per_s),
@@ -73,10 +73,10 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
     size = job.bounding_radius_m
     rows = np.stack([np.ones_like(x), x / size, y / size, z / size, x * y, x * z, y * z])
     rows[4:] /= size**2
-    wanted = np.zeros(7)
-    wanted[0] = 1.0
+    moments = np.zeros(7)
+    moments[0] = 1.0
     alike = np.full(len(x), 1.0 / len(x))
-    weights = alike + np.linalg.lstsq(rows, wanted - rows @ alike, rcond=1e-9)[0]
+    weights = alike + np.linalg.lstsq(rows, moments - rows @ alike, rcond=1e-9)[0]
     squares = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     return weights, (job.inertia_kg_m2 - job.mass_kg * squares @ weights) / len(x)
 
@@ -89,9 +89,9 @@ def _listed(values):
     return "[\n" + "".join(f"    {_listed(row)},\n" for row in values) + "]"
 
 
-def _told(job):
+def _differences(job):
     """Differences of YADE from this engine."""
-    told = [
+    lines = [
         rolled(job),
         damped_alone(),
         undamped_tangent(),
@@ -101,5 +101,5 @@ def _told(job):
         "a contact with a wall rolls in its first step with the coefficient of the grains",
     ]
     if job.tension == "keep":
-        told.append("the normal force never pulls, damped as if it could")
-    return told
+        lines.append("the normal force never pulls, damped as if it could")
+    return lines

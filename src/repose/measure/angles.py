@@ -50,7 +50,7 @@ Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
 def flank(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
     """Definition "flank": the regression of height on distance between two heights (section 2.3 of the paper).
 
-    Raises NoFlankError if the band gives no line that rises towards the crest; so do the other definitions.
+    Raises NoFlankError, as the other definitions do, if the line in the band does not rise towards the crest.
     """
     return fitted(*points_between(profile, low, high, rule), low, high)
 

@@ -140,8 +140,8 @@ def slip_displacement(
     place = before_m[:, ::2] - (x0, z0)
     reach, depth = place @ along, -(place @ up)
     moved = -(to_drum_frame(after_m, turned_rad) - before_m)[:, ::2] @ along
-    beside = (reach < 0.0) | (reach > (x1 - x0) / math.cos(slope))
-    return np.where(beside, np.nan, depth), np.where(beside, np.nan, moved)
+    outside = (reach < 0.0) | (reach > (x1 - x0) / math.cos(slope))
+    return np.where(outside, np.nan, depth), np.where(outside, np.nan, moved)
 
 
 def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:

@@ -31,7 +31,7 @@ class Camera:
 
     matrix: np.ndarray  # (3, 3), focal length and middle in pixels
     lens: np.ndarray  # (5,), distortion in OpenCV's order; only k1 and k2 are used
-    note: str  # which corrections lacked corners; may be empty
+    note: str  # corrections that lacked corners; may be empty
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,12 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
     Zhang, Z. (2000). IEEE Trans. Pattern Anal. Mach. Intell. 22, 1330-1334.
     """
     long_side = max(size)
-    given = focal_px or PHONE_FOCAL * long_side
-    guess = np.array([[given, 0, size[0] / 2 - 0.5], [0, given, size[1] / 2 - 0.5], [0, 0, 1.0]])
+    assumed = focal_px or PHONE_FOCAL * long_side
+    guess = np.array([[assumed, 0, size[0] / 2 - 0.5], [0, assumed, size[1] / 2 - 0.5], [0, 0, 1.0]])
     places = [
-        np.column_stack([one.places_mm, np.zeros(len(one.places_mm))]).astype(np.float32) for one in views
+        np.column_stack([view.places_mm, np.zeros(len(view.places_mm))]).astype(np.float32) for view in views
     ]
-    pixels = [one.pixels.astype(np.float32) for one in views]
+    pixels = [view.pixels.astype(np.float32) for view in views]
     shared = (
         cv2.CALIB_USE_INTRINSIC_GUESS
         | cv2.CALIB_FIX_PRINCIPAL_POINT

@@ -24,7 +24,7 @@ STANDS_OUT = 30.0  # difference of colours that texture does not reach
 ROUNDS = 4  # of GrabCut
 FINE_PX = 1200  # longer side of a view in which colours are compared, at least
 SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes at most
-ITS_OWN_COLOUR = 22.0  # a shadow's colour lies nearer to that of the background
+ITS_OWN_COLOUR = 22.0  # a shadow's colour lies nearer to the background's colour
 
 NECK = 0.3  # of a grain's height: half the width of the neck between a loose grain and the pile
 GAP = 0.4  # of a grain's height: a part with more background below it does not stand on the plate

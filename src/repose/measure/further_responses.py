@@ -48,10 +48,10 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
 
     ``aor_deg`` is left out; `definition` (`measure.response`) is left out, too, if ``aor_deg`` is a target.
     """
-    taken = {CALIBRATED_ANGLE, *targets}
+    targeted = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
-        taken.add(MEAN_KEYS[definition])
-    return tuple(one.name for one in responses_of(BENCH) if one.name not in taken)
+        targeted.add(MEAN_KEYS[definition])
+    return tuple(response.name for response in responses_of(BENCH) if response.name not in targeted)
 
 
 def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:
@@ -125,5 +125,5 @@ def of_pour(
     kept = members if settings.largest_pile_only else np.ones(len(centres), bool)
     volume = 1e9 * particle.volume_m3 * float((sizes[kept] ** 3).sum())
     scale, berry = settings.mm_per_pixel, float(settings.berry_height_mm or math.nan)
-    found = of_profile(profiles, scale, 1e3 * height_m, berry, volume)
-    return found | of_scatter(centres, members, plate_mm / 2)
+    responses = of_profile(profiles, scale, 1e3 * height_m, berry, volume)
+    return responses | of_scatter(centres, members, plate_mm / 2)

@@ -22,15 +22,17 @@ class Tables(NamedTuple):
     summary: pd.DataFrame  # a row per definition: response, value (mean), sd, repetitions
 
 
-def tables(found: Sequence[Photograph], how: MeasureSettings) -> Tables:
+def tables(measured: Sequence[Photograph], how: MeasureSettings) -> Tables:
     """Tables of photographs, at least one of which was measured."""
     rows = []
-    for one in found:
-        numbers: dict[str, Any] = one.measurement.record() if one.measurement is not None else {}
-        facts = {name: round(value, 5) for name, value in one.facts.items()}
-        words = {"refused": one.refused, "note": one.note}
+    for photograph in measured:
+        numbers: dict[str, Any] = (
+            photograph.measurement.record() if photograph.measurement is not None else {}
+        )
+        facts = {name: round(value, 5) for name, value in photograph.facts.items()}
+        words = {"refused": photograph.refused, "note": photograph.note}
         rows.append(
-            {"photograph": one.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words
+            {"photograph": photograph.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words
         )
     photographs = pd.DataFrame(rows)
     means = []
@@ -70,7 +72,7 @@ def targets(made: Tables, how: MeasureSettings) -> str:
             f"  - response: {row.response}",
             "    apparatus: funnel",
             f"    value: {row.value:.3f}",
-            "    sd: null # one pile tells no scatter" if single else f"    sd: {row.sd:.3f}",
+            "    sd: null # one pile gives no scatter" if single else f"    sd: {row.sd:.3f}",
             f"    repetitions: {row.repetitions}",
             "    range: [null, null] # what counts as met"
             if single
@@ -87,14 +89,14 @@ def as_record(made: Tables) -> dict[str, list]:
     }
 
 
-def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
+def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
     """The text that the verb prints; `out` is the folder of the overlays."""
-    wide = max(len(one.path.name) for one in found)
+    wide = max(len(photograph.path.name) for photograph in photographs)
     lines = []
-    for one in found:
-        seen = one.measurement
+    for photograph in photographs:
+        seen = photograph.measurement
         if seen is None:
-            text = f"refused: {one.refused}"
+            text = f"refused: {photograph.refused}"
         else:
             text = (
                 f"left {seen.left_deg:.2f} deg, right {seen.right_deg:.2f} deg, "
@@ -102,7 +104,7 @@ def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: P
             )
             for name, reason in seen.reasons.items():
                 text += f"; no {name}: {reason}"
-        lines.append(f"{one.path.name:<{wide}}  {text}")
+        lines.append(f"{photograph.path.name:<{wide}}  {text}")
     by_name = made.summary.set_index("response")
     lines.append("mean, standard deviation, number of photographs:")
     rows = [("Height", "height_mm", "mm"), *((name, MEAN_KEYS[name], "deg") for name in DEFINITIONS)]
@@ -116,8 +118,8 @@ def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: P
     lines.append(f"height of a grain: {grain}")
     if made.summary["sd"].isna().any():
         lines.append(
-            "one pile tells no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
+            "one pile gives no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
         )
-    lines += sorted({f"note: {one.note}" for one in found if one.note})
+    lines += sorted({f"note: {photograph.note}" for photograph in photographs if photograph.note})
     lines.append(f"look at the overlays in {out}; the targets of a study: {out / 'targets.yaml'}")
     return "\n".join(lines)

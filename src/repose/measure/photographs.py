@@ -87,7 +87,7 @@ def measure_all(
 ) -> list[Photograph]:
     """Measure photographs; `lens` are photographs of the sheet alone, by the same camera.
 
-    A bad photograph is refused in its result. Raises InputError if a file is no picture or a photograph of the lens
+    A bad photograph is refused in its result. Raises InputError if a file is not a picture or a photograph of the lens
     shows no sheet.
     """
     if scale.mm_per_pixel is not None:
@@ -96,46 +96,48 @@ def measure_all(
     for path in lens:
         if seen[path] is None:
             raise InputError(path, "sheet", "not seen", "a photograph that shows the printed sheet")
-    found = []
+    results = []
     for path in paths:
         image, _ = load(path)
-        one, where = Photograph(path, image), seen[path]
-        found.append(one)
+        photograph, where = Photograph(path, image), seen[path]
+        results.append(photograph)
         if where is None:
-            one.refused = (
+            photograph.refused = (
                 "the printed sheet is not seen; without one the scale is given by --mm-per-pixel or --length"
             )
             continue
         try:
-            _measure_with_sheet(one, where, by_size[image.shape[1], image.shape[0]], how, scale.square_mm)
+            _measure_with_sheet(
+                photograph, where, by_size[image.shape[1], image.shape[0]], how, scale.square_mm
+            )
         except NoFlankError as error:
-            one.refused = error.reason
-    return found
+            photograph.refused = error.reason
+    return results
 
 
-def _measure_with_sheet(one, where, lens, how, square_mm):
-    """Measure a photograph that shows the sheet; NoFlankError gives the reason for a refusal."""
-    size, on_paper = one.view.shape[1::-1], sheet.size_mm(square_mm)
+def _measure_with_sheet(photograph, where, lens, how, square_mm):
+    """Measure a photograph that shows the sheet; NoFlankError has the reason for a refusal."""
+    size, on_paper = photograph.view.shape[1::-1], sheet.size_mm(square_mm)
     pose = camera.Pose(lens, where, size)
-    one.note, photograph = lens.note, one.view
-    coarse, low = camera.side_view(photograph, pose, on_paper, None, COARSE_PX)
-    one.view = coarse.image
-    one.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": coarse.tilt_deg}
+    photograph.note, image = lens.note, photograph.view
+    coarse, low = camera.side_view(image, pose, on_paper, None, COARSE_PX)
+    photograph.view = coarse.image
+    photograph.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": coarse.tilt_deg}
     mask = finding.find(coarse.image, ~coarse.seen | coarse.sheet, coarse.base_row)
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     crest = low + coarse.mm_per_pixel * float(np.median(np.flatnonzero(mask[rows[0]])))
     high = (coarse.base_row - rows[0]) * coarse.mm_per_pixel
     look_down = pose.look_down_deg(crest, high)
-    one.facts["look_down_deg"] = look_down
+    photograph.facts["look_down_deg"] = look_down
     reach = 1.3 * max(
         crest - low - columns[0] * coarse.mm_per_pixel, low + columns[-1] * coarse.mm_per_pixel - crest
     )
-    fine, left = camera.side_view(photograph, pose, on_paper, crest, FINE_PX, (-reach, reach, 1.6 * high))
+    fine, left = camera.side_view(image, pose, on_paper, crest, FINE_PX, (-reach, reach, 1.6 * high))
     berry_px = (how.berry_height_mm or high / USUAL_GRAINS) / fine.mm_per_pixel
-    one.view = fine.image
-    one.facts["mm_per_pixel"], one.facts["tilt_deg"] = fine.mm_per_pixel, fine.tilt_deg
+    photograph.view = fine.image
+    photograph.facts["mm_per_pixel"], photograph.facts["tilt_deg"] = fine.mm_per_pixel, fine.tilt_deg
     hidden = ~fine.seen | fine.sheet
-    one.pile = finding.refine(
+    photograph.pile = finding.refine(
         fine.image, hidden, fine.base_row, _onto(mask, coarse, low - crest, fine, left), berry_px
     )
     if abs(look_down) > camera.LARGEST_LOOK_DOWN_DEG:
@@ -143,10 +145,10 @@ def _measure_with_sheet(one, where, lens, how, square_mm):
             f"the camera looks at the crest from {look_down:.0f} degrees above: the flanks look flatter; "
             f"hold the lens as high as the crest, {camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
         )
-    _require_whole(one.pile.mask, hidden)
-    one.measurement = seen_level(_measured(one, how), look_down)
-    if finding.faint_share(fine.image, hidden, one.pile, 0.25 * berry_px) > FAINT_SHARE:
-        one.measurement = None
+    _require_whole(photograph.pile.mask, hidden)
+    photograph.measurement = seen_level(_measured(photograph, how), look_down)
+    if finding.faint_share(fine.image, hidden, photograph.pile, 0.25 * berry_px) > FAINT_SHARE:
+        photograph.measurement = None
         raise NoFlankError(
             "the pile hardly differs from its background along its boundary: the background is not plain"
         )
@@ -155,28 +157,28 @@ def _measure_with_sheet(one, where, lens, how, square_mm):
 def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
     """Measure a photograph without a sheet, or a silhouette; `scale` has `mm_per_pixel`.
 
-    Raises InputError if the file is no picture, or `base_row` does not lie in it.
+    Raises InputError if the file is not a picture, or `base_row` does not lie in it.
     """
     image, times = load(path)
     image, base = _levelled(image, scale.level_deg, scale.base_row and scale.base_row / times)
     assert scale.mm_per_pixel is not None
     how = replace(how, mm_per_pixel=scale.mm_per_pixel * times)
-    one = Photograph(path, image, facts={"mm_per_pixel": how.mm_per_pixel})
+    photograph = Photograph(path, image, facts={"mm_per_pixel": how.mm_per_pixel})
     try:
-        one.pile = segment(image, how.largest_pile_only, base)
-        require_upright(one.pile.mask)
+        photograph.pile = segment(image, how.largest_pile_only, base)
+        require_upright(photograph.pile.mask)
         if base is None:
-            _require_foot(image, one.pile, how)
-        one.measurement = _measured(one, how)
+            _require_foot(image, photograph.pile, how)
+        photograph.measurement = _measured(photograph, how)
     except NoFlankError as error:
-        one.refused = error.reason
-    return one
+        photograph.refused = error.reason
+    return photograph
 
 
-def _measured(one, how):
+def _measured(photograph, how):
     """Measurement of the part taken for the pile; NoFlankError if its sides differ too much."""
-    how = replace(how, mm_per_pixel=one.facts["mm_per_pixel"])
-    measurement = with_response(measure_segmented(one.pile, how))
+    how = replace(how, mm_per_pixel=photograph.facts["mm_per_pixel"])
+    measurement = with_response(measure_segmented(photograph.pile, how))
     difference = abs(measurement.left_deg - measurement.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:
         raise NoFlankError(
@@ -198,8 +200,8 @@ def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
         return math.degrees(math.atan(math.sqrt(math.tan(math.radians(angle)) ** 2 + lost)))
 
     angles = {
-        name: Angle(level(one.left_deg), level(one.right_deg), level(one.aor_deg), one.lines)
-        for name, one in measurement.angles.items()
+        name: Angle(level(angle.left_deg), level(angle.right_deg), level(angle.aor_deg), angle.lines)
+        for name, angle in measurement.angles.items()
     }
     return replace(measurement, angles=angles)
 
@@ -226,20 +228,20 @@ def _require_foot(image, pile, how):
     if pile.mask[-1].any():
         raise NoFlankError(
             "the pile runs out of the picture at the bottom: its foot is not seen; "
-            "--base-row tells the row of the plate"
+            "give --base-row, the row of the plate"
         )
     widths = pile.mask.sum(axis=1, dtype=int)
     rows = np.flatnonzero(widths)
     widest = rows[np.flatnonzero(widths[rows] >= 0.99 * widths.max())[-1]]
     grain = (how.berry_height_mm or rows.size * how.mm_per_pixel / USUAL_GRAINS) / how.mm_per_pixel
-    for below, most, what in (
+    for below, most, place in (
         (finding.shadow_below(image, pile.mask), LARGEST_SHADOW, "grains, with the colour of the background"),
         (rows[-1] - widest, LOWEST_FOOT, "widest row"),
     ):
         if below > most * grain:
             raise NoFlankError(
-                f"its lowest row lies {below * how.mm_per_pixel:.1f} mm below its {what}: a shadow at the foot, or the "
-                "camera looks down on it; --base-row tells the row of the plate, the printed sheet makes it known"
+                f"its lowest row lies {below * how.mm_per_pixel:.1f} mm below its {place}: a shadow at the foot, or "
+                "the camera looks down on it; give --base-row, the row of the plate, or show the printed sheet"
             )
 
 

@@ -9,7 +9,7 @@ levels
     at every height the middle of the outermost and the innermost place where the boundary crosses it. The
     heights are not scattered, so the ends of the band bend nothing.
 rows
-    the outermost crossing alone.
+    only the outermost crossing.
 columns
     the top of every pixel column that lies in the band: the plain reading of a linear fit to the boundary.
     Lumps cut off at the ends of the band, and the regression on a scattered distance, both flatten the line.

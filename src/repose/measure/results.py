@@ -21,7 +21,7 @@ class Angle:
 class Measurement:
     """Result of one picture.
 
-    `left_deg`, `right_deg`, `aor_deg` and `lines` are those of the definition `response`.
+    `left_deg`, `right_deg`, `aor_deg` and `lines` follow the definition `response`.
     """
 
     response: str  # the definition used as the angle of repose
@@ -56,11 +56,11 @@ class Measurement:
     def record(self) -> dict[str, float | None]:
         """The response's two sides, the Height and every definition by name, to 0.001; None if not measured."""
         sides = {key: round(getattr(self, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
-        found = {
+        angles = {
             MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None
             for name in DEFINITIONS
         }
-        return sides | {"height_mm": round(self.height_mm, 3)} | found
+        return sides | {"height_mm": round(self.height_mm, 3)} | angles
 
 
 @dataclass(frozen=True)

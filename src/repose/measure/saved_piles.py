@@ -27,7 +27,7 @@ def pile_responses(
     (N, 4), ``in_pile`` (N,) and, for berries of several sizes, ``scale`` (N,); `plate_mm` is the plate's diameter.
     `further` names responses of `repose.measure.further_responses` to add.
     """
-    found: dict[str, Any] = {}
+    responses: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     try:
         seen = pile.measure_pile(
@@ -38,7 +38,7 @@ def pile_responses(
             members=arrays["in_pile"],
             scales=arrays.get("scale"),
         )
-        found |= seen.record()
+        responses |= seen.record()
         reasons |= {MEAN_KEYS[name]: why for name, why in seen.reasons.items()}
         if settings.response in seen.reasons:
             reasons["aor_deg"] = seen.reasons[settings.response]
@@ -50,10 +50,10 @@ def pile_responses(
 
         try:
             more = further_responses.of_pour(arrays, particle, settings, plate_mm)
-            found |= {name: more[name] for name in further}
+            responses |= {name: more[name] for name in further}
         except NoFlankError as error:
             reasons |= dict.fromkeys(further, error.reason)
-    return found, reasons
+    return responses, reasons
 
 
 def side_view(

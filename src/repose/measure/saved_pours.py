@@ -22,9 +22,9 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     pours = job.get("pours")
     if not str(path).endswith(POURS) or not isinstance(pours, list) or not pours:
         raise InputError(path, "pours", pours, WHAT)
-    for one in pours:
-        if not isinstance(one, dict) or not isinstance(one.get("status"), str) or "seed" not in one:
-            raise InputError(path, "pours", one, "records with a seed and a status")
+    for pour in pours:
+        if not isinstance(pour, dict) or not isinstance(pour.get("status"), str) or "seed" not in pour:
+            raise InputError(path, "pours", pour, "records with a seed and a status")
     return job
 
 
@@ -42,11 +42,11 @@ def pour_arrays(
     named in the error.
     """
     ending = f"_{seed}"
-    found = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
+    selected = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
     for kind in kinds:
-        if kind not in found:
+        if kind not in selected:
             raise InputError(source, f"{kind}{ending}", None, "an array in the .npz file beside it")
-    return found
+    return selected
 
 
 def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
@@ -58,7 +58,7 @@ def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
     return pour_arrays(arrays, seeds[0], path)
 
 
-def positions_beside(pours_json: str | PathLike) -> Path:
+def positions_file(pours_json: str | PathLike) -> Path:
     """The .npz file that belongs to a NAME.pours.json."""
     path = Path(pours_json)
     return path.with_name(path.name.removesuffix(POURS) + ".npz")

@@ -1,4 +1,4 @@
-"""How a pile is measured: the section `measure` of a configuration."""
+"""Settings of the measurement of a pile: the section `measure` of a configuration."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from repose.measure.profile_points import FLANK_RULES
 
 @dataclass(frozen=True)
 class MeasureSettings:
-    """How a pile is measured; InputError if a value is not allowed."""
+    """Settings of the measurement of a pile; InputError if a value is not allowed."""
 
     views: int = 18  # side views, evenly over half a turn; the other half mirrors them
     mm_per_pixel: float = 0.25  # scale of the silhouettes

@@ -74,10 +74,10 @@ def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
-    """Statistics of the sizes (`read_sizes`) beside the published ones (Table 1), a row for each dimension.
+    """Statistics of the sizes (`read_sizes`) beside the published values (Table 1), a row for each dimension.
 
-    `dimension`, `unit`, `n`, `maximum`, `minimum`, `mean`, `sd` (n - 1), then `published_*` and `difference_*` (ours
-    minus published); empty without a published value.
+    `dimension`, `unit`, `n`, `maximum`, `minimum`, `mean`, `sd` (n - 1), then `published_*` and `difference_*`
+    (measured minus published); empty without a published value.
     """
     axes = [sizes[column] for column in SIZE_COLUMNS]
     dimensions = {column: ("mm", sizes[column]) for column in SIZE_COLUMNS}
@@ -90,11 +90,11 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
         ],
         columns=["dimension", "unit", "n", "maximum", "minimum", "mean", "sd"],
     )
-    theirs = published.set_index("dimension").reindex(table["dimension"]).reset_index()
+    reference = published.set_index("dimension").reindex(table["dimension"]).reset_index()
     for statistic in ("maximum", "minimum", "mean"):
-        table[f"published_{statistic}"] = theirs[statistic]
+        table[f"published_{statistic}"] = reference[statistic]
     for statistic in ("maximum", "minimum", "mean"):
-        table[f"difference_{statistic}"] = table[statistic] - theirs[statistic]
+        table[f"difference_{statistic}"] = table[statistic] - reference[statistic]
     return table
 
 
@@ -110,9 +110,9 @@ def measured_berry(
     """Statistics (`summarise`) and material of the measured berries.
 
     The second result has mean axes [mm], density, moduli [Pa], number of berries, whether the data are a
-    reconstruction, and the spread of the sizes. `poisson` and `shear_modulus_pa` replace those of the compression
+    reconstruction, and the spread of the sizes. `poisson` and `shear_modulus_pa` replace the results of the compression
     tests; E follows by Eq. 4. `tests` may be None if both are given. InputError for an impossible material; `source`
-    stands in its message.
+    is named in its message.
     """
     check_material(density_kg_m3, poisson, shear_modulus_pa)
     reconstruction = sizes.attrs["reconstruction"]
@@ -139,8 +139,8 @@ def measured_berry(
     spread = _spread(sizes, published)
     berry |= {key: float(f"{value:.10g}") for key, value in zip(size_distribution.KEYS, spread, strict=True)}
     # the published statistics are those of the reconstructed crop
-    beside = published if sizes.attrs["reconstruction"] else published.iloc[:0]
-    return summarise(sizes, beside), berry
+    reference = published if sizes.attrs["reconstruction"] else published.iloc[:0]
+    return summarise(sizes, reference), berry
 
 
 def of_files(
@@ -156,9 +156,9 @@ def of_files(
     `compression_csv` is not read if both moduli are given. `table1_csv` has the published sizes, None without any.
     """
     check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
-    given = poisson_ratio is not None and shear_modulus_pa is not None
+    both = poisson_ratio is not None and shear_modulus_pa is not None
     sizes = read_sizes(sizes_csv)
-    tests = None if given or compression_csv is None else read_compression(compression_csv)
+    tests = None if both or compression_csv is None else read_compression(compression_csv)
     published = pd.DataFrame(columns=TABLE1) if table1_csv is None else read_table(table1_csv, TABLE1)
     material = density_kg_m3, poisson_ratio, shear_modulus_pa
     return measured_berry(sizes, tests, published, *material, source=compression_csv)

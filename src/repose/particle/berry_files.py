@@ -21,7 +21,7 @@ COMPRESSION_COLUMNS = (
     "width_2_mm",
     "breadth_mm",
 )
-WRITTEN = "what the verb berry wrote"
+WRITTEN = "the file of the verb berry"
 # Quantities in it besides the axes.
 POSITIVE = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "scale_low", "scale_high")
 # A comment line with this word marks a file whose rows were not measured but made to match a published table.
@@ -32,7 +32,7 @@ def read_sizes(path: str | PathLike) -> pd.DataFrame:
     """Full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry.
 
     Lines that start with # are comments; `attrs["reconstruction"]` is True if a comment marks the file as a
-    reconstruction. InputError if a value is no positive number, or not long >= major >= minor.
+    reconstruction. InputError if a value is not a positive number, or not long >= major >= minor.
     """
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
@@ -71,10 +71,10 @@ def read_compression(path: str | PathLike) -> pd.DataFrame:
 def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> dict[str, Any]:
     """The file of the verb berry; `needed` are keys that it must have.
 
-    InputError if a key is missing, or a quantity of the berry is no positive number.
+    InputError if a key is missing, or a quantity of the berry is not a positive number.
     """
     berry = read_json(path, needed, WRITTEN)
-    for key in (*needed, *(one for one in POSITIVE if one in berry)):
+    for key in (*needed, *(key for key in POSITIVE if key in berry)):
         value = berry[key]
         if type(value) not in (int, float) or not (math.isfinite(value) and value > 0):
             raise InputError(path, key, value, f"a positive number in {WRITTEN}")

@@ -257,7 +257,7 @@ def _check_density(density_kg_m3, source):
 
 
 def _check_fit(relative_deviation, volume_ratio, tolerance, source):
-    """InputError where the fitted particle is no fair stand-in for the mesh."""
+    """InputError if the fitted particle does not represent the mesh."""
     if relative_deviation > LARGEST_DEVIATION:
         key = "largest deviation of the particle over the mesh's mean radius"
         allowed = f"at most {LARGEST_DEVIATION:g}: the particle is smooth and symmetric to three planes"

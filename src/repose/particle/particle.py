@@ -110,9 +110,9 @@ class Particle:
     @classmethod
     def load(cls, path: str | PathLike) -> "Particle":
         """Read a file of `save`; InputError if it is something else."""
-        what = "a file of `repose stage shape`"
+        kind = "a file of `repose stage shape`"
         keys = ("kind", "density_kg_m3", "stl", *(key for key, _ in FIELDS.values()))
-        record = read_json(path, keys, what)
+        record = read_json(path, keys, kind)
         if record["kind"] not in KINDS:
             raise InputError(path, "kind", record["kind"], " or ".join(KINDS))
         shapes: dict[str, tuple[int, ...]] = {"semi_axes_mm": (-1, 3), "spheres_mm": (-1, 4)}
@@ -137,7 +137,7 @@ def _check_numbers(path, key, value, shape):
         numbers = np.array(np.nan)
     may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
     fits = len(numbers.shape) == len(shape) and all(
-        wanted in (there, -1) for there, wanted in zip(numbers.shape, shape, strict=False)
+        size in (there, -1) for there, size in zip(numbers.shape, shape, strict=False)
     )
     if isinstance(value, bool | str) or not fits or not np.all(np.isfinite(numbers)):
         raise InputError(path, key, value, "finite numbers in a file of `repose stage shape`")

@@ -1,4 +1,4 @@
-"""Sizes of single berries: scales from a truncated normal distribution whose mean volume is that of the particle."""
+"""Sizes of single berries: scales from a truncated normal distribution; their mean volume is the particle's."""
 
 import math
 from collections.abc import Mapping

@@ -31,7 +31,7 @@ FEWEST_FROM, FEWEST_TO = 14, 60
 NEAR_VOLUME, NEAR_SHORTEST_AXIS = 0.02, 0.03
 # A further sphere has to lower the rms distance of the surface by this share of the mean radius.
 SMALLEST_GAIN = 1e-4
-ROUGH_SHARE = 0.62  # radius of a rough clump's spheres over that of the largest inscribed ball
+ROUGH_SHARE = 0.62  # radius of a rough clump's spheres over the radius of the largest inscribed ball
 CANDIDATES, SURFACE_POINTS, VOLUME_POINTS = 3000, 1500, 2**17
 # A union whose volume is further off than this, by a sixteenth of the points, is not looked at again.
 SCREENED = 0.03
@@ -195,11 +195,11 @@ def _cover(centres, depths, points, count):
     centres, depths = centres[wide], depths[wide]
     gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - depths
     squares = np.square(gaps).astype(np.float32)
-    apart = np.linalg.norm(centres[:, None] - centres[None], axis=2) >= SPACING * depths.max()
+    separated = np.linalg.norm(centres[:, None] - centres[None], axis=2) >= SPACING * depths.max()
     least = (SMALLEST_GAIN * depths.max()) ** 2
     chosen, reached = [], np.inf
     for _ in range(count):
-        score = _scores(squares, apart, chosen)
+        score = _scores(squares, separated, chosen)
         if reached - score.min() < least:
             break
         reached = score.min()
@@ -207,7 +207,7 @@ def _cover(centres, depths, points, count):
     for _ in range(3):
         before = list(chosen)
         for place in range(len(chosen)):
-            score = _scores(squares, apart, chosen[:place] + chosen[place + 1 :])
+            score = _scores(squares, separated, chosen[:place] + chosen[place + 1 :])
             if score.min() < score[chosen[place]]:
                 chosen[place] = int(score.argmin())
         if chosen == before:
@@ -215,16 +215,16 @@ def _cover(centres, depths, points, count):
     return np.column_stack([centres[chosen], depths[chosen]])
 
 
-def _scores(squares, apart, chosen):
+def _scores(squares, separated, chosen):
     """Mean squared distance of the surface from the chosen balls and each candidate (N,); infinite for one too near."""
     if not chosen:
         return squares.mean(axis=0)
     score = np.minimum(squares[:, chosen].min(axis=1)[:, None], squares).mean(axis=0)
-    return np.where(apart[chosen].all(axis=0), score, np.inf)
+    return np.where(separated[chosen].all(axis=0), score, np.inf)
 
 
 def _bumps(points, normals, radius, count):
-    """Balls (count, 4) of one radius below the surface, each as far as can be from those before it."""
+    """Balls (count, 4) of one radius below the surface, each as far as possible from those before it."""
     below = points - radius * normals
     chosen = [int(np.argmax(below[:, 0]))]
     away = np.linalg.norm(below - below[chosen[0]], axis=1)

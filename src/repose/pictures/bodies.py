@@ -64,7 +64,7 @@ def place_bodies(
     """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own.
 
     `centres` are in m, `quaternions` w, x, y, z, body to world; `shape_ids` (N,) are places in `shapes`. The order is
-    that of the input; parts are ordered by shape.
+    kept; parts are ordered by shape.
     """
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)
@@ -111,7 +111,7 @@ def _tessellated(
 ) -> Bodies:
     """`Bodies` of convex parts."""
     tessellated = [tessellate(shape) for shape in shapes]
-    points, normals = (np.array([one[k] for one in tessellated]) for k in range(2))
+    points, normals = (np.array([body[k] for body in tessellated]) for k in range(2))
     triangles = tessellated[0][2]
     turn = rotation_matrices(quaternions)
     vertices = np.einsum("nij,nvj->nvi", turn, scales[:, None, None] * points[shape_ids])

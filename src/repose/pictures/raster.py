@@ -120,8 +120,8 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
 
 
 @numba.njit(cache=True)
-def openness(depth, normals, camera, wanted, radius_m, taps):
-    """Share (H, W) of the sky that each visible point sees past its neighbours in the picture; 1 outside `wanted`.
+def openness(depth, normals, camera, mask, radius_m, taps):
+    """Share (H, W) of the sky that each visible point sees past its neighbours in the picture; 1 outside `mask`.
 
     `radius_m` is the radius of the `taps` look-ups; the shade of a neighbour fades over the same length.
     """
@@ -131,7 +131,7 @@ def openness(depth, normals, camera, wanted, radius_m, taps):
     here, there = np.empty(3), np.empty(3)
     for row in range(rows):
         for column in range(columns):
-            if not wanted[row, column] or math.isinf(depth[row, column]):
+            if not mask[row, column] or math.isinf(depth[row, column]):
                 continue
             place_of(camera, depth.shape, row, column, depth[row, column], here)
             spin, reach_px = _noise(row, column), radius_m * camera[2] / depth[row, column]

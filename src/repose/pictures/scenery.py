@@ -133,7 +133,7 @@ def look_at(
 ) -> Camera:
     """A `Camera` that sees all points from a direction.
 
-    `margin` is the size of the picture over that of the points; the field of view is that of the longer side.
+    `margin` is the size of the picture over the size of the points; the field of view is along the longer side.
     """
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])

@@ -9,7 +9,7 @@ times. `islands_ga` minimises any function of whole populations inside bounds::
 
 `MIGA` is the same by ask and tell, in [-1, 1].
 
-Where the publication is silent, this is what is done here:
+Where the publication is silent, the choices are:
 
 crossover
     always; a child is r a + (1 - r) b with one r, uniform in [0, 1], for all its genes; each
@@ -123,11 +123,11 @@ class MIGA:
     def _draw(self):
         """All random numbers of one round at once: a call of the generator costs more than its numbers."""
         islands, population, dimensions = self.shape
-        one, random = (self.generations, islands, population), self.random
+        shape, random = (self.generations, islands, population), self.random
         ranks = random.randint(population, size=(self.tournament, self.generations, islands, 2 * population))
         self._winners = ranks.min(axis=0)
-        self._share = random.uniform(size=(*one, 1))
-        mutated = random.uniform(size=(*one, dimensions)) < self.mutation_probability
+        self._share = random.uniform(size=(*shape, 1))
+        mutated = random.uniform(size=(*shape, dimensions)) < self.mutation_probability
         self._mutation = np.where(mutated, self.mutation_amplitude * random.normal(size=mutated.shape), 0.0)
 
     def _ranked(self, fitness):

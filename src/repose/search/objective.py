@@ -5,7 +5,7 @@ distinct points, `search` one whole search with `repose.search.miga`.
 
 Constraints, on which the publication is silent: the fitness of a point whose responses all lie in the targets' ranges
 is F (Eq. 11). That of any other point is F + F_max + 10 V. V is how far the responses lie outside, in the units of F,
-and F_max the most that F can be inside. So every feasible point beats every other point, and without any feasible
+and F_max the largest F inside. So every feasible point beats every other point, and without any feasible
 point the search goes to the box. Where it is never met, `constrained=False` asks for the least F alone.
 """
 
@@ -110,7 +110,7 @@ class Archive:
     """The best distinct points out of any number met, in bounded memory.
 
     Two points are distinct when they lie at least `distance` apart, Euclidean in normalised parameters. A point is
-    kept, best fitness first, when it is distinct from every better one that is kept. `points` (kept, dimensions) and
+    kept, best fitness first, when it is distinct from every better kept point. `points` (kept, dimensions) and
     `fitness` (kept,) are up to date after `thin`; `buffer` is the number of points that wait for it.
     """
 
@@ -151,9 +151,9 @@ def distinct(points: np.ndarray, fitness: np.ndarray, distance: float, most: int
     kept: list[int] = []
     while len(rows) and len(kept) < most:
         kept.append(int(rows[0]))
-        apart = ((columns - columns[:, :1]) ** 2).sum(axis=0) >= distance**2
-        apart[0] = False
-        left = np.flatnonzero(apart)  # twice as fast as the mask itself
+        far = ((columns - columns[:, :1]) ** 2).sum(axis=0) >= distance**2
+        far[0] = False
+        left = np.flatnonzero(far)  # twice as fast as the mask itself
         rows, columns = rows[left], columns.take(left, axis=1)
     return np.array(kept, dtype=int)
 

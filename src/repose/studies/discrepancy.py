@@ -1,14 +1,14 @@
 """Covariance of the discrepancies: deviations of the simulator that no parameters remove.
 
-Where a shape study was made it is the evidence. Its plausible models have the axes, mass, volume and packing of the
-measured berry, and differ in unknown features: surface, tension, filling, definition of the angle. Poured with the
-same parameters they make different piles. Weighted by how well each describes the published piles, their spread is the
-discrepancy (`of_shape_study`).
+A shape study, where there is one, gives the evidence. Its plausible models have the axes, mass, volume and packing of
+the measured berry, and differ in unknown features: surface, tension, filling, definition of the angle. Poured with
+the same parameters they make different piles. Weighted by how well each describes the published piles, their spread
+is the discrepancy (`of_shape_study`).
 
-Elsewhere it is stated: a share of each response's mean, but no less than a smallest one in the response's unit, since
-two percent of a share of five percent would be half a berry (`sizes`, `covariance`). Within a bench test the
-discrepancies are correlated, for one wrong shape or filling moves all numbers of a pile at once. They have the signs
-with which the responses vary together over the design: a steeper pile is higher and narrower.
+Otherwise the discrepancy is stated: a share of each response's mean, but no less than a smallest one in the
+response's unit, since two percent of a share of five percent would be half a berry (`sizes`, `covariance`). Within a
+bench test the discrepancies are correlated, for one wrong shape or filling moves all numbers of a pile at once. They
+have the signs with which the responses vary together over the design: a steeper pile is higher and narrower.
 """
 
 import os
@@ -40,7 +40,7 @@ def of_targets(
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     apparatus = [
-        one.apparatus for one in targets.responses
+        response.apparatus for response in targets.responses
     ]  # responses of a user's own simulator are not registered
     return covariance(targets.names, percent / 100 * np.abs(targets.value), means, correlation, apparatus)
 
@@ -59,7 +59,7 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     `combinations_csv` is a table of the verb `shape_study`; plausible rows are `eligible`. The weight of a model is
     exp(-d^2 / 2), and d the distance in standard deviations from the published piles. The definitions of one model
     count as one. The pours of a combination are few: the mean square of its standard errors is subtracted from each
-    variance; the correlation is that of the differences as they are. InputError if the weights leave fewer than
+    variance; the correlation is computed from the uncorrected differences. InputError if the weights leave fewer than
     `FEWEST_MODELS` models.
     """
     columns = [derived(name, "difference") for name in targets.names]
@@ -68,8 +68,8 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     plausible = table[table["eligible"].astype(bool)].dropna(subset=["distance", *columns])
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
-    one = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
-    models = 1 / one if len(plausible) else 0.0
+    squares = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
+    models = 1 / squares if len(plausible) else 0.0
     if models < FEWEST_MODELS:
         raise InputError(
             combinations_csv,
@@ -78,7 +78,7 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
             f"at least {FEWEST_MODELS}",
         )
     values, errors = (plausible[list(of)].to_numpy(float) for of in (columns, targets.errors))
-    raw = np.atleast_2d(np.cov(values.T, aweights=weight, ddof=0)) / (1 - one)
+    raw = np.atleast_2d(np.cov(values.T, aweights=weight, ddof=0)) / (1 - squares)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
     spread = np.sqrt(np.maximum(np.diag(raw) - noise, 0.0))
     covariance = raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
@@ -96,12 +96,12 @@ def sizes(
     `percent` is of each of the `means` (k,), or by name; 0 percent means no discrepancy at all. `smallest` holds the
     smallest standard deviation by unit, as in ``{"deg": 0.5}``; other units have none.
     """
-    found = []
+    discrepancies = []
     for name, mean in zip(names, means, strict=True):
         own = percent[name] if isinstance(percent, Mapping) else percent
         least = smallest.get(response(name).unit, 0.0)
-        found.append(max(own / 100 * abs(mean), least) if own > 0 else 0.0)
-    return np.array(found)
+        discrepancies.append(max(own / 100 * abs(mean), least) if own > 0 else 0.0)
+    return np.array(discrepancies)
 
 
 def covariance(
@@ -114,19 +114,19 @@ def covariance(
     """Covariance S_d (k, k) of the discrepancies; those of different bench tests are independent.
 
     `sd` (k,) is of `sizes`. `means` (samples, k) give the signs; they are NaN where a sample has no run. `correlation`
-    is that of two responses of one bench test, without its sign, from 0 to below 1. `apparatus` is the bench test of
+    is between two responses of one bench test, without its sign, from 0 to below 1. `apparatus` is the bench test of
     each response; None means as registered.
     """
-    found = np.diag(sd**2)
+    matrix = np.diag(sd**2)
     if apparatus is None:
         apparatus = [response(name).apparatus for name in names]
     for test in dict.fromkeys(apparatus):
-        rows = np.flatnonzero([one == test for one in apparatus])
+        rows = np.flatnonzero([bench == test for bench in apparatus])
         along = _signs(means[:, rows]) * sd[rows]
         own = correlation * np.outer(along, along)
         np.fill_diagonal(own, sd[rows] ** 2)
-        found[np.ix_(rows, rows)] = own
-    return found
+        matrix[np.ix_(rows, rows)] = own
+    return matrix
 
 
 def _signs(means):

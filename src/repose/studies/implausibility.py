@@ -1,4 +1,4 @@
-"""How the posterior depends on the discrepancy, and the region of parameters that the measurements do not exclude.
+"""Dependence of the posterior on the discrepancy, and the region of parameters that the measurements do not exclude.
 
 Both weigh the same points of a Sobol sequence over the prior, so nothing is sampled anew and the results are
 deterministic.
@@ -154,8 +154,8 @@ def message(table: pd.DataFrame, share: float) -> str:
     lines = []
     stated = table[table["evidence"] == "stated"]
     for correlation, own in stated.groupby("discrepancy_correlation"):
-        told = [f"{row.discrepancy_percent:g} %: {row.information_bits:.2f}" for row in own.itertuples()]
-        lines.append(f"bits over the discrepancy, correlation {correlation:g}: {', '.join(told)}")
+        shares = [f"{row.discrepancy_percent:g} %: {row.information_bits:.2f}" for row in own.itertuples()]
+        lines.append(f"bits over the discrepancy, correlation {correlation:g}: {', '.join(shares)}")
     for row in table[table["evidence"] != "stated"].itertuples():
         lines.append(
             f"with the discrepancy of the shape study, {row.discrepancy_percent:.0f} %: {row.information_bits:.2f} bits"

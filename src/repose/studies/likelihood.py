@@ -30,7 +30,7 @@ def observation(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Physical means (k,) and the part S_y + S_d (k, k) of their covariance that does not depend on the parameters.
 
-    `correlation` (k, k) is that of the measured responses from pile to pile, `discrepancy` (k, k) is S_d. ValueError if
+    `correlation` (k, k) is of the measured responses from pile to pile, `discrepancy` (k, k) is S_d. ValueError if
     `correlation` is not positive definite.
     """
     correlation = np.asarray(correlation, dtype=float)
@@ -43,15 +43,15 @@ def observation(
 def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
     """Correlation (k, k) of the measured responses.
 
-    `simulated` (k, k) is that of simulated runs of one sample. `stated` is ``simulated``, or a number for any two
+    `simulated` (k, k) is of simulated runs of one sample. `stated` is ``simulated``, or a number for any two
     responses of one bench test, where the physical piles were measured in another way.
     """
     if isinstance(stated, str):
         return simulated
-    bench = np.array([one.response.apparatus for one in targets])
-    found = np.where(bench[:, None] == bench, float(stated), 0.0)
-    np.fill_diagonal(found, 1.0)
-    return found
+    bench = np.array([target.response.apparatus for target in targets])
+    correlation = np.where(bench[:, None] == bench, float(stated), 0.0)
+    np.fill_diagonal(correlation, 1.0)
+    return correlation
 
 
 def log_likelihood(

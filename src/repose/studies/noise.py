@@ -32,7 +32,7 @@ class NoiseFloor(NamedTuple):
 
 
 def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """All runs of a study, failed ones included, from the table of `repose.chain.dataset`.
+    """All runs of a study, including failed runs, from the table of `repose.chain.dataset`.
 
     InputError if a target has no sample with two usable runs, or usable runs of one sample alone.
     """
@@ -62,7 +62,7 @@ def within_correlation(
     """
     matrix, pairs = np.eye(len(targets)), {}
     for bench in targets.apparatus:
-        rows = [k for k, one in enumerate(targets) if one.response.apparatus == bench]
+        rows = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
         # the same runs for all pairs of a bench test, so that the matrix is positive semidefinite
         ok = usable(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
@@ -74,7 +74,7 @@ def within_correlation(
     return matrix, pairs
 
 
-def told(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
+def correlation_record(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
     """Correlations as in the JSON files: by the names of the pair, or the only pair by itself."""
     return next(iter(pairs.values())) if len(pairs) == 1 else pairs
 
@@ -90,16 +90,20 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     for target in targets:
         own = of_bench(runs, target.response.apparatus)
         ok = usable(own, (target.name,))
-        one = variance_components(ok[target.name], ok["sample"])
-        error, quantity = one.standard_error(seeds), target.response.quantity
+        components = variance_components(ok[target.name], ok["sample"])
+        error, quantity = components.standard_error(seeds), target.response.quantity
         table[target.response.error] = error
         table[f"{quantity}_se_percent"] = 100 * error / target.aim
-        for label, icc in (("", one.icc), ("_low", one.icc_low), ("_high", one.icc_high)):
+        for label, icc in (
+            ("", components.icc),
+            ("_low", components.icc_low),
+            ("_high", components.icc_high),
+        ):
             table[f"{quantity}_reachable_r2{label}"] = icc / (icc + (1 - icc) / seeds)
-        rows.append(_row(target, one, ok, own[own["status"] != "ok"]))
+        rows.append(_row(target, components, ok, own[own["status"] != "ok"]))
     summary = {
         "responses": {row["response"]: row for row in rows},
-        "correlation": told(within_correlation(runs, targets)[1]),
+        "correlation": correlation_record(within_correlation(runs, targets)[1]),
         "confidence": CONFIDENCE,
     }
     return NoiseFloor(pd.DataFrame(rows), table, summary)
@@ -112,16 +116,16 @@ def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLik
     """
     runs = read_runs(runs_csv, targets)
     try:
-        found = noise_floor(runs, targets)
+        floor = noise_floor(runs, targets)
     except ValueError as error:
         raise InputError(
             runs_csv, "runs", str(error), "enough runs a sample for variances and correlations"
         ) from None
     out = Path(out_dir)
-    write_table(out / "noise.csv", found.responses)
-    write_table(out / "seeds.csv", found.seeds)
-    write_json(out / "noise.json", found.summary)
-    return found.summary
+    write_table(out / "noise.csv", floor.responses)
+    write_table(out / "seeds.csv", floor.seeds)
+    write_json(out / "noise.json", floor.summary)
+    return floor.summary
 
 
 def message(summary: dict[str, Any], targets: Targets) -> str:
@@ -137,25 +141,27 @@ def message(summary: dict[str, Any], targets: Targets) -> str:
     return "\n".join(lines)
 
 
-def _row(target: Target, one: Components, ok: pd.DataFrame, failed: pd.DataFrame) -> dict[str, Any]:
+def _row(target: Target, components: Components, ok: pd.DataFrame, failed: pd.DataFrame) -> dict[str, Any]:
     """The row of noise.csv of one response."""
     row = {
         "response": target.name,
-        "samples": one.groups,
-        "runs": one.values,
+        "samples": components.groups,
+        "runs": components.values,
         "failed_runs": len(failed),
         "samples_with_failures": int(failed["sample"].nunique()),
         "samples_without_runs": int((~failed["sample"].drop_duplicates().isin(ok["sample"])).sum()),
-        "mean": one.mean,
-        "sd_within": math.sqrt(one.within),
-        "sd_within_low": math.sqrt(one.within_low),
-        "sd_within_high": math.sqrt(one.within_high),
-        "sd_between": math.sqrt(one.between),
-        "icc": one.icc,
-        "icc_low": one.icc_low,
-        "icc_high": one.icc_high,
-        "mean_seeds": one.harmonic_seeds,
-        "r2_single_runs": float(one.reachable_r2(1)),
-        "r2_sample_means": float(one.reachable_r2(one.harmonic_seeds)),
+        "mean": components.mean,
+        "sd_within": math.sqrt(components.within),
+        "sd_within_low": math.sqrt(components.within_low),
+        "sd_within_high": math.sqrt(components.within_high),
+        "sd_between": math.sqrt(components.between),
+        "icc": components.icc,
+        "icc_low": components.icc_low,
+        "icc_high": components.icc_high,
+        "mean_seeds": components.harmonic_seeds,
+        "r2_single_runs": float(components.reachable_r2(1)),
+        "r2_sample_means": float(components.reachable_r2(components.harmonic_seeds)),
     }
-    return row | {f"seeds_for_{p:g}_percent": one.seeds_for(p / 100 * target.aim) for p in WANTED_PERCENT}
+    return row | {
+        f"seeds_for_{p:g}_percent": components.seeds_for(p / 100 * target.aim) for p in WANTED_PERCENT
+    }

@@ -51,15 +51,16 @@ def infer(
     space: ParameterSpace,
     targets: Targets,
     settings: Mapping[str, Any],
-    beside: Mapping[str, pd.DataFrame],
+    references: Mapping[str, pd.DataFrame],
     study: np.ndarray | None = None,
 ) -> Posterior:
     """Sample the posterior and state which parameters it determines.
 
     `support` is of the training samples; `runs` give the correlation of the responses. `settings` is the section
-    `posterior`; without measured_correlation that of simulated runs is taken. `beside` holds other intervals by name:
-    tables with the index parameter and columns low, high. `study` (k, k) is the covariance of the discrepancies by a
-    shape study; None means stated values. ValueError if the runs are too few or too alike for a correlation.
+    `posterior`; without measured_correlation the correlation of simulated runs is used. `references` are other
+    intervals by name: tables with the index parameter and columns low, high. `study` (k, k) is the covariance of the
+    discrepancies by a shape study; None means stated values. ValueError if the runs are too few or too alike for a
+    correlation.
     """
     observed, pairs = _observed(runs, targets, settings)
     assumed = settings["discrepancy_percent"], settings["discrepancy_correlation"]
@@ -84,7 +85,7 @@ def infer(
     bits = joint_information_bits(
         likelihood, drawn, independent, space.dimensions, settings["seed"], from_prior=space.from_prior
     )
-    table = _parameters(space, unit, r_hat, effective, chains.times, beside)
+    table = _parameters(space, unit, r_hat, effective, chains.times, references)
 
     X = space.values(kept)
     Y, std = model.predict(X, return_std=True, noise=False)
@@ -93,7 +94,7 @@ def infer(
         draws[response.predicted] = Y[:, k]
         draws[derived(response.name, f"{model.name}_se")] = std[:, k]
     summary = {
-        "correlation": noise.told(pairs),
+        "correlation": noise.correlation_record(pairs),
         "physical_se": [math.sqrt(v) for v in np.diag(covariance - unknown)],
         "discrepancy_sd": [math.sqrt(v) for v in np.diag(unknown)],
         "discrepancy_of": "stated" if study is None else "shape study",
@@ -131,7 +132,7 @@ def run(
     The files are posterior.csv, draws.csv, discrepancy.csv, region.csv and posterior.json, whose content is returned.
     `files` has the paths network, predictions, dataset, runs, feasible and table3, which is None without published
     intervals. `settings` may hold shape_study, a table for `repose.studies.discrepancy.of_shape_study`. `definitions`
-    are those of the study's responses; `source` names them in the error. InputError if files do not belong together, or
+    belong to the study's responses; `source` names them in the error. InputError if files do not belong together, or
     no parameter is free.
     """
     if not space.dimensions:
@@ -141,28 +142,28 @@ def run(
     support = Support.of_dataset(files["dataset"], space)
     feasible = read_table(files["feasible"], PARAMETERS)[list(PARAMETERS)]
     runs = noise.read_runs(files["runs"], targets)
-    beside = {"miga": feasible.agg(["min", "max"]).T.set_axis(["low", "high"], axis=1)}
+    references = {"miga": feasible.agg(["min", "max"]).T.set_axis(["low", "high"], axis=1)}
     if files["table3"] is not None:
         published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
-        beside = {"published": published, **beside}
+        references = {"published": published, **references}
     evidence = settings.get("shape_study")
     models = None if evidence is None else discrepancy.of_shape_study(evidence, targets)
     study = None if models is None else models.covariance
     try:
-        found = infer(model, support, runs, space, targets, settings, beside, study)
+        result = infer(model, support, runs, space, targets, settings, references, study)
     except ValueError as error:
         allowed = "enough runs a sample for the correlation of the responses"
         raise InputError(files["runs"], "runs", str(error), allowed) from None
     out = Path(out_dir)
-    told = _beside_the_posterior(model, space, targets, settings, runs, study, out)
-    found.summary.update(told)
+    further = _further_studies(model, space, targets, settings, runs, study, out)
+    result.summary.update(further)
     if models is not None:
-        found.summary["discrepancy_models"] = models.models
-        found.summary["discrepancy_mean"] = models.mean.tolist()
-    write_table(out / "posterior.csv", found.parameters)
-    write_table(out / "draws.csv", found.draws)
-    write_json(out / "posterior.json", found.summary)
-    return found.summary
+        result.summary["discrepancy_models"] = models.models
+        result.summary["discrepancy_mean"] = models.mean.tolist()
+    write_table(out / "posterior.csv", result.parameters)
+    write_table(out / "draws.csv", result.draws)
+    write_json(out / "posterior.json", result.summary)
+    return result.summary
 
 
 def _observed(runs, targets, settings):
@@ -178,7 +179,7 @@ def _observed(runs, targets, settings):
     return functools.partial(observation, targets, correlation), pairs
 
 
-def _beside_the_posterior(model, space, targets, settings, runs, study, out):
+def _further_studies(model, space, targets, settings, runs, study, out):
     """Write discrepancy.csv and region.csv; return their entries of the summary."""
     observed, _ = _observed(runs, targets, settings)
     points = implausibility.Points(model, space)
@@ -238,7 +239,7 @@ def _parameters(
     r_hat: np.ndarray,
     effective: np.ndarray,
     times: np.ndarray,
-    beside: Mapping[str, pd.DataFrame],
+    references: Mapping[str, pd.DataFrame],
 ) -> pd.DataFrame:
     """Rows of posterior.csv, a row for each free parameter."""
     shares, ends = space.prior_cdf(unit), _prior_interval(space)
@@ -247,8 +248,8 @@ def _parameters(
         row = {"parameter": name, "low": space.low[k], "high": space.high[k]}
         row |= _marginal(unit[:, k], shares[:, k], space.low[k], space.high[k], ends[k], effective[k])
         row |= {"r_hat": r_hat[k], "effective_draws": effective[k], "autocorrelation_steps": times[k]}
-        for other, intervals in beside.items():
-            row |= _beside(other, space, k, unit[:, k], *intervals.loc[name, ["low", "high"]])
+        for other, intervals in references.items():
+            row |= _reference(other, space, k, unit[:, k], *intervals.loc[name, ["low", "high"]])
         row["statement"] = statement(row)
         rows.append(row)
     return pd.DataFrame(rows)
@@ -294,10 +295,10 @@ def _interval(values: np.ndarray) -> dict[str, float]:
     return {"low": float(ends[0]), "high": float(ends[1])}
 
 
-def _beside(
+def _reference(
     other: str, space: ParameterSpace, k: int, draws: np.ndarray, first: float, last: float
 ) -> dict[str, float]:
-    """An interval from elsewhere for free parameter k, the posterior's probability of it, and the prior's."""
+    """A reference interval of free parameter k, with its probability by the posterior and by the prior."""
     first, last, low, high = float(first), float(last), space.low[k], space.high[k]
     values = low + draws * (high - low)
     prior = max(0.0, min(last, high) - max(first, low)) / (high - low)

@@ -28,7 +28,7 @@ class Chains(NamedTuple):
     points: np.ndarray  # (ensembles, draws, d), in order of time
     log_density: np.ndarray  # (ensembles, draws), at the points
     times: np.ndarray  # (d,), autocorrelation times in steps, means over the ensembles
-    density_time: float  # that of the log density
+    density_time: float  # autocorrelation time of the log density
 
 
 def sample(

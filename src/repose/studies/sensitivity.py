@@ -1,9 +1,9 @@
-"""Which parameter moves which response, by the surrogate: Sobol indices and main effects.
+"""Effects of the parameters on the responses, by the surrogate: Sobol indices and main effects.
 
 The indices use the estimators of Saltelli et al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence,
-as scipy.stats.sobol_indices has them. The free parameters are independent and uniform on their ranges; prior knowledge
-of a parameter does not enter. The intervals are those of the sampling, by bootstrap over the rows of the sequence. They
-do not contain the surrogate's own error.
+as scipy.stats.sobol_indices has them. The free parameters are independent and uniform on their ranges; prior
+knowledge of a parameter does not enter. The intervals contain the error of the sampling, by bootstrap over the rows
+of the sequence. They do not contain the surrogate's own error.
 """
 
 import os
@@ -36,9 +36,9 @@ def indices(
 ) -> dict[str, np.ndarray]:
     """First-order and total Sobol indices with intervals, each (outputs, d).
 
-    `function` maps points (n, d) to (n, outputs); it is evaluated at samples (d + 2) points. `low` and `high` (d,) are
-    ranges. `resamples` of the rows give percentile intervals by bootstrap. ValueError if `samples` is no power of two,
-    or an output does not vary.
+    `function` maps points (n, d) to (n, outputs); it is evaluated at samples (d + 2) points. `low` and `high` (d,)
+    are ranges. `resamples` of the rows give percentile intervals by bootstrap. ValueError if `samples` is not a power
+    of two, or an output does not vary.
     """
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples!r}; allowed: a power of two")
@@ -55,8 +55,8 @@ def indices(
     def of(rows):
         # scipy centres its arguments in place
         values = {"f_A": f_A[:, rows].copy(), "f_B": f_B[:, rows].copy(), "f_AB": f_AB[:, :, rows].copy()}
-        found = stats.sobol_indices(func=values, n=samples)
-        return np.reshape([found.first_order, found.total_order], (2, -1, d))
+        result = stats.sobol_indices(func=values, n=samples)
+        return np.reshape([result.first_order, result.total_order], (2, -1, d))
 
     random = np.random.default_rng(seed)
     again = [of(random.integers(samples, size=samples)) for _ in range(resamples)]
@@ -134,7 +134,7 @@ def run(
 ) -> pd.DataFrame:
     """Read a surrogate, write sobol.csv and main_effects.csv; return the first table.
 
-    `definitions` are those of the study's responses; `source` names them in the error. InputError for other responses
+    `definitions` belong to the study's responses; `source` names them in the error. InputError for other responses
     or definitions than the targets', a response that does not vary, or no free parameter.
     """
     if not space.dimensions:

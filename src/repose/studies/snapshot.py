@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from repose.core import ledger, provenance
-from repose.core.attached import BESIDE
+from repose.core.attached import SIDECAR
 from repose.core.errors import InputError
 from repose.core.ledger import write_whole
 
@@ -54,15 +54,15 @@ MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 
 def take(results_dir: str | Path, out: str | Path) -> list[Path]:
-    """Copy tables and pictures of a study to a folder of its own, where they replace those of an earlier snapshot.
+    """Copy tables and pictures of a study to a folder of its own, where they replace an earlier snapshot.
 
-    `out` must be new, empty, or an earlier snapshot to which nobody added a file. Returns the copied files. InputError
+    `out` must be new, empty, or an earlier snapshot without added files. Returns the copied files. InputError
     if the study is not finished, a file is larger than `LARGEST_FILE`, or `out` holds any other file.
     """
     source, out = Path(results_dir), Path(out)
     files = _kept(source, KEPT)
-    beside = (path.with_name(f"{path.name}{BESIDE}") for path in files)
-    files = list(dict.fromkeys([*files, *(path for path in beside if path.is_file())]))
+    sidecars = (path.with_name(f"{path.name}{SIDECAR}") for path in files)
+    files = list(dict.fromkeys([*files, *(path for path in sidecars if path.is_file())]))
     if not (source / "validation" / "table4.csv").is_file():
         raise InputError(source, "validation/table4.csv", "missing", "a finished study")
     for path in files:
@@ -98,7 +98,7 @@ def _kept(source, folders):
         for folder in folders
         for pattern in KEPT[folder]
         for path in sorted((source / folder).glob(pattern))
-        if not path.name.endswith(BESIDE)
+        if not path.name.endswith(SIDECAR)
     ]
 
 
@@ -109,11 +109,11 @@ def _earlier(out):
     if not out.is_dir():
         raise InputError(out, "folder", "a file", "a folder")
     manifest = out / MANIFEST
-    names = set(manifest.read_text(encoding="utf-8").splitlines()) if ledger.is_ours(manifest) else set()
+    names = set(manifest.read_text(encoding="utf-8").splitlines()) if ledger.is_own_file(manifest) else set()
     for path in sorted(out.rglob("*")):
         name = path.relative_to(out).as_posix()
-        ours = name in {*names, MANIFEST} and ledger.is_ours(path)
-        if not ours and path.name != ledger.LEDGER and (path.is_symlink() or not path.is_dir()):
+        own = name in {*names, MANIFEST} and ledger.is_own_file(path)
+        if not own and path.name != ledger.LEDGER and (path.is_symlink() or not path.is_dir()):
             allowed = "a new folder, or an earlier snapshot and no other file"
             raise InputError(out, "content", name, allowed)
     return {name for name in names if (out / name).is_file()}

@@ -1,7 +1,7 @@
-"""What every surrogate can do, the registry of them, and their files.
+"""The interface of all surrogates, their registry, and their files.
 
 A surrogate is a fast model of the simulator: it learns the responses of a few hundred simulated parameter sets, and
-then gives them for any parameter set, with errors. The rest of the program calls only what stands here::
+then gives them for any parameter set, with errors. The rest of the program calls only this interface::
 
     model = make("gaussian_process", settings).describe(PARAMETERS, targets.names, definitions)
     model.fit(X, Y).save("surrogate.json")
@@ -28,7 +28,7 @@ KEYS = {"surrogate": str, "inputs": list, "outputs": list}
 
 
 class Predictor(Protocol):
-    """What a posterior and the report ask of a model; every `Surrogate` is one.
+    """Interface that the posterior and the report require of a model; every `Surrogate` has it.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Surrogate(ABC):
     samples : tuple of int
         Numbers of the n samples that it was fitted to, in their order; set by `describe`.
     of_all_samples : bool
-        Whether a study fits it to all samples, once the split has told how well it predicts samples it has not seen.
+        Whether a study fits it to all samples, once the split has shown its accuracy on unseen samples.
     """
 
     name: ClassVar[str]
@@ -98,7 +98,7 @@ class Surrogate(ABC):
         ----------
         settings : mapping
             The section `network` of the configuration, with `seed`. A surrogate takes the keys that it knows and
-            leaves the others.
+            ignores the others.
 
         Returns
         -------
@@ -130,13 +130,13 @@ class Surrogate(ABC):
             Covariance of the noise of the responses, up to a factor. `precision` is then the same for all responses
             of a sample.
         noise_freedom : float, optional
-            Degrees of freedom from which replicates estimated `noise_covariance`, which then is that of one value of
-            precision 1. A surrogate may leave it.
+            Degrees of freedom from which replicates estimated `noise_covariance`, which then belongs to one value of
+            precision 1. A surrogate may ignore it.
 
         Returns
         -------
         Surrogate
-            The same one.
+            The same surrogate.
 
         Raises
         ------
@@ -154,7 +154,7 @@ class Surrogate(ABC):
         return_std : bool, optional
             Whether to return the standard deviations too.
         noise : bool, optional
-            Whether the standard deviations are those of one new value with precision 1; else those of the
+            Whether the standard deviations belong to one new value with precision 1, or else to the
             mean alone.
 
         Returns
@@ -180,11 +180,11 @@ class Surrogate(ABC):
 
     @property
     def knows_its_errors(self) -> bool:
-        """Whether `covariance` can be asked; not where it was saved without what it is computed from."""
+        """Whether `covariance` is available; False for a surrogate saved without its training data."""
         return True
 
     def shifted(self, offset: np.ndarray) -> Self:
-        """A copy that predicts more.
+        """A copy with an offset added to its predictions.
 
         It changes `offset_`, which `predict` adds to the responses. A surrogate without `offset_` has a `shifted` of
         its own.
@@ -214,7 +214,7 @@ class Surrogate(ABC):
         Parameters
         ----------
         content : mapping
-            What `to_dict` gave, with `inputs`, `outputs`, `definitions` and `samples`.
+            The result of `to_dict`, with `inputs`, `outputs`, `definitions` and `samples`.
 
         Returns
         -------
@@ -234,7 +234,7 @@ class Surrogate(ABC):
         Parameters
         ----------
         low, high : numpy.ndarray, (d,)
-            What -1 and 1 stand for.
+            Parameter values of -1 and 1.
 
         Returns
         -------
@@ -249,7 +249,7 @@ class Surrogate(ABC):
         return {}
 
     def start_rows(self) -> list[dict[str, Any]]:
-        """What each start of the training ended with, rows of starts.csv; empty for a method without starts."""
+        """Result of each start of the training, as rows of starts.csv; empty for a method without starts."""
         return []
 
     def describe(
@@ -273,7 +273,7 @@ class Surrogate(ABC):
         Returns
         -------
         Surrogate
-            The same one.
+            The same surrogate.
         """
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.definitions, self.samples = dict(definitions or {}), tuple(int(sample) for sample in samples)

@@ -187,12 +187,12 @@ class BayesianBP(Surrogate):
         return moved
 
     def report(self) -> dict[str, Any]:
-        """Evidence and end of the start that was kept, classes of its weights at the cap, numbers of starts, prior."""
+        """Evidence and end of the kept start, classes of its weights at the cap, numbers of starts, prior."""
         keys = ["gamma", "beta", "log_evidence", "epochs", "stop_reason", "best_start", "n_residuals"]
-        found = {key: getattr(self, key + "_") for key in [*keys, "converged_starts", "at_cap"]}
-        found["n_weights"] = int(sum(w.size for w in (self.W1_, self.b1_, self.W2_, self.b2_)))
-        found |= {"starts": self.starts, "prior": self.prior}
-        return found | {"alpha": np.asarray(self.alpha_).tolist()}
+        content = {key: getattr(self, key + "_") for key in [*keys, "converged_starts", "at_cap"]}
+        content["n_weights"] = int(sum(w.size for w in (self.W1_, self.b1_, self.W2_, self.b2_)))
+        content |= {"starts": self.starts, "prior": self.prior}
+        return content | {"alpha": np.asarray(self.alpha_).tolist()}
 
     def start_rows(self) -> list[dict[str, Any]]:
         """Evidence and end of each start, and which was kept."""
@@ -221,7 +221,7 @@ class BayesianBP(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        # Nothing is trained: the Hessian is that of the saved weights. Without `training` it predicts without errors.
+        # Nothing is trained: the Hessian follows from the saved weights. Without `training` it predicts without errors.
         arrays = {key: np.asarray(content[key], dtype=float) for key in ARRAYS}
         training = content.get("training")
         model = cls(hidden=len(arrays["b1"]), scaled_range=tuple(content["scaled_range"]))

@@ -23,7 +23,7 @@ def log_evidence(
     n: float,
     classes: Sequence[Any] = (slice(None),),
 ) -> float:
-    """Log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92); -inf if it is no number.
+    """Log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92); -inf if it is not a number.
 
     Likelihood (beta/pi)^(n/2) exp(-beta E_d), prior (alpha/pi)^(N/2) exp(-alpha E_w), H = 2 beta J'J + 2 alpha I:
     log p = n/2 log(beta/pi) + N/2 log(2 alpha) - 1/2 log det H - beta E_d - alpha E_w, with N/2 log(2 alpha) summed
@@ -41,7 +41,7 @@ def log_evidence(
 
 
 def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray:
-    """A root R (N, N) of the covariance of the weights about the most probable ones, R R' = H^-1 (M92).
+    """A root R (N, N) of the covariance of the weights about their most probable values, R R' = H^-1 (M92).
 
     H = 2 beta J'J + 2 diag(alpha), alpha (N,) of each weight. It is made symmetric about its prior first, so that
     rounding can make no variance negative.

@@ -96,13 +96,13 @@ class GaussianProcess(Surrogate):
                 warnings.simplefilter("ignore", ConvergenceWarning)
                 self.processes_.append(process.fit(x, t))
         self._noise_variances = np.array(
-            [one.kernel_.k2.noise_level * one._y_train_std**2 for one in self.processes_]
+            [process.kernel_.k2.noise_level * process._y_train_std**2 for process in self.processes_]
         )
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
         if not return_std:
-            means = np.column_stack([one.predict(x) for one in self.processes_])
+            means = np.column_stack([process.predict(x) for process in self.processes_])
             return means @ self._unmixing + self.offset_
         means, variances = self._moments(x)
         variances = variances + noise * self._noise_variances
@@ -116,7 +116,7 @@ class GaussianProcess(Surrogate):
 
     def _moments(self, x):
         """Means and variances (n, k) of the combinations, without noise."""
-        means, stds = zip(*(one.predict(x, return_std=True) for one in self.processes_), strict=True)
+        means, stds = zip(*(process.predict(x, return_std=True) for process in self.processes_), strict=True)
         # scikit-learn adds the noise to the variance of the mean
         variances = np.column_stack(stds) ** 2 - self._noise_variances
         return np.column_stack(means), np.maximum(variances, 0.0)
@@ -125,12 +125,12 @@ class GaussianProcess(Surrogate):
         """The means as one matrix product, an exponential and another product for each process."""
         middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
         parts = []
-        for one in self.processes_:
-            lengths = one.kernel_.k1.k2.length_scale * np.ones(len(self.low_))
+        for process in self.processes_:
+            lengths = process.kernel_.k1.k2.length_scale * np.ones(len(self.low_))
             scale = half / self.width_ / lengths
             start = (middle - self.low_) / self.width_ / lengths
-            weight = one.kernel_.k1.k1.constant_value * one._y_train_std * one.alpha_.ravel()
-            parts.append((scale, start, one.X_train_ / lengths, weight, one._y_train_mean))
+            weight = process.kernel_.k1.k1.constant_value * process._y_train_std * process.alpha_.ravel()
+            parts.append((scale, start, process.X_train_ / lengths, weight, process._y_train_mean))
 
         def respond(points):
             means = np.empty((len(points), len(parts)))
@@ -144,7 +144,7 @@ class GaussianProcess(Surrogate):
 
     def report(self) -> dict[str, Any]:
         """Log marginal likelihood and hyperparameters of each process."""
-        likelihood = [float(one.log_marginal_likelihood_value_) for one in self.processes_]
+        likelihood = [float(process.log_marginal_likelihood_value_) for process in self.processes_]
         return {"log_marginal_likelihood": likelihood, "kernels": self._kernels()}
 
     def to_dict(self) -> dict[str, Any]:
@@ -161,11 +161,11 @@ class GaussianProcess(Surrogate):
         """Hyperparameters of each process, in variances of its values and ranges of the inputs."""
         return [
             {
-                "variance": float(one.kernel_.k1.k1.constant_value),
-                "lengths": np.broadcast_to(one.kernel_.k1.k2.length_scale, len(self.low_)).tolist(),
-                "noise_variance": float(one.kernel_.k2.noise_level),
+                "variance": float(process.kernel_.k1.k1.constant_value),
+                "lengths": np.broadcast_to(process.kernel_.k1.k2.length_scale, len(self.low_)).tolist(),
+                "noise_variance": float(process.kernel_.k2.noise_level),
             }
-            for one in self.processes_
+            for process in self.processes_
         ]
 
     @classmethod
@@ -179,9 +179,9 @@ class GaussianProcess(Surrogate):
         )
         model._take(X, Y, precision, content["noise_covariance"])
         kernels = [
-            ConstantKernel(one["variance"], "fixed") * RBF(np.array(one["lengths"]), "fixed")
-            + model._noise(one["noise_variance"], k, "fixed")
-            for k, one in enumerate(content["kernels"])
+            ConstantKernel(kernel["variance"], "fixed") * RBF(np.array(kernel["lengths"]), "fixed")
+            + model._noise(kernel["noise_variance"], k, "fixed")
+            for k, kernel in enumerate(content["kernels"])
         ]
         model._fit(kernels)
         model.offset_ = np.asarray(content["offset"], dtype=float)

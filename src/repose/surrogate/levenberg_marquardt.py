@@ -9,7 +9,7 @@ Notation: w all N weights, n residuals (samples times outputs), E_d and E_w plai
 F = beta E_d + alpha E_w. Weights may fall into classes c with an alpha_c each; then E_w and alpha are vectors.
 
 Where replicates are known, n and E_d hold their scatter about the samples' means as well: no weights can change it, but
-it determines beta. Likelihood and evidence are then those of the single runs.
+it determines beta. Likelihood and evidence then refer to the single runs.
 
 With several alpha the re-estimation (FH 2-3) passes the largest evidence and goes on: it takes no account of how the
 weights change with alpha, so small weights of the inputs and large ones of the outputs drift apart without end. Such a
@@ -65,7 +65,7 @@ class _Data(NamedTuple):
     x: np.ndarray  # (samples, inputs), scaled
     t: np.ndarray  # (samples, outputs), scaled
     root_weight: np.ndarray  # (samples, outputs), square root of each residual's weight
-    n: float  # number of residuals, those of the replicates included
+    n: float  # number of residuals, including the replicates
     pure_error: float  # sum of squares of the replicates about their samples' means
     classes: list  # indices of the weights of each class
     size: np.ndarray  # (classes,), weights of each class
@@ -98,7 +98,7 @@ class _State(NamedTuple):
         return self.beta * self.at.JJ + np.diag(self.of_weight)
 
     def decrement(self):
-        """How far F lies above the minimum of its quadratic model."""
+        """Height of F above the minimum of its quadratic model."""
         g = self.half_gradient()
         return float(g @ np.linalg.solve(self.half_hessian(), g))
 

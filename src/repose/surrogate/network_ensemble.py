@@ -1,4 +1,4 @@
-"""The mean of the networks that several starts ended with, with the scatter among them in its errors.
+"""The mean of the networks at the ends of several starts, with their scatter in its errors.
 
 Starts of `repose.surrogate.bayesian_bp.BayesianBP` end at different networks, whose evidence hardly differs. The error
 bars of each are those about its own weights; the disagreement of the networks is in none of them. Here the prediction
@@ -64,13 +64,15 @@ class NetworkEnsemble(Surrogate):
         if not return_std:
             return mean
         variance = np.diagonal(self.covariance(X), axis1=1, axis2=2)
-        return mean, np.sqrt(variance + noise * np.mean([one.noise_std_**2 for one in self.members_], axis=0))
+        return mean, np.sqrt(
+            variance + noise * np.mean([member.noise_std_**2 for member in self.members_], axis=0)
+        )
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Covariance of the mixture's means, without noise (LPB17)."""
         means = self._means(X)
         off = means - means.mean(axis=0)
-        own = np.mean([one.covariance(X) for one in self.members_], axis=0)
+        own = np.mean([member.covariance(X) for member in self.members_], axis=0)
         return own + np.einsum("mni,mnj->nij", off, off) / len(self.members_)
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -79,7 +81,7 @@ class NetworkEnsemble(Surrogate):
 
     def shifted(self, offset: np.ndarray) -> Self:
         moved = copy.copy(self)
-        moved.members_ = [one.shifted(offset) for one in self.members_]
+        moved.members_ = [member.shifted(offset) for member in self.members_]
         return moved
 
     def report(self) -> dict[str, Any]:
@@ -91,10 +93,10 @@ class NetworkEnsemble(Surrogate):
         return [row | {"member": row["start"] in self.near_} for row in self.members_[0].start_rows()]
 
     def to_dict(self) -> dict[str, Any]:
-        """The best network as its own file has it, and what differs in each other one."""
+        """The best network as in its own file, and the own part of each other network."""
         best, *others = self.members_
         content = best.to_dict()
-        return content | {"others": [_what_differs(one.to_dict()) for one in others]}
+        return content | {"others": [_own_part(member.to_dict()) for member in others]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -117,7 +119,7 @@ class NetworkEnsemble(Surrogate):
 
     def _stacked(self, key):
         """One of the arrays of `OF_EACH` for all networks (members, ...)."""
-        return np.array([getattr(one, f"{key}_") for one in self.members_])
+        return np.array([getattr(member, f"{key}_") for member in self.members_])
 
     def _as_one(self):
         """Arrays of the network that has the neurons of all members."""
@@ -129,7 +131,7 @@ class NetworkEnsemble(Surrogate):
         }
 
 
-def _what_differs(content):
+def _own_part(content):
     """Weights and their regularisation; scalings and samples are the same in all networks."""
-    found = {key: content[key] for key in OF_EACH}
-    return found | {"training": {key: content["training"][key] for key in ("alpha", "beta")}}
+    own = {key: content[key] for key in OF_EACH}
+    return own | {"training": {key: content["training"][key] for key in ("alpha", "beta")}}

@@ -62,10 +62,10 @@ class QuadraticSurface(Surrogate):
         groups = (
             [slice(k, k + 1) for k in range(Y.shape[1])] if np.ptp(precision, axis=1).any() else [slice(None)]
         )
-        found = [_weighted(A, Y[:, group], np.sqrt(precision[:, group][:, 0])) for group in groups]
-        self.coefficients_ = np.hstack([one[0] for one in found])
-        residuals = np.hstack([one[1] for one in found])
-        self._roots = [one[2] for one in found] * (Y.shape[1] // len(found))
+        fits = [_weighted(A, Y[:, group], np.sqrt(precision[:, group][:, 0])) for group in groups]
+        self.coefficients_ = np.hstack([fit[0] for fit in fits])
+        residuals = np.hstack([fit[1] for fit in fits])
+        self._roots = [fit[2] for fit in fits] * (Y.shape[1] // len(fits))
         self.residual_covariance_ = residuals.T @ residuals / freedom
         self._variances = (residuals**2).sum(axis=0) / freedom
         return self

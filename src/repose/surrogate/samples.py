@@ -16,7 +16,7 @@ def independent_mixing(
     Outputs of one experiment share its noise; taken as independent, the shared part looks like a signal.
     `noise_covariance` is known up to a factor; None means independent outputs, which stay as they are. `stretch`
     (outputs,) is the unit of the scaled outputs in units of y. The determinant is one, so the combinations stay about
-    as wide as the outputs. ValueError if the matrix is no covariance, or if outputs of a sample then differ in
+    as wide as the outputs. ValueError if the matrix is not a covariance, or if outputs of a sample then differ in
     precision.
     """
     if noise_covariance is None:

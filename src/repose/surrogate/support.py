@@ -1,4 +1,4 @@
-"""Warnings where a surrogate is asked beyond its data: parameter sets at a bound, or where samples are thin.
+"""Warnings where a surrogate is used beyond its data: parameter sets at a bound, or where samples are thin.
 
 A parameter set gets a warning when a parameter lies within 1 % of its range from an end, when the nearest sample is
 farther away than most samples are from their nearest neighbour, or when its leverage in a quadratic model is larger
@@ -63,9 +63,9 @@ class Support:
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
         """Whether each parameter of the points (m, d) is free and lies within 1 % of its range from an end."""
         unit = self._unit(points)
-        found = np.zeros((len(unit), len(self.names)), dtype=bool)
-        found[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
-        return found
+        reached = np.zeros((len(unit), len(self.names)), dtype=bool)
+        reached[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
+        return reached
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Distance of each point to the nearest sample, in ranges."""

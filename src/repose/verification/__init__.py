@@ -54,11 +54,11 @@ __all__ = ["CASES", "EXPENSIVE", "FULL", "Effort", "run"]
 def run(
     names: Iterable[str] | None = None,
     effort: Effort = FULL,
-    told: Callable[[str, Result], Any] | None = None,
+    report: Callable[[str, Result], Any] | None = None,
 ) -> dict[str, Result]:
     """Run cases of the verification suite, by default all but `EXPENSIVE`; an unknown name raises InputError.
 
-    `told` is called with the name and the `Result` of each case as it ends.
+    `report` is called with the name and the `Result` of each case as it ends.
     """
     chosen = list(names) if names else [name for name in CASES if name not in EXPENSIVE]
     for name in chosen:
@@ -67,6 +67,6 @@ def run(
     results = {}
     for name in dict.fromkeys(chosen):
         results[name] = CASES[name](effort)
-        if told is not None:
-            told(name, results[name])
+        if report is not None:
+            report(name, results[name])
     return results

@@ -116,7 +116,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Effort:
-    """Size of the statistical cases; FULL is that of the verb."""
+    """Size of the statistical cases; FULL is the size of the verb."""
 
     hits: int = 10_000  # impacts of each kind in the energy cases
     berries: int = 400  # in the poured packing
@@ -126,7 +126,7 @@ class Effort:
 
     @property
     def tension(self) -> str:
-        """How a contact ends."""
+        """Tension at the end of a contact."""
         return self.laws.get("tension", "keep")
 
 

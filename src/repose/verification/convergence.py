@@ -29,15 +29,15 @@ def restitution_at(step_s: float, **laws: Any) -> tuple[float, float]:
 
     The impact begins at `PHASES` evenly spaced places within a time step. ValueError if the simulator refuses the step.
     """
-    found = []
+    impacts = []
     for phase in np.arange(PHASES) / PHASES:
         contact, axes = Contact(ASKED, 0.0, 0.0), (SPHERE_M,) * 3
         simulation = berry_simulation(contact, step_s, capacity=2, axes=axes, **laws)
         simulation.add("berry", (-0.0068 - 0.7 * phase * step_s, 0.0, 0.0), velocity_m_s=(0.7, 0.0, 0.0))
         simulation.add("berry", (0.0068, 0.0, 0.0), velocity_m_s=(-0.7, 0.0, 0.0))
         simulation.run_steps(round(0.1 / step_s))
-        found.append((simulation.velocities[1, 0] - simulation.velocities[0, 0]) / 1.4)
-    return _mean_and_error(found)
+        impacts.append((simulation.velocities[1, 0] - simulation.velocities[0, 0]) / 1.4)
+    return _mean_and_error(impacts)
 
 
 def longest_step_named(message: str) -> float:
@@ -127,13 +127,13 @@ def _pile_rows(
 ) -> list[tuple[Response, float, float, float]]:
     """Add a step's rows of the targets' responses; returns (response, step, mean, standard error) of each."""
     runs = _runs(step, pile, seeds)
-    found = []
+    result = []
     for response in Targets.of(pile[0]["targets"]).responses:
         values = [run[response.name] for run in runs if run.get(response.name) is not None]
         if not values:
             continue
         mean, error = _mean_and_error(values)
-        found.append((response, step, mean, error))
+        result.append((response, step, mean, error))
         note = f"standard error {error:.2g}, {len(values)} runs"
         rows.append(reported(f"{at}: {response.label}", response.unit, mean, note))
-    return found
+    return result

@@ -142,9 +142,9 @@ def pair_hits(
         energies = simulation.kinetic_energies()
         most = np.maximum(most, (energies[0::2] + energies[1::2]) / start)
     # a pair that still touches holds elastic energy: its impact is not finished
-    apart = np.ones(n, bool)
-    apart[simulation.contacts()[:, 0] // 2] = False
-    return most[apart], ((energies[0::2] + energies[1::2]) / start)[apart]
+    separated = np.ones(n, bool)
+    separated[simulation.contacts()[:, 0] // 2] = False
+    return most[separated], ((energies[0::2] + energies[1::2]) / start)[separated]
 
 
 def funnel_hits(
@@ -238,7 +238,7 @@ def energy_of_hits(effort: Effort) -> Result:
 
 
 def elastic_impacts(effort: Effort) -> Result:
-    """How far the force is from conservative: e = 1 and no friction; pairs, spheres as a control, and a funnel."""
+    """Deviation from a conservative force: e = 1 and no friction; pairs, spheres as a control, and a funnel."""
     bodies = (
         ("berries", BERRY_M, STEP),
         ("berries, a fifth of the time step", BERRY_M, STEP / 5),

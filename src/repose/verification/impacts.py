@@ -107,11 +107,11 @@ def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mappi
     """Rows and plot of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
     rows, force_curves, overlap_curves = [], [], []
     for solid, hertz, (time, overlap, force) in cases:
-        found = (force.max(), overlap.max(), duration_of(time, overlap))
+        result = (force.max(), overlap.max(), duration_of(time, overlap))
         exact = (hertz.force_n, hertz.overlap_m, hertz.duration_s)
         names = ("peak force", "largest overlap", "contact time")
         for name, scale, unit, ours, reference in zip(
-            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), found, exact, strict=True
+            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), result, exact, strict=True
         ):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, scale * reference))
         t, x, f = hertz.history(1.0)
@@ -124,7 +124,7 @@ def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mappi
             Curve(f"{solid.name}, repose", 1e6 * overlap[::60], 1e-3 * force[::60]),
         ]
         for name, scale, unit, ours, value in zip(
-            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), found, published.get(solid.name, ()), strict=False
+            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), result, published.get(solid.name, ()), strict=False
         ):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, value, DIGITISED))
     panels = [
@@ -173,15 +173,15 @@ def damped_impact(effort: Effort) -> Result:
 
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 3.
     """
-    asked = np.linspace(0.2, 1.0, 9)
-    rows, curves = [], [Curve("restitution out = in", asked, asked, reference=True)]
+    nominal = np.linspace(0.2, 1.0, 9)
+    rows, curves = [], [Curve("restitution out = in", nominal, nominal, reference=True)]
     for solid in (ALUMINIUM_OXIDE, CAST_IRON):
-        left = np.array([_restitution(solid, e, **effort.laws) for e in asked])
+        left = np.array([_restitution(solid, e, **effort.laws) for e in nominal])
         rows += [
             close(f"{solid.name}: restitution at {e:.1f}", "", out, e)
-            for e, out in zip(asked, left, strict=True)
+            for e, out in zip(nominal, left, strict=True)
         ]
-        curves.append(Curve(f"{solid.name}, repose", asked, left))
+        curves.append(Curve(f"{solid.name}, repose", nominal, left))
     hertz = hertz_on_plane(ALUMINIUM_OXIDE, 0.0025, 3.9)
     forces = []
     for e in (0.2, 0.6, 1.0):

@@ -3,7 +3,7 @@
 A sphere that slides through the whole impact loses the tangential velocity mu (1 + e) V_n and gains the spin
 5/2 mu (1 + e) V_n / R. This holds when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit
 gives exactly that when it takes the elastic normal force and the contact may pull, or all of the normal force and the
-contact is released. Where the sphere sticks, the result is that of the tangential spring, and stands beside the
+contact is released. Where the sphere sticks, the result is determined by the tangential spring, and stands beside the
 equation of that spring (`equation_of_hit`).
 """
 
@@ -35,7 +35,7 @@ TEST_4 = {
     70: (0.932, -246.0),
 }
 SPRING_NOTE = (
-    "it sticks, and the answer is that of the tangential spring: the published one is near S_t delta_t"
+    "it sticks, and the tangential spring determines the answer: the published one is near S_t delta_t"
 )
 EQUATION = "equation of the spring, solved in 20,000 steps"
 ARM_NOTE = "the lever arm is R - delta / 2, not R: the contact lies in the middle of the overlap"
@@ -229,9 +229,9 @@ def tangential_speeds(effort: Effort) -> Result:
             turning.append(-w[1] * radius / (0.3 * normal))
             if u in (13.5, 25.0):
                 hertz = hertz_on_plane(solid, radius, normal)
-                found = (v[0], w[1])
+                result = (v[0], w[1])
                 rows += sliding_rows(
-                    f"{solid.name}, {u:g} m/s", contact, hertz, radius, found, (u, 0.0), effort.tension
+                    f"{solid.name}, {u:g} m/s", contact, hertz, radius, result, (u, 0.0), effort.tension
                 )
         surface.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), after))
         spins.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), turning))

@@ -73,17 +73,17 @@ def berry_at_rest(effort: Effort) -> Result:
         expected = resting_overlap(mass, math.sqrt(radii[0] * radii[1]), BERRY)
         simulation.add("berry", (0.0, 0.0, height), turn)
         simulation.run_steps(6000)
-        found = height - simulation.positions[0, 2]
-        rows.append(close(f"{name} axis up: overlap", "um", 1e6 * found, 1e6 * expected))
+        sunk = height - simulation.positions[0, 2]
+        rows.append(close(f"{name} axis up: overlap", "um", 1e6 * sunk, 1e6 * expected))
         note = f"{ELLIPTIC_NOTE}; R1 / R2 = {radii[0] / radii[1]:.2f}"
         rows.append(
             reported(
-                f"{name} axis up: overlap", "um", 1e6 * found, note, 1e6 * elliptic_overlap(mass, radii, young),
+                f"{name} axis up: overlap", "um", 1e6 * sunk, note, 1e6 * elliptic_overlap(mass, radii, young),
                 "closed form, elliptic Hertz contact",
             )
         )  # fmt: skip
         radii_drawn.append(1e3 * math.sqrt(radii[0] * radii[1]))
-        found_drawn.append(1e6 * found)
+        found_drawn.append(1e6 * sunk)
     fine = np.linspace(0.8 * min(radii_drawn), 1.1 * max(radii_drawn), 100)
     exact = [1e6 * resting_overlap(mass, 1e-3 * r, BERRY) for r in fine]
     panel = Panel(
@@ -142,12 +142,12 @@ def _rocking_history(level: int, about: int, duration_s: float, laws: Mapping[st
     radius = BERRY_M[0] * BERRY_M[1] / BERRY_M[2]
     simulation.add("berry", (0.0, 0.0, height - resting_overlap(mass, radius, STIFF)), turn)
     every = 20
-    found = []
+    crossings = []
     for _ in range(int(duration_s / step / every)):
         simulation.run_steps(every)
         q = simulation.quaternions[0]
-        found.append((simulation.time_s, math.degrees(2.0 * math.asin(q[1 + about]))))
-    return np.array(found).T
+        crossings.append((simulation.time_s, math.degrees(2.0 * math.asin(q[1 + about]))))
+    return np.array(crossings).T
 
 
 def period_of(time: np.ndarray, wave: np.ndarray) -> float:

@@ -31,7 +31,7 @@ ASKED = (0.1, 0.3, 0.5, 0.7, 0.9)
 SPEEDS_M_S = (0.2, 1.0)
 OFFSET = 0.8  # largest distance of the centres across the approach, over the sum of the smallest half extents
 STEEPEST = 0.3  # a plane is hit with at least this share of the speed
-STIFFER = 1e7  # moduli in the stiff limit over the real ones
+STIFFER = 1e7  # moduli in the stiff limit over the real moduli
 STEPS_PER_CONTACT = 120
 LOOK = 3  # steps between two looks
 LEAD = 2.0  # steps until they touch
@@ -47,7 +47,7 @@ def particles() -> dict[str, Shape | Clump]:
     """Shapes of every kind of particle by name, each as large as a berry and of the material "berry"."""
     volume = 4.0 / 3.0 * math.pi * np.prod(BERRY_M)
     solid = Shape.ellipsoid(np.sum(BARREL_M, axis=0), BERRY_DENSITY, "berry")
-    found: dict[str, Shape | Clump] = {
+    shapes: dict[str, Shape | Clump] = {
         "sphere": Shape.sphere(np.cbrt(3.0 * volume / (4.0 * math.pi)), BERRY_DENSITY, "berry"),
         "ellipsoid": Shape.ellipsoid(BERRY_M, BERRY_DENSITY, "berry"),
         "sum of two": Shape(np.array(BARREL_M), MASS_G * 1e-3, solid.inertia_kg_m2, "berry"),
@@ -55,8 +55,8 @@ def particles() -> dict[str, Shape | Clump]:
     mesh, _shape = berry_mesh(2e3 * np.array(BERRY_M), MASS_G, BERRY_DENSITY)
     for name, (spheres, surface) in CLUMPS.items():
         particle = make_particle(mesh, BERRY_DENSITY, "multisphere", spheres, surface)
-        found[name] = particle.dem_shape("berry")
-    return found
+        shapes[name] = particle.dem_shape("berry")
+    return shapes
 
 
 class Hits(NamedTuple):
@@ -101,9 +101,9 @@ def first_touch(
     """
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
-        apart = b[None, :, :3] + offset - a[:, None, :3]
-        along = apart @ direction
-        square = along**2 - np.sum(apart**2, axis=-1) + (a[:, None, 3] + b[None, :, 3]) ** 2
+        offset_across = b[None, :, :3] + offset - a[:, None, :3]
+        along = offset_across @ direction
+        square = along**2 - np.sum(offset_across**2, axis=-1) + (a[:, None, 3] + b[None, :, 3]) ** 2
         return float(
             np.max(np.sqrt(square, where=square > 0.0, out=np.full(square.shape, -math.inf)) - along)
         )
@@ -255,10 +255,10 @@ def restitution_of_hits(effort: Effort) -> Result:
             curves = [Curve("found = asked", ASKED, ASKED, reference=True)]
             for name, shape in particles().items():
                 thrown = [hits(shape, e, stiffer, on_plane, count, **effort.laws) for e in ASKED]
-                found = [of_one.restitution for of_one in thrown]
+                means_of_hits = [of_one.restitution for of_one in thrown]
                 rows += [
                     _row(f"{limit}, {partner}, {name}: restitution at {e:.1f}", values, e, stiffer > 1.0)
-                    for e, values in zip(ASKED, found, strict=True)
+                    for e, values in zip(ASKED, means_of_hits, strict=True)
                 ]
                 if isinstance(shape, Clump):
                     most = np.mean([of_one.contacts for of_one in thrown])
@@ -267,7 +267,7 @@ def restitution_of_hits(effort: Effort) -> Result:
                             f"{limit}, {partner}, {name}: most contacts at a time", "", most, CONTACTS_NOTE
                         )
                     )
-                means, spreads = np.nanmean(found, axis=1), np.nanstd(found, axis=1)
+                means, spreads = np.nanmean(means_of_hits, axis=1), np.nanstd(means_of_hits, axis=1)
                 curves.append(Curve(name, np.array(ASKED), means, error=spreads))
             panels.append(
                 Panel(f"restitution asked for ({limit}, {partner})", "restitution found", tuple(curves))
@@ -281,7 +281,7 @@ def restitution_of_hits(effort: Effort) -> Result:
     )
 
 
-def _row(quantity: str, values: np.ndarray, asked: float, judged: bool) -> Row:
+def _row(quantity: str, values: np.ndarray, nominal: float, judged: bool) -> Row:
     """The mean restitution of hits, judged in the stiff limit, with their spread in the note."""
     low, high = np.nanpercentile(values, (5, 95))
     lost = int(np.isnan(values).sum())
@@ -290,6 +290,6 @@ def _row(quantity: str, values: np.ndarray, asked: float, judged: bool) -> Row:
     )
     mean = float(np.nanmean(values))
     if not judged:
-        return reported(quantity, "", mean, f"{note}; {SOFT_NOTE}", asked, "asked for")
-    row = close(quantity, "", mean, asked, "asked for", tolerance=STIFF_TOLERANCE, scale=1.0)
+        return reported(quantity, "", mean, f"{note}; {SOFT_NOTE}", nominal, "asked for")
+    row = close(quantity, "", mean, nominal, "asked for", tolerance=STIFF_TOLERANCE, scale=1.0)
     return replace(row, note=note)

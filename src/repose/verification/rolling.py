@@ -41,13 +41,13 @@ def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float, **law
 
 def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
     """Time, speed and R times spin of the first body, once every `every` steps."""
-    found = []
+    rows = []
     for _ in range(steps // every):
         simulation.run_steps(every)
-        found.append(
+        rows.append(
             (simulation.time_s, simulation.velocities[0, 0], RADIUS * simulation.angular_velocities[0, 1])
         )
-    return np.array(found).T
+    return np.array(rows).T
 
 
 def slip_to_roll(effort: Effort) -> Result:
@@ -123,7 +123,7 @@ def coulomb_slope(effort: Effort) -> Result:
     friction = 0.5
     limit = math.degrees(math.atan(friction))
     angles = np.array([10.0, 20.0, limit - 0.5, limit + 0.5, 30.0, 35.0, 45.0])
-    found = np.array([slope_acceleration(angle, friction, **effort.laws) for angle in angles])
+    accelerations = np.array([slope_acceleration(angle, friction, **effort.laws) for angle in angles])
     fine = np.linspace(5.0, 50.0, 200)
 
     def exact(angle: float | np.ndarray) -> np.ndarray:
@@ -138,12 +138,15 @@ def coulomb_slope(effort: Effort) -> Result:
             float(exact(angle)),
             scale=max(float(exact(angle)), 0.1),
         )
-        for angle, a in zip(angles, found, strict=True)
+        for angle, a in zip(angles, accelerations, strict=True)
     ]
     panel = Panel(
         "slope (deg)",
         "acceleration (m/s2)",
-        (Curve("g (sin - mu cos), or 0", fine, exact(fine), reference=True), Curve("repose", angles, found)),
+        (
+            Curve("g (sin - mu cos), or 0", fine, exact(fine), reference=True),
+            Curve("repose", angles, accelerations),
+        ),
     )
     return Result(
         "Coulomb's slope", "acceleration of a berry, mu 0.5, that is kept from rolling", rows, [panel]

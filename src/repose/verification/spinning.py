@@ -23,11 +23,11 @@ SPIN_CONTACT, SPIN_RADIUS, SPIN_NORMAL = Contact(0.5, 0.4, 0.0), 0.1, 0.2
 
 def _plane_spins(solid: Solid, spins: np.ndarray, **laws: Any) -> tuple[np.ndarray, np.ndarray]:
     """Tangential velocity and spin after test 6's impacts, each (len(spins),)."""
-    found = [
+    impacts = [
         impact(solid, SPIN_RADIUS, SPIN_CONTACT, (0.0, 0.0, -SPIN_NORMAL), (0.0, float(w), 0.0), **laws)
         for w in spins
     ]
-    return np.array([v[0] for v, _ in found]), np.array([w[1] for _, w in found])
+    return np.array([v[0] for v, _ in impacts]), np.array([w[1] for _, w in impacts])
 
 
 def _pair_spins(
@@ -40,7 +40,7 @@ def _pair_spins(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same for the upper of two spheres; the spin of the other is `sense` times its own.
 
-    `radius` is that of the other sphere, `factor` its stiffness and density over those of the first; with a factor
+    `radius` is of the other sphere, `factor` its stiffness and density over the first sphere's; with a factor
     above 1 it is at rest.
     """
     other = Solid(

@@ -1,4 +1,4 @@
-# The representative solution in a drum that turns until its bed slips: one job a seed, then what is measured, tables and
+# The representative solution in a drum that turns until its bed slips: one job a seed, then the measurement, tables and
 # a film.
 DRUM_SEEDS = pour_seeds(
     config["design"]["seed"], "drum", int(REPRESENTATIVE), config["drum"]["seeds"]

@@ -1,5 +1,5 @@
 # The representative solution's pile, measured from a picture as a photograph is, and a film of its pour.
-REPRESENTATIVE = OURS[0]
+REPRESENTATIVE = OWN_SOLUTIONS[0]
 FILM_SEED = pour_seeds(config["design"]["seed"], "validation", int(REPRESENTATIVE), 1)[
     0
 ]

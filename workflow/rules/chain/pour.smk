@@ -1,4 +1,4 @@
-# Runs of the bench tests; those of the funnel are heaps. A run that fails is a result with a status; only a crash ends
+# Runs of the bench tests; runs of the funnel are heaps. A run that fails is a result with a status; only a crash ends
 # with an error and is tried once more.
 SAMPLES = [f"{number:03d}" for number in range(1, config["design"]["samples"] + 1)]
 

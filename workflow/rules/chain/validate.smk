@@ -1,6 +1,8 @@
-# Numbers in solutions.csv: ours from 1, the representative first; the published ones from 101.
-OURS = [f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)]
-THEIRS = [
+# Numbers in solutions.csv: own solutions from 1, the representative first; published solutions from 101.
+OWN_SOLUTIONS = [
+    f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)
+]
+PUBLISHED_SOLUTIONS = [
     f"{101 + k}"
     for k in range(
         published_count(config["validation"]["published"], STUDY.targets.responses)
@@ -33,7 +35,7 @@ rule solutions:
         " > {log:q} 2>&1"
 
 
-# In a table of their own, so that another answer of the search is no reason to pour the published ones again.
+# In a table of their own, so that another answer of the search is no reason to pour the published solutions again.
 rule published_solutions:
     input:
         published=config["validation"]["published"] or [],
@@ -98,7 +100,7 @@ rule validate:
         jobs=expand(
             rules.measure_validation_runs.output.result,
             runs=folders_of_targets(),
-            sample=OURS + THEIRS,
+            sample=OWN_SOLUTIONS + PUBLISHED_SOLUTIONS,
         ),
         dataset=rules.dataset.output.dataset,
     output:

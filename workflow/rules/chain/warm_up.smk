@@ -1,6 +1,6 @@
-# The engine is compiled once, before the first run, and its time is seen in the log and the benchmark. The compiled code
-# lies in numba's cache, not among the results. So runs wait for this rule, and take its being new for no reason to run
-# again. The output's name tells the engine: another engine is another file. Were it the same file made anew, snakemake
+# The engine is compiled once, before the first run, and its time is in the log and the benchmark. The compiled code
+# lies in numba's cache, not among the results. So runs wait for this rule, and do not run again
+# because it is new. The output's name contains the engine's hash: another engine is another file. Were it the same file made anew, snakemake
 # would not look for the reasons that the runs behind it have of their own.
 rule warm_up:
     input:

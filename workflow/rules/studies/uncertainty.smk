@@ -1,4 +1,4 @@
-# How sure the answer is. Targets of their own: `snakemake --cores 2 uncertainty`, or noise, posterior, sensitivity.
+# Uncertainty of the answer. Targets of their own: `snakemake --cores 2 uncertainty`, or noise, posterior, sensitivity.
 rule noise_tables:
     input:
         runs=rules.dataset.output.runs,
@@ -83,7 +83,7 @@ rule sensitivity_tables:
         " > {log:q} 2>&1"
 
 
-# Each figure: its folder, its name in the report, and what it shows.
+# Each figure: its folder, its name in the report, and its inputs.
 UNCERTAINTY_FIGURES = {
     "noise": (
         "noise",

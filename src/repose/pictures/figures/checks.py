@@ -23,18 +23,20 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     column of panels. Inputs: ``table4`` of the verb validate, optionally ``published``.
     """
     targets = style.targets_of(config)
-    simulated = [one.response.simulated for one in targets]
-    ours = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
-    theirs = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
-    published = published_responses(theirs.columns, targets.responses)
+    simulated = [target.response.simulated for target in targets]
+    solutions = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
+    of_publication = (
+        read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
+    )
+    published = published_responses(of_publication.columns, targets.responses)
     sides = 2 if published else 1
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
     panels = figure.subplots(len(targets), sides, sharey="row", squeeze=False, width_ratios=(1.15, 1)[:sides])
     for row, target in zip(panels, targets, strict=True):
-        _predicted_and_simulated(row[0], ours, target)
+        _predicted_and_simulated(row[0], solutions, target)
         row[0].set_ylabel(style.response_label(target.response))
         if target.response in published:
-            _predicted_and_simulated(row[1], theirs, target)
+            _predicted_and_simulated(row[1], of_publication, target)
         elif published:
             row[1].axis("off")
             style.note(row[1], "not published", x=0.5, y=0.5, ha="center", color=style.GREY)
@@ -57,13 +59,13 @@ def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) ->
     Input: ``published``, the published solutions as simulated here.
     """
     targets = style.targets_of(config)
-    simulated = [one.response.simulated for one in targets]
+    simulated = [target.response.simulated for target in targets]
     table = read_table(inputs["published"], ("solution", *simulated, *targets.errors))
     count = len(targets)
     figure = style.new_figure(style.PAGE, 2.9 * style.grid_rows(count))
     panels = style.grid(figure, count)
     for panel, target in zip(panels, targets, strict=True):
-        _published_and_ours(panel, table, target)
+        _published_and_simulated(panel, table, target)
     style.name_panels(panels)
     # A response that was not published has no marks of the article's simulation, and no label for them.
     fullest = max(panels, key=lambda panel: len(panel.get_legend_handles_labels()[1]))
@@ -71,14 +73,14 @@ def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) ->
     return figure
 
 
-def _published_and_ours(panel: Axes, table: pd.DataFrame, target: Target) -> None:
+def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """One response of the published solutions, as published and as simulated here."""
     x, response = np.arange(len(table)), target.response
     _band(panel, target)
     if (column := derived(response.name, "published_simulated")) in table:
-        theirs = table[column].to_numpy(float)
+        published = table[column].to_numpy(float)
         look = {"ms": 4.5, "mfc": "white", "color": style.ORANGE}
-        panel.plot(x - 0.12, theirs, "D", label="published simulation", **look)
+        panel.plot(x - 0.12, published, "D", label="published simulation", **look)
     panel.errorbar(
         x + 0.12,
         table[response.simulated],
@@ -117,12 +119,12 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
         capsize=2,
         label="simulated",
     )
-    for place, ours, theirs in zip(x, predicted, simulated, strict=True):
-        if not np.isfinite(theirs) or theirs == 0:
+    for place, before, after in zip(x, predicted, simulated, strict=True):
+        if not np.isfinite(after) or after == 0:
             continue
         panel.annotate(
-            f"{100 * abs((ours - theirs) / theirs):.1f}",
-            (place, min(ours, theirs)),
+            f"{100 * abs((before - after) / after):.1f}",
+            (place, min(before, after)),
             xytext=(0, -9),
             textcoords="offset points",
             ha="center",

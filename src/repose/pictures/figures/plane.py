@@ -32,7 +32,7 @@ def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}
     good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
     solutions = read_table(inputs["feasible"], ("feasible", *targets.predicted))
-    simulated = [one.simulated for one in targets.responses]
+    simulated = [response.simulated for response in targets.responses]
     checked = read_table(inputs["table4"], ("role", *targets.predicted, *simulated, *targets.errors))
     answer = checked[checked["role"] == "representative"].iloc[0]
     pairs = list(combinations(targets, 2))
@@ -41,8 +41,8 @@ def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     panels = style.grid(figure, len(pairs))
     for panel, (across, up) in zip(panels, pairs, strict=True):
         _samples(panel, good, across, up)
-        _asked_for(panel, across, up)
-        _found(panel, solutions, answer, across, up)
+        _targets(panel, across, up)
+        _solutions(panel, solutions, answer, across, up)
     style.name_panels(panels)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
@@ -53,12 +53,12 @@ def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up
     for key, table in tables.items():
         label, colour = SAMPLES[key]
         x, y = table[across.name], table[up.name]
-        dx, dy = (table[one.response.error].fillna(0.0) for one in (across, up))
+        dx, dy = (table[target.response.error].fillna(0.0) for target in (across, up))
         panel.errorbar(x, y, xerr=dx, yerr=dy, fmt="none", elinewidth=0.4, ecolor=colour, alpha=0.25)
         panel.plot(x, y, "o", ms=2.6, mew=0, color=colour, label=f"{len(table)} {label} (bars: ± SE)")
 
 
-def _asked_for(panel: Axes, across: Target, up: Target) -> None:
+def _targets(panel: Axes, across: Target, up: Target) -> None:
     """The box of the target ranges, and the measured piles."""
     sides = across.high - across.low, up.high - up.low
     look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3}
@@ -69,7 +69,7 @@ def _asked_for(panel: Axes, across: Target, up: Target) -> None:
     panel.set(xlabel=style.response_label(across.response), ylabel=style.response_label(up.response))
 
 
-def _found(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
+def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
     """Predictions of the solutions, and the answer as predicted and as simulated."""
     x, y = across.response, up.response
     kind = "feasible solutions" if solutions["feasible"].any() else "nearest solutions, none feasible"
@@ -78,8 +78,8 @@ def _found(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Targ
     look = {"ms": 7, "mfc": "white", "color": style.RED, "zorder": 6}
     panel.plot(answer[x.predicted], answer[y.predicted], "s", **look, label="answer, predicted")
     errors = {
-        axis: None if pd.isna(answer[one.error]) else answer[one.error]
-        for axis, one in (("xerr", x), ("yerr", y))
+        axis: None if pd.isna(answer[response.error]) else answer[response.error]
+        for axis, response in (("xerr", x), ("yerr", y))
     }
     look = {
         "fmt": "s",

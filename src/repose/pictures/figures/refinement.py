@@ -24,19 +24,19 @@ def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     Inputs: ``rounds`` and optionally ``summary`` of the verb refine_tables.
     """
     responses = style.targets_of(config).responses
-    columns = [derived(one.name, what) for one in responses for what in COLUMNS]
+    columns = [derived(response.name, what) for response in responses for what in COLUMNS]
     rounds = read_table(inputs["rounds"], ("round", "n_seeds", "outcome", *columns))
     section, rows = config["refine"], style.grid_rows(len(responses))
     figure = style.new_figure(style.PAGE, 3.9 * rows)
     panels = figure.subplots(
         2 * rows, min(2, len(responses)), sharex=True, height_ratios=HEIGHTS * rows, squeeze=False
     )
-    for k, one in enumerate(responses):
+    for k, response in enumerate(responses):
         upper, lower = panels[k // 2 * 2 : k // 2 * 2 + 2, k % 2]
-        values = {what: rounds[derived(one.name, what)].to_numpy(float) for what in COLUMNS}
+        values = {what: rounds[derived(response.name, what)].to_numpy(float) for what in COLUMNS}
         colour = style.series(k)["color"]
         _deviations(upper, rounds, values, section["tolerance_percent"], colour)
-        upper.set_title(f"{one.symbol}, target {values['target'][0]:g} {one.unit}")
+        upper.set_title(f"{response.symbol}, target {values['target'][0]:g} {response.unit}")
         lower.plot(rounds["round"], 100 * values["se"] / values["target"], "o-", color=colour, ms=4)
         lower.axhline(section["standard_error_percent"], color=style.GREY, ls="--", lw=0.9)
         lower.set(xlabel="round", ylim=(0, None))

@@ -41,12 +41,12 @@ def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
             continue
         first, second = sorted((row, column))
         cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
-        what, label, colours, most = LEAST if row > column else DEPTH
+        quantity, label, colours, most = LEAST if row > column else DEPTH
         # rows of the picture follow the parameter of the panel's row
         grid = cells.pivot(
             index=f"{'y' if row > column else 'x'}_quantile",
             columns=f"{'x' if row > column else 'y'}_quantile",
-            values=what,
+            values=quantity,
         )
         shown = np.ma.masked_invalid(grid.to_numpy(float))
         drawn[label] = panel.pcolormesh(edges[column], edges[row], shown, cmap=colours, vmin=0, vmax=most)

@@ -69,7 +69,7 @@ def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     Inputs: ``samples``, ``dataset`` and ``optimum`` of the surface.
     """
     targets, models = _models(inputs, config)
-    best = read_json(inputs["optimum"], ("coded",), "what the verb response_surface wrote")["coded"]
+    best = read_json(inputs["optimum"], ("coded",), "the file of the verb response_surface")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))
     width = style.PAGE * max(1.0, len(pairs) / 3)
     figure = style.new_figure(width, 2.3 * len(models))

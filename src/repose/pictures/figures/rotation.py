@@ -117,8 +117,8 @@ def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapping[str, Any]) -> None:
     """Angles of surface and bed of every run over the time, with the start of the first slip."""
     for k, (seed, run) in enumerate(record.groupby("seed")):
-        one = runs[runs["seed"] == seed].iloc[0]
-        turning = run if one["status"] != "ok" else run[run["time_s"] <= one["after_time_s"]]
+        summary = runs[runs["seed"] == seed].iloc[0]
+        turning = run if summary["status"] != "ok" else run[run["time_s"] <= summary["after_time_s"]]
         label = {"surface_deg": "surface", "bed_deg": "centre of mass"} if k == 0 else {}
         panel.plot(
             turning["time_s"],

@@ -63,7 +63,7 @@ def responses_over_parameters(inputs: Mapping[str, Any], config: Mapping[str, An
     """
     responses = style.targets_of(config).responses
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
-    columns = [column for one in responses for column in (one.name, one.error)]
+    columns = [column for response in responses for column in (response.name, response.error)]
     table = read_table(inputs["dataset"], ("status", *free, *columns))
     figure = style.new_figure(style.PAGE, 0.5 + 1.45 * len(responses))
     panels = figure.subplots(len(responses), len(free), sharex="col", sharey="row", squeeze=False)

@@ -23,8 +23,8 @@ STRIPS = 4  # of responses in a row
 def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Figure 14 and Table 3 of the paper: the solutions' parameters in their ranges, and their predicted responses.
 
-    Without a feasible solution the table holds the nearest ones, and the figure says so. Inputs: ``feasible`` and
-    ``summary`` of the verb miga, optionally ``published``, the published intervals.
+    Without a feasible solution the table holds the nearest solutions, and the figure states it. Inputs: ``feasible``
+    and ``summary`` of the verb miga, optionally ``published``, the published intervals.
     """
     targets = style.targets_of(config)
     solutions = read_table(inputs["feasible"], ("feasible", "representative", *targets.predicted))

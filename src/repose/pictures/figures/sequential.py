@@ -26,9 +26,9 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     _probability(panels[0], batches, section)
     after = float(batches["pours"].iloc[-1]) * 1.06
     for k, (panel, target) in enumerate(zip(panels[1:], targets, strict=False)):
-        one, colour = target.response, style.series(k)["color"]
+        response, colour = target.response, style.series(k)["color"]
         off, error = (
-            100 / target.aim * (batches[f"{one.name}_{what}"] - shift)
+            100 / target.aim * (batches[f"{response.name}_{what}"] - shift)
             for what, shift in (("mean", target.aim), ("error", 0))
         )
         panel.axhspan(
@@ -45,7 +45,9 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
             color=style.BLACK,
             label="predicted",
         )
-        simulated, spread = (float(check.loc[one.name, name]) for name in ("simulated", "simulated_error"))
+        simulated, spread = (
+            float(check.loc[response.name, name]) for name in ("simulated", "simulated_error")
+        )
         panel.errorbar(
             [after],
             [100 * (simulated / target.aim - 1)],
@@ -56,7 +58,7 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
             label="the answer, simulated again",
         )
         panel.set(xlabel="pours", ylabel="off the target (% of it)")
-        panel.set_title(f"{one.symbol}, target {target.aim:g} {one.unit}")
+        panel.set_title(f"{response.symbol}, target {target.aim:g} {response.unit}")
         panel.legend(loc="best")
     for panel in panels[1 + len(targets) :]:
         panel.axis("off")

@@ -59,7 +59,7 @@ SETTINGS = {
 
 
 def applied() -> AbstractContextManager[None]:
-    """Context with this style alone, whatever the user's settings; the earlier settings come back at its end."""
+    """Context with this style alone, independent of the user's settings, which it restores at its end."""
     return matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "agg", **SETTINGS})
 
 

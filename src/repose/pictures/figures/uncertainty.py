@@ -199,9 +199,9 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
     """Predictions of the posterior, in words."""
     predicted = summary["predicted"]
     parts = [
-        f"predicted {one.symbol} {predicted[one.name]['mean']:.1f} {one.unit} "
-        f"({predicted[one.name]['low']:.1f}–{predicted[one.name]['high']:.1f})"
-        for one in targets.responses
+        f"predicted {response.symbol} {predicted[response.name]['mean']:.1f} {response.unit} "
+        f"({predicted[response.name]['low']:.1f}–{predicted[response.name]['high']:.1f})"
+        for response in targets.responses
     ]
     distance = summary["misfit"]["squared_distance"] ** 0.5
     parts.append(f"best draw {distance:.2f} standard deviations from the targets")

@@ -37,8 +37,8 @@ def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[t
     labels, hues = {}, {}
     for node, label, rest in NODE.findall(text):
         labels[node] = label.replace("\\n", "\n")
-        found = COLOUR.search(rest)
-        hues[node] = float(found.group(1)) if found else 0.6
+        match = COLOUR.search(rest)
+        hues[node] = float(match.group(1)) if match else 0.6
     if not labels:
         raise InputError(path, "graph", "no nodes", "the output of snakemake --rulegraph")
     edges = sorted({(a, b) for a, b in EDGE.findall(text) if a in labels and b in labels and a != b})

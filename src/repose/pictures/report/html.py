@@ -26,7 +26,7 @@ def text(value: Any) -> str:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts") -> str:
     """A table that scrolls sideways on a narrow screen; the class ``sorts`` makes it sortable."""
-    cells = "".join(f"<th>{html.escape(one)}</th>" for one in head)
+    cells = "".join(f"<th>{html.escape(title)}</th>" for title in head)
     body = "".join(
         "<tr>" + "".join(_cell(name, value) for name, value in zip(head, row, strict=True)) + "</tr>"
         for row in rows
@@ -52,7 +52,7 @@ def folded(title: str, frame: pd.DataFrame) -> str:
 
 
 def picture(path: str | os.PathLike, caption: str) -> str:
-    """A picture embedded in the page; a photograph is reduced. InputError if the file is no picture."""
+    """A picture embedded in the page; a photograph is reduced. InputError if the file is not a picture."""
     try:
         with Image.open(path) as opened:
             image = opened.convert("RGB")

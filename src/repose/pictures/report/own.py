@@ -10,29 +10,29 @@ from repose.pictures.report.study import Study
 from repose.studies.calibration import Calibration
 
 
-def write(found: Calibration, out_path: str | os.PathLike) -> None:
+def write(calibration: Calibration, out_path: str | os.PathLike) -> None:
     """Write the report."""
-    study, targets = found.study, found.study.targets
+    study, targets = calibration.study, calibration.study.targets
     row = {"role": "representative", "reason": ""}
-    row |= dict(zip(targets.predicted, found.mean.tolist(), strict=True))
+    row |= dict(zip(targets.predicted, calibration.mean.tolist(), strict=True))
     chance: dict[str, float | None] = dict.fromkeys(targets.names)
     shown = Study(
         config={"label": study.config["label"], "small_run": False},
         targets=targets,
         space=study.parameters,
         files={},
-        answer=found.values,
+        answer=calibration.values,
         row=pd.Series(row),
-        chance=chance | {"all": found.probability["inside"]},
-        within={percent: found.probability[column] for percent, column in WITHIN.items()},
-        posterior=found.posterior.parameters.set_index("parameter"),
-        surrogate=found.model,
-        feasible=found.solutions,
-        table4=found.solutions[:1],
-        dataset=found.samples,
-        summary=found.summary,
+        chance=chance | {"all": calibration.probability["inside"]},
+        within={percent: calibration.probability[column] for percent, column in WITHIN.items()},
+        posterior=calibration.posterior.parameters.set_index("parameter"),
+        surrogate=calibration.model,
+        feasible=calibration.solutions,
+        table4=calibration.solutions[:1],
+        dataset=calibration.samples,
+        summary=calibration.summary,
         metrics={},
         dataset_summary={},
     )
-    tables = {"Simulated samples": found.samples, "Parameter sets found": found.solutions}
+    tables = {"Simulated samples": calibration.samples, "Parameter sets found": calibration.solutions}
     page.write_study(shown, tables, out_path)

@@ -47,9 +47,9 @@ def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: st
 
 def content(study: Study) -> dict[str, Any]:
     """Data for the scripts: plain values without NaN."""
-    found: dict[str, Any] = {
+    page: dict[str, Any] = {
         "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
-        "targets": [_target(study, one) for one in study.targets],
+        "targets": [_target(study, target) for target in study.targets],
         "copy": for_copy(study),
         "model": (
             prediction.for_page(study.surrogate, study.space, study.answer) if study.surrogate else None
@@ -59,8 +59,8 @@ def content(study: Study) -> dict[str, Any]:
     if "trajectory" in study.files:
         particle = Particle.load(study.files["particle"])
         pour = scene.for_page(study.files["trajectory"], particle, study.config["funnel"])
-        found["pour"] = pour | {"colour": study.config["colour"]}
-    return found
+        page["pour"] = pour | {"colour": study.config["colour"]}
+    return page
 
 
 def for_copy(study: Study) -> str:
@@ -116,22 +116,22 @@ def _parameter(study, k):
     }
 
 
-def _target(study, one):
+def _target(study, target):
     """One target as plain values, with the ends of its gauge."""
-    seen = study.dataset[one.name].dropna()
-    simulated = study.number(one.response.simulated)
-    shown = [*seen, one.low, one.high, one.value - one.sd, one.value + one.sd]
+    seen = study.dataset[target.name].dropna()
+    simulated = study.number(target.response.simulated)
+    shown = [*seen, target.low, target.high, target.value - target.sd, target.value + target.sd]
     shown += [] if simulated is None else [simulated]
     margin = 0.04 * (max(shown) - min(shown))
     return {
-        "name": one.name,
-        "label": one.response.label,
-        "unit": one.response.unit,
-        "value": one.value,
-        "sd": one.sd,
-        "low": one.low,
-        "high": one.high,
+        "name": target.name,
+        "label": target.response.label,
+        "unit": target.response.unit,
+        "value": target.value,
+        "sd": target.sd,
+        "low": target.low,
+        "high": target.high,
         "simulated": simulated,
-        "error": study.number(one.response.error),
+        "error": study.number(target.response.error),
         "axis": [float(min(shown) - margin), float(max(shown) + margin)],
     }

@@ -33,12 +33,12 @@ def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) ->
     """A trained surrogate as plain values, `kind` ``network`` or ``curves``; `answer` is the reported parameter set."""
     if is_whole(surrogate):
         members = surrogate.members_ if isinstance(surrogate, NetworkEnsemble) else [surrogate]
-        contents = [one.to_dict() for one in members]
+        contents = [member.to_dict() for member in members]
         return {key: contents[0][key] for key in SHARED} | {
             "kind": "network",
             "members": [
-                {key: content[key] for key in OF_EACH} | {"root": packed(one.posterior_root_, "<f4")}
-                for one, content in zip(members, contents, strict=True)
+                {key: content[key] for key in OF_EACH} | {"root": packed(member.posterior_root_, "<f4")}
+                for member, content in zip(members, contents, strict=True)
             ],
         }
     curves = {}

@@ -39,8 +39,8 @@ def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping
     turns = np.nan_to_num(np.roll(record["quaternion"][shown].astype(float), -1, axis=2))
     scales = record.get("scale")
     walls = [
-        [1e3 * length for length in (one.z_low_m, one.r_low_m, one.z_high_m, one.r_high_m)]
-        for one in funnel_walls(section)
+        [1e3 * length for length in (wall.z_low_m, wall.r_low_m, wall.z_high_m, wall.r_high_m)]
+        for wall in funnel_walls(section)
     ]
     return {
         "body": _packed_body(*body(particle, MAX_TRIANGLES // max(count, 1))),

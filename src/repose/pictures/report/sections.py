@@ -16,7 +16,7 @@ from repose.pictures.report.study import PICTURES, Study
 from repose.studies.posterior import LARGEST_R_HAT
 
 SURE, LIKELY = 0.95, 0.5
-KEYS = """<p class="note">Green band: the range that was asked for. Grey diamond and line: the measured mean and its
+KEYS = """<p class="note">Green band: the target range. Grey diamond and line: the measured mean and its
 standard deviation. Blue: {blue}, the line holds the true mean with 95 % probability.</p>"""
 
 
@@ -75,7 +75,7 @@ def verdict(study: Study) -> tuple[str, str]:
     if runs is not None:
         judged = f"judged by {runs:.0f} new simulations with these parameters"
     return kind, (
-        f"{start}: with a probability of {share(chance)} {which} inside the range that was asked for, {judged}."
+        f"{start}: with a probability of {share(chance)} {which} inside the target range, {judged}."
         + "".join(
             f" Within {percent:g} % of the target{'s' if k > 1 else ''}: {share(within)}."
             for percent, within in study.within.items()
@@ -85,13 +85,13 @@ def verdict(study: Study) -> tuple[str, str]:
 
 
 def _checks(study):
-    """The answer's simulated responses beside the measured ones."""
-    for one in study.targets:
-        simulated, error = (study.number(key) for key in (one.response.simulated, one.response.error))
+    """The answer's simulated and measured responses."""
+    for target in study.targets:
+        simulated, error = (study.number(key) for key in (target.response.simulated, target.response.error))
         ended = int(study.number("n_seeds")), text(study.row.get("status"))
         yield Check(
-            *(one.response.label, one.response.unit, simulated, error, *ended),
-            *(one.value, one.sd, one.low, one.high),
+            *(target.response.label, target.response.unit, simulated, error, *ended),
+            *(target.value, target.sd, target.low, target.high),
         )
 
 
@@ -107,7 +107,7 @@ def _parameter_row(study, k):
         unknown = [] if study.posterior is None else ["", ""]
         return [name, LABELS.get(name, name), f"{study.answer[k]:.4g}", *unknown, "fixed", ""]
     i = space.free.index(name)
-    found = study.feasible[name]
+    values = study.feasible[name]
     if study.posterior is None:
         interval = []
     else:
@@ -121,7 +121,7 @@ def _parameter_row(study, k):
         f"{study.answer[k]:.4g}",
         *interval,
         searched,
-        f"{found.min():.3g} to {found.max():.3g}",
+        f"{values.min():.3g} to {values.max():.3g}",
     ]
 
 
@@ -133,10 +133,10 @@ def _how_well_known(study):
     ]
     if study.posterior is not None:
         parts.append(
-            " The 95 % interval is what the measurements say of each parameter by itself. Left open: how wide it is, "
-            "beside the interval before any measurement. Near 100 % the measurements do not determine this parameter."
+            " The 95 % interval follows from the measurements, for each parameter by itself. Left open: its width over "
+            "the width before any measurement. Near 100 % the measurements do not determine this parameter."
         )
-    parts.append(" Sets found: the span of those that the search kept.</p>")
+    parts.append(" Sets found: the span of the sets that the search kept.</p>")
     if study.posterior is not None and study.posterior["r_hat"].max() > LARGEST_R_HAT:
         parts.append('<p class="bad">The intervals are not settled: raise <code>posterior.steps</code>.</p>')
     return "".join(parts)
@@ -144,16 +144,16 @@ def _how_well_known(study):
 
 def check(study: Study) -> str:
     """Measured, predicted and simulated responses, and the pile."""
-    head = ["response", "measured", "asked for", "predicted", "simulated", "difference", "inside"]
-    rows = [_response_row(study, one) for one in study.targets]
+    head = ["response", "measured", "target range", "predicted", "simulated", "difference", "inside"]
+    rows = [_response_row(study, target) for target in study.targets]
     trouble = text(study.row.get("reason"))
     return "\n".join(
         [
             "<h2>The check against the pile</h2>",
             table(head, rows, "check"),
             '<p class="note">Measured: mean ± standard deviation of the repetitions. Simulated: mean ± standard error '
-            "of new simulations that neither the surrogate nor the search had seen. Inside: how probable it is that "
-            "the simulated mean lies in what was asked for.</p>",
+            "of new simulations that neither the surrogate nor the search had seen. Inside: the probability that "
+            "the simulated mean lies in the target range.</p>",
             f'<p class="note">Of these simulations: {trouble}.</p>' if trouble else "",
             '<div id="checks"></div>',
             KEYS.format(blue="the new simulations"),
@@ -162,37 +162,37 @@ def check(study: Study) -> str:
     )
 
 
-def _response_row(study: Study, one: Target) -> list[str]:
+def _response_row(study: Study, target: Target) -> list[str]:
     """Row of one target."""
-    response, unit = one.response, one.response.unit
+    response, unit = target.response, target.response.unit
     predicted, simulated, error = (
         study.number(column) for column in (response.predicted, response.simulated, response.error)
     )
     shown = "no result" if simulated is None else f"{simulated:.4g} ± {error or 0:.2g} {unit}"
-    away = "" if simulated is None else f"{100 * (simulated - one.value) / abs(one.value):+.1f} %"
+    away = "" if simulated is None else f"{100 * (simulated - target.value) / abs(target.value):+.1f} %"
     return [
         response.label,
-        f"{one.value:.4g} ± {one.sd:.2g} {unit} (n = {one.repetitions})",
-        f"{one.low:g} to {one.high:g} {unit}",
+        f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})",
+        f"{target.low:g} to {target.high:g} {unit}",
         f"{predicted:.4g} {unit}" if predicted is not None else "",
         shown,
         away,
-        share(study.chance[one.name]),
+        share(study.chance[target.name]),
     ]
 
 
 def _pile(study):
     """The 3-D view beside the photograph, or beside the measured silhouette."""
     files = study.files
-    beside = ""
+    photograph = ""
     if "photograph" in files:
-        beside = picture(files["photograph"], "The physical pile")
+        photograph = picture(files["photograph"], "The physical pile")
     elif "overlay" in files:
-        beside = picture(
+        photograph = picture(
             files["overlay"], "How the simulated pile was measured: its outline, height and angle"
         )
     if "trajectory" not in files:
-        return f'<div class="pair alone">{beside}</div>' if beside else ""
+        return f'<div class="pair alone">{photograph}</div>' if photograph else ""
     buttons = "".join(
         f'<button class="act quiet" type="button" id="look-{name}">{words}</button>'
         for name, words in (("side", "From the side"), ("above", "From above"), ("pour", "With the funnel"))
@@ -203,7 +203,7 @@ def _pile(study):
 <input type="range" id="time" min="0" max="1" step="1" aria-label="Time of the pour"><output id="clock"></output></p>
 <p class="note">The simulated pile of these parameters. Drag to turn it, move the slider to go through the
 pouring.</p></div>"""
-    return f'<div class="pair{"" if beside else " alone"}">{view}{beside}</div>'
+    return f'<div class="pair{"" if photograph else " alone"}">{view}{photograph}</div>'
 
 
 def other_parameters(study: Study) -> str:
@@ -212,8 +212,8 @@ def other_parameters(study: Study) -> str:
         return ""
     if is_whole(study.surrogate):
         how = (
-            "The network predicts the simulated means, or the mean of several networks does; the error is that of the "
-            "Bayesian training, with what the networks disagree about."
+            "The network predicts the simulated means, or the mean of several networks does; the error comes from the "
+            "Bayesian training, with the disagreement of the networks."
         )
     else:
         how = (
@@ -230,7 +230,7 @@ def other_parameters(study: Study) -> str:
 
 def how_found(study: Study) -> str:
     """The steps with their numbers and figures."""
-    steps = "".join(f"<li>{html.escape(one)}</li>" for one in _steps(study))
+    steps = "".join(f"<li>{html.escape(step)}</li>" for step in _steps(study))
     pictures = "".join(
         picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
     )
@@ -274,9 +274,9 @@ def _accuracy(study):
     """Accuracy of the surrogate on samples that were not used in its training."""
     test: dict[str, Any] = study.metrics.get("test") or {}
     parts = [
-        f"{one.response.label} to {test[one.name]['rmse']:.2g} {one.response.unit} (R² {test[one.name]['r2']:.2f})"
-        for one in study.targets
-        if one.name in test and np.isfinite(test[one.name].get("rmse") or np.nan)
+        f"{response.label} to {test[response.name]['rmse']:.2g} {response.unit} (R² {test[response.name]['r2']:.2f})"
+        for response in study.targets.responses
+        if response.name in test and np.isfinite(test[response.name].get("rmse") or np.nan)
     ]
     if not parts:
         return "its accuracy was not tested."

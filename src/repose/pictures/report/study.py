@@ -20,20 +20,20 @@ from repose.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.surrogate import load
 from repose.surrogate.base import Predictor
 
-# Names of the inputs: files that a report needs, and those that it shows if they exist.
+# Names of the inputs: required files, and files that the report shows if they exist.
 NEEDED = ("dataset", "feasible", "summary", "table4")
 # Also needed if the summary does not hold the steps to the answer.
 TRAINED = ("network", "metrics", "dataset_summary")
 OPTIONAL = ("runs", "posterior", "particle", "trajectory", "photograph", "overlay")
 PICTURES = {
-    "sequential": "How probable the best parameter set was after each batch, and what was predicted for it",
-    "pareto_screening": "How much each parameter moves the responses",
+    "sequential": "Probability and predictions of the best parameter set after each batch",
+    "pareto_screening": "Effect of each parameter on the responses",
     "contours": "The fitted surfaces about their optimum",
-    "figure13": "What the surrogate predicts and what the simulator gives, for samples it learned from and others",
-    "plane": "Where all simulated samples lie, what was asked for, and where the answer lies",
+    "figure13": "Predictions of the surrogate and results of the simulator, for training samples and others",
+    "plane": "All simulated samples, the target ranges, and the answer",
     "figure14": "The parameter sets that the search found",
     "validation": "Predicted, simulated and measured responses",
-    "definitions": "What each definition of the angle sees in the same pile",
+    "definitions": "The definitions of the angle on the same pile",
 }
 
 
@@ -97,7 +97,9 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         answer=rows.iloc[0][list(PARAMETERS)].to_numpy(float),
         row=rows.iloc[0],
         chance=chance_of_meeting(_runs(jobs, targets), targets),
-        within={one: chance_of_meeting(_runs(jobs, targets), targets, one)["all"] for one in PERCENT},
+        within={
+            percent: chance_of_meeting(_runs(jobs, targets), targets, percent)["all"] for percent in PERCENT
+        },
         posterior=posterior,
         surrogate=_surrogate(files, targets, space),
         feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
@@ -131,8 +133,8 @@ def _surrogate(files, targets, space):
 
 def _runs(jobs, targets):
     """Runs of each bench test."""
-    found: dict[str, list[Any]] = {}
+    runs: dict[str, list[Any]] = {}
     for path in jobs:
         job, apparatus = read_job(path, targets)
-        found.setdefault(apparatus, []).extend(job["runs"])
-    return found
+        runs.setdefault(apparatus, []).extend(job["runs"])
+    return runs
