@@ -79,14 +79,14 @@ def campaign(simulator, names, aim, mean, section, space, random):
 
 
 def summary(table):
-    """Share of the campaigns that have said so, by number of pours."""
+    """Share of the campaigns that have stopped so, by number of pours."""
     heads = " | ".join(f"by {pours}" for pours in LOOKS)
     yield f"| responses | target | campaigns | {heads} | Eq. 11 above the least, median |"
     yield f"|{'---|' * (len(LOOKS) + 4)}"
     for (k, kind), rows in table.groupby(["responses", "kind"]):
-        said, count = rows[rows["stop"] == "out_of_reach"], rows["campaign"].nunique()
-        shares = " | ".join(f"{(said['pours'] <= pours).sum() / count:.2f}" for pours in LOOKS)
-        yield f"| {k} | {kind} | {count} | {shares} | {(said['F'] - said['F_least']).median():.2f} |"
+        stopped, count = rows[rows["stop"] == "out_of_reach"], rows["campaign"].nunique()
+        shares = " | ".join(f"{(stopped['pours'] <= pours).sum() / count:.2f}" for pours in LOOKS)
+        yield f"| {k} | {kind} | {count} | {shares} | {(stopped['F'] - stopped['F_least']).median():.2f} |"
 
 
 def main():

@@ -128,7 +128,7 @@ def test_jobs_of_further_bench_tests_come_beside_the_pile(data):
 
 
 def test_the_study_finds_which_tests_narrow_which_parameters(data, tmp_path):
-    said = joint_targets.run(data, TARGETS, SPACE, SETTINGS, tmp_path)
+    output = joint_targets.run(data, TARGETS, SPACE, SETTINGS, tmp_path)
     summary = json.loads((tmp_path / "joint.json").read_text())
     assert summary["modelled"] == ["height_mm", "flow_g_s"]
     tests = pd.read_csv(tmp_path / "tests.csv").set_index("set")
@@ -146,7 +146,7 @@ def test_the_study_finds_which_tests_narrow_which_parameters(data, tmp_path):
     sets = pd.read_csv(tmp_path / "sets.csv")
     assert summary["met"]
     assert sets["narrow"].max() >= 2
-    assert "hidden truths" in said
+    assert "hidden truths" in output
 
 
 def test_intervals_hold_the_hidden_truths_of_a_model_that_is_right(data, tmp_path):
@@ -161,11 +161,11 @@ def test_intervals_hold_the_hidden_truths_of_a_model_that_is_right(data, tmp_pat
 def test_too_few_points_are_reported(data, tmp_path):
     """A posterior that rests on a handful of points has intervals that are too narrow."""
     sharp = {name: {"sd": 0.03, "minutes": 30.0} for name in PARAMETERS}
-    said = joint_targets.run(
+    output = joint_targets.run(
         data, TARGETS, SPACE, SETTINGS | {"direct_tests": sharp, "most_tests": 1}, tmp_path
     )
-    assert "FEW POINTS" in said
-    assert "too narrow" in said
+    assert "FEW POINTS" in output
+    assert "too narrow" in output
 
 
 def test_bad_jobs_are_refused(tmp_path):

@@ -51,8 +51,8 @@ def test_a_profile_adds_information_to_two_numbers(tmp_path):
     for level in range(levels):
         which = 0 if level < levels // 2 else 1
         runs[level] = 60 - 5 * level + 8 * place[:, which] + noise(0.3)
-    said = profiles.run(X, np.arange(80), runs, levels, TARGETS, SPACE, SETTINGS, tmp_path)
-    assert "2 components of the profile have a surrogate" in said
+    output = profiles.run(X, np.arange(80), runs, levels, TARGETS, SPACE, SETTINGS, tmp_path)
+    assert "2 components of the profile have a surrogate" in output
     table = pd.read_csv(tmp_path / "information.csv").set_index(
         ["discrepancy_percent", "discrepancy_correlation", "set"]
     )

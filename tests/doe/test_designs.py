@@ -188,7 +188,7 @@ def test_several_responses_descend_the_sum_of_their_squared_misses():
 
 
 def test_a_flat_model_has_no_path():
-    with pytest.raises(ValueError, match="not 0"):
+    with pytest.raises(ValueError, match="other than 0"):
         direction([0.0, 0.0])
     with pytest.raises(ValueError, match="at least 1"):
         path([1.0], 0)

@@ -180,7 +180,7 @@ class LogHandler(LogHandlerBase):
         self.progress = RunProgress()
         self.live: Live | None = None
         self.logs: dict[int, str] = {}
-        self.stages_said: set[str] = set()
+        self.stages_printed: set[str] = set()
         self.last_line_s = 0.0
         # Events come in one thread, another draws. No printing under this lock: printing waits for the drawing.
         self.changing = threading.Lock()
@@ -238,9 +238,9 @@ class LogHandler(LogHandlerBase):
         message = fields["rule_msg"] or rule
         self.logs[number] = ", ".join(fields["log"])
         job = self.progress.start(number, rule, message, str(fields["output"][0]), time.time())
-        if self.live is None and job.stage not in self.stages_said:
+        if self.live is None and job.stage not in self.stages_printed:
             yield Text(f"{job.stage}: {message}")
-        self.stages_said.add(job.stage)
+        self.stages_printed.add(job.stage)
 
     def _failed(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """A job has failed: print it, and the end of its log."""
