@@ -154,6 +154,8 @@ def test_without_a_feasible_solution_the_least_objective_counts_and_not_the_edge
 class Sure:
     """AoR 28 + x4, Height 64 + x4; its error is least at x0 = 0.5."""
 
+    inputs = ()
+
     knows_its_errors = True
 
     def predict(self, X):
