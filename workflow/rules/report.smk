@@ -69,7 +69,7 @@ rule page:
         f"{RESULTS}/benchmarks/page.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
+        mem_mb=growing(350),
         runtime=growing(10),
     params:
         config=CONFIG,
