@@ -6,7 +6,6 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import statsmodels.api as sm
 from numpy.typing import ArrayLike
 
 Term = tuple[int, ...]  # factors that are multiplied: (0,), (0, 1), (0, 0)
@@ -111,4 +110,6 @@ def fit(
     rank = int(np.linalg.matrix_rank(matrix))
     if rank < matrix.shape[1]:
         raise ValueError(f"{len(coded)} runs determine {rank} coefficients; allowed: all {matrix.shape[1]}")
-    return Model(tuple(factors), terms, coded, response, numbers, sm.OLS(response, matrix).fit())
+    from statsmodels.api import OLS  # over half a second at start-up
+
+    return Model(tuple(factors), terms, coded, response, numbers, OLS(response, matrix).fit())
