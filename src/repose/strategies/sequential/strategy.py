@@ -90,7 +90,7 @@ class Sequential(Strategy):
         section, responses = config["sequential"], len(config["targets"])
         repeats = section["start_samples"] * (section["seeds"] - 1)
         if repeats <= responses:
-            yield "sequential.seeds", "at least 2: pours of one sample tell the noise"
+            yield "sequential.seeds", "at least 2: the noise comes from pours of one sample"
         if section["start_samples"] * section["seeds"] > section["most_pours"]:
             yield "sequential.most_pours", "at least sequential.start_samples times sequential.seeds"
 
