@@ -11,10 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.distance import pdist
-from scipy.stats import qmc
 
-from repose.chain.exchange_search import evolve
 from repose.core.errors import InputError
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
@@ -40,6 +37,8 @@ def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
 
 def minimum_distance(points: np.ndarray) -> float:
     """Smallest Euclidean distance between two points (n, d): the maximin criterion, Eq. 5 of the paper."""
+    from scipy.spatial.distance import pdist
+
     return float(pdist(points).min())
 
 
@@ -48,6 +47,8 @@ def phi_p(points: np.ndarray, power: float = PHI_POWER) -> float:
 
     It goes to 1 / minimum distance as the power grows (Morris and Mitchell 1995, J. Stat. Plan. Inference 43:381).
     """
+    from scipy.spatial.distance import pdist
+
     return float(np.sum(pdist(points) ** -float(power)) ** (1.0 / power))
 
 
@@ -67,6 +68,8 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     that grow; the best design by minimum distance is kept. It starts from `lhsdesign` with the same seed, so it is
     never worse than that.
     """
+    from repose.chain.exchange_search import evolve
+
     _check_size(n, d)
     rng = np.random.default_rng(seed)
     best = lhsdesign(n, d, rng=rng)
@@ -84,6 +87,8 @@ def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
     A longer sequence of the same seed begins with a shorter one.
     """
+    from scipy.stats import qmc
+
     _check_size(n, d)
     sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(seed))
     return sequence.random_base2(math.ceil(math.log2(n)))[:n]
@@ -94,6 +99,8 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
     phi_p has the power 16; the centred discrepancy follows Hickernell (1998), squared as in scipy.
     """
+    from scipy.stats import qmc
+
     rows = [
         {
             "method": method,

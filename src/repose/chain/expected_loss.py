@@ -9,9 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import erf
-from scipy.stats import qmc
 
 from repose.chain.chance import PERCENT
 from repose.core.parameter_space import ParameterSpace
@@ -42,6 +40,9 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
 
     Of sets that are equally good, those near the means of priors come first.
     """
+    from scipy.optimize import minimize
+    from scipy.stats import qmc
+
     preference = Preference.of(space)
 
     def loss(unit):

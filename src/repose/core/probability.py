@@ -5,7 +5,6 @@
 
 import numpy as np
 from scipy.special import ndtr, ndtri
-from scipy.stats import qmc
 
 POINTS = 128  # of the integral over all but one response
 LEAST = 1e-300
@@ -16,6 +15,8 @@ def within(mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.n
 
     Exact for one response; for two its error is below 0.001.
     """
+    from scipy.stats import qmc
+
     k = mean.shape[1]
     root = np.linalg.cholesky(covariance)
     # one column of numbers for each response but the last; the first word of the sequence is 0

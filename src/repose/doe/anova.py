@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from repose.doe.model import Model
 
@@ -116,6 +115,8 @@ def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
     `t`: a single term above it is significant. `bonferroni`: of the studies without any effect, at most a share alpha
     has a term above it.
     """
+    from scipy import stats
+
     df = int(model.ols.df_resid)
     if not df:
         return {"t": math.nan, "bonferroni": math.nan}
@@ -135,6 +136,8 @@ def _ratio(above, below):
 
 def _row(source, total, df, error=math.nan, df_error=0):
     """A row of the table, tested against a mean square."""
+    from scipy import stats
+
     mean = _mean(total, df)
     f = _ratio(mean, error)
     p = float(stats.f.sf(f, df, df_error)) if df and df_error and math.isfinite(f) else math.nan

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize
 
 from repose.doe.coding import two_level
 from repose.doe.model import Model
@@ -48,6 +47,8 @@ def optimum(
     centre is taken: there the models are best known. `scale` is the target over the root of its weight; `low` and
     `high` are the ranges, for the desirability. Arrays are (responses,).
     """
+    from scipy import optimize
+
     aims, scale = np.asarray(aims, dtype=float), np.asarray(scale, dtype=float)
     count = len(models[0].factors)
     bounds = [(-1.0, 1.0)] * count
@@ -74,6 +75,8 @@ def optimum(
 
 def _nearest(start, misses, scale, bounds):
     """The point nearest to the centre at which nothing is missed, searched from one that nearly does."""
+    from scipy import optimize
+
     return optimize.minimize(
         lambda point: float(point @ point),
         start,

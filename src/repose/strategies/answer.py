@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.distance import cdist
 
 from repose.chain import validate
 from repose.core.files import write_json, write_table
@@ -64,6 +63,8 @@ def apart(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
 
     At most `most` rows; `distance` is in half ranges, as `miga.distance`.
     """
+    from scipy.spatial.distance import cdist
+
     kept: list[int] = []
     for k, point in enumerate(unit):
         if not kept or 2 * cdist(unit[kept], point[None]).min() >= distance:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from repose.core.errors import InputError
 from repose.core.files import read_table
@@ -32,6 +31,8 @@ class Support:
     def __init__(
         self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str] = PARAMETERS
     ):
+        from scipy.spatial import cKDTree
+
         points = np.asarray(points, dtype=float)
         self.low, self.high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         self.names = tuple(names)

@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
-from scipy.stats import qmc
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
@@ -88,6 +86,8 @@ def alternatives(
     `models` are quadratic, one for each target. The section `miga` of the configuration sets the number of sets and
     their distance.
     """
+    from scipy.stats import qmc
+
     factors = len(models[0].factors)
     coded = 2 * qmc.Sobol(factors, rng=config["design"]["seed"]).random(POINTS) - 1
     predicted = np.column_stack([model.predict(coded) for model in models])
@@ -116,6 +116,8 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
     `mean_high`, and the interval `low` to `high` in which the mean of the check lies with 95 % probability if the model
     is right.
     """
+    from scipy import stats
+
     rows = []
     for target, model in zip(targets, models, strict=True):
         df = int(model.ols.df_resid)

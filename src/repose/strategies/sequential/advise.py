@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.distance import cdist
-from scipy.stats import qmc
 
 from repose.chain.design import optimal_lhs
 from repose.core.parameter_space import ParameterSpace
@@ -130,6 +128,7 @@ def ranked(
 
     The score is minus infinity beside a failed sample. `good` (n, d) and `failed` (f, d) are samples in the unit cube.
     """
+    from scipy.stats import qmc
 
     def score(unit):
         return np.where(_is_sound(unit, good, failed), goal.score(model, unit), -np.inf)
@@ -164,6 +163,8 @@ def _around(answer, samples, goal, good, failed, random):
 
 def _is_sound(unit, good, failed):
     """Whether points lie no nearer to a failed sample than to a good one."""
+    from scipy.spatial.distance import cdist
+
     if not len(failed):
         return np.full(len(unit), True)
     return cdist(unit, failed).min(axis=1) >= cdist(unit, good).min(axis=1)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg, optimize
+from scipy import linalg
 
 from repose.core.parameter_space import ParameterSpace
 
@@ -231,6 +231,8 @@ def _drawn(unit, value, error) -> list[Any]:
     curvature = np.empty((1 + d, 1 + d))
 
     def most_probable(objective, start, bounds):
+        from scipy import optimize
+
         def loss(theta):
             value, slope = objective(theta)
             off = (theta - mean) / sd

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
-from scipy.stats import qmc
 
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import SMOOTHNESS, Kriging
@@ -36,6 +35,8 @@ class Reach(NamedTuple):
 
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     """The probability that any parameter set meets the goal, and the least deviation of a set."""
+    from scipy.stats import qmc
+
     d = model.unit.shape[1]
     wide = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
     wide = np.vstack([wide, np.round(wide)])
