@@ -70,7 +70,22 @@ def check(config: Any, source: str | Origin = "configuration") -> Checked:
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
     """Whether a configuration lacks any key; it may hold values that are not allowed."""
-    return any(error.type == "missing" for error in _errors(config))
+    try:
+        settings_type().model_validate(config)
+    except ValidationError as error:
+        places = (fault["loc"] for fault in error.errors(include_url=False) if fault["type"] == "missing")
+        return any(_is_a_section(config, place[:-1]) for place in places)
+    return False
+
+
+def _is_a_section(config, place):
+    """Whether a place is one of the configuration: that of an error may be an alternative of a value."""
+    try:
+        for step in place:
+            config = config[step]
+    except (LookupError, TypeError):
+        return False
+    return isinstance(config, Mapping)
 
 
 def is_valid(key: str, value: Any) -> bool:

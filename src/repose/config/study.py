@@ -16,6 +16,8 @@ from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, write_json
 from repose.core.parameter_space import ParameterSpace
+from repose.core.published import beside
+from repose.core.responses import Definitions
 from repose.core.targets import Targets
 
 if TYPE_CHECKING:
@@ -252,6 +254,17 @@ class Study:
         if isinstance(self._making, OwnMaking):
             return self._making.targets
         return Targets.of(self.config["targets"])
+
+    @cached_property
+    def definitions(self) -> Definitions:
+        """For each response of the bench tests of the targets the keys that define it, with their values."""
+        from repose.config.definitions import definitions_of
+
+        return definitions_of(self.config)
+
+    def published(self, table: str) -> Path | None:
+        """A table in the folder of the published solutions, such as ``table3.csv``; None if it is not there."""
+        return beside(self.config["validation"]["published"], table)
 
     @cached_property
     def folder(self) -> Path:
