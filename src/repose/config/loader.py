@@ -36,7 +36,8 @@ def read_layers(
     """
     from repose.config.faults import lacks_keys  # imported here and below, so that help loads none of it
 
-    paths, read_once = [places.find(path) for path in files], functools.cache(read)
+    paths = [places.find(path) for path in files]
+    read_once: Any = functools.cache(read)
     if paths:
         config, source = _over_each_other(paths, overrides, read_once)
         if not lacks_keys(config):
