@@ -120,11 +120,14 @@ class Strategy(ABC):
         The section of the configuration with the strategy's name; None for a strategy that reads other sections only.
     repeats_points : bool
         Whether it asks for the same parameters under several numbers of samples.
+    rules : tuple of str
+        Rules of the workflow whose inputs are its products; empty for a strategy of `repose.Study` alone.
     """
 
     name: ClassVar[str]
     settings: ClassVar[type[Section] | None] = None
     repeats_points: ClassVar[bool] = False
+    rules: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 class Published(Strategy):
     """One batch, then the answer."""
 
+    rules = ("calibration", "figures")
+
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.published import strategy
 

@@ -13,6 +13,7 @@ class Refined(Strategy):
     """The published batch, then rounds."""
 
     repeats_points = True
+    rules = ("calibration", "figures", "refined")
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.refined import strategy

@@ -33,6 +33,7 @@ class ResponseSurface(Strategy):
 
     settings = Settings
     repeats_points = True
+    rules = ("response_surface",)
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.response_surface import strategy
