@@ -57,3 +57,12 @@ def test_the_file_to_add_passes_the_checks_of_style(what):
         command = ["ruff", *words, "--stdin-filename", PLACES[what], "-"]
         done = subprocess.run(command, cwd=ROOT, input=file, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_files_to_add_have_types(tmp_path):
+    for what, place in PLACES.items():
+        file = sections("CONTRIBUTING.md", "\0")[f"Add a {what}"].split("\0")[0]
+        (tmp_path / Path(place).name).write_text(file)
+    command = [sys.executable, "-m", "mypy", "--config-file", "pyproject.toml", *tmp_path.glob("*.py")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout

@@ -111,7 +111,7 @@ def test_what_is_told_must_be_what_was_asked(tmp_path):
     [
         ({"file": "study.json"}, "file is 'study.json'; allowed: a path that ends in .csv"),
         ({"strategie": "published"}, "did you mean strategy"),
-        ({"strategy": "brute"}, "one of published, refined, response_surface, sequential"),
+        ({"strategy": "brute"}, "published or refined or response_surface or sequential"),
         ({"design": {"samples": 3}}, "design.samples is 3; allowed: an integer from 12"),
         ({"surrogate": "crystal"}, "surrogate is 'crystal'; allowed: .*gaussian_process"),
         ({"targets": {"time": 4.0}}, "targets.time is 4.0; allowed: a section"),

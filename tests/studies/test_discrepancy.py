@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from shared import targets_of
 
-from repose.config.own import OwnMaking
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.studies import discrepancy
 
@@ -94,7 +94,7 @@ def test_the_study_of_the_configuration_is_the_published_one():
 
 
 def test_responses_of_a_simulator_that_only_its_user_knows_have_a_discrepancy():
-    own = OwnMaking(
+    own = Study.own(
         {
             "simulator": "mine",
             "label": "own",

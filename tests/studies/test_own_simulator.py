@@ -13,7 +13,6 @@ import yaml
 
 from repose.chain import card
 from repose.cli import main
-from repose.config.own import OwnMaking
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.strategies.runs import add_runs, checked_runs
@@ -31,8 +30,7 @@ FREE = ["friction", "rolling"]
 
 def study_of(content, file=None):
     """The study of a configuration."""
-    made = OwnMaking(content)
-    return Study._of(made.config, made, file)
+    return Study.own(content, file)
 
 
 def observed(study, runs):
@@ -294,15 +292,19 @@ def changed(key, value):
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("seed", None, "seed is None; allowed: needed"),
+        ("seed", None, "seed is null; allowed: an integer from 0 to 2147483647; the key is missing"),
         ("seed", "one", "seed is 'one'; allowed: an integer"),
-        ("colour", "red", "no such key; keys here: simulator"),
+        ("colour", "red", "no such key; keys here: design, "),
         ("parameters.friction", [0.8, 0.2], "low < high"),
-        ("parameters.run", [0.1, 0.2], "column is 'run'"),
+        (
+            "parameters.run",
+            [0.1, 0.2],
+            "parameters.run is .*; allowed: another name",
+        ),
         ("parameters", {"friction": {"fixed": 1}}, "at least one range or prior"),
         ("targets", {}, "at least one response"),
         ("targets.friction", {"value": 1, "sd": 1, "repetitions": 3}, "a name that is no parameter's"),
-        ("targets.time_s.value", None, "targets.time_s.value is None"),
+        ("targets.time_s.value", None, "targets.time_s.value is null"),
         ("targets.time_s.value", 0, "not 0"),
         ("targets.time_s.sd", -1, "targets.time_s.sd is -1"),
         ("targets.time_s.repetitions", 1.5, "an integer from 1"),
@@ -310,17 +312,29 @@ def changed(key, value):
         ("targets.time_s.range", 5, r"a pair \[low, high\]"),
         ("targets.time_s.colour", "red", "no such key"),
         ("targets.time_s.unit", 3, "text of one line"),
-        ("targets.time_s", 3, "a section of keys"),
+        ("targets.time_s", 3, "a section with the keys value, sd, "),
         ("simulator", "", "text of one line"),
-        ("targets.time_s.noise_sd", 0, "targets.time_s.noise_sd is 0; allowed: a number from"),
+        ("targets.time_s.noise_sd", 0, "targets.time_s.noise_sd is 0; allowed: a number above 0"),
         ("sequential", {"seeds": 0}, "an integer from 1"),
         ("sequential", {"pours": 1}, "no such key"),
+        ("targets.time_s.noise_sd", 1e-12, "targets.time_s.noise_sd is 1e-12; allowed: at least 4e-09"),
         ("sequential", {"most_runs": 31}, "at least sequential.start_samples times"),
     ],
 )
 def test_a_bad_configuration_is_refused_by_name(key, value, words):
     with pytest.raises(InputError, match=words):
         study_of(changed(key, value))
+
+
+def test_all_faults_of_a_configuration_are_reported_at_once():
+    content = changed("seed", None) | {"design": {"samples": 3}, "label": 3}
+    content["parameters"]["mu.s"] = [0.8, 0.2]
+    content["targets"]["time_s"] |= {"sd": -1, "repetitions": "many"}
+    with pytest.raises(InputError) as caught:
+        study_of(content)
+    found = {fault.key for fault in caught.value.faults}
+    targets = {"targets.time_s.sd", "targets.time_s.repetitions"}
+    assert found == {"seed", "design.samples", "label", "parameters.mu.s", *targets}
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import sys
 
 import pandas
 
+from repose import strategies
 from repose.apparatus import names
 from repose.chain import answer as answers
 from repose.config import cost, loader, results_folder, stands_on

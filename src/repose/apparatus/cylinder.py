@@ -24,10 +24,9 @@ from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import Disc, fill, last_berry_s
 from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -58,13 +57,10 @@ RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class Settings(Poured):
     """The section `cylinder` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
     duration_s: float = Field(ge=0.1, le=600)
-    seeds: Seeds
     diameter_mm: float = Field(ge=1, le=5000)
     height_mm: float = Field(ge=1, le=5000)
     collar_mm: float = Field(ge=1, le=5000)

@@ -22,10 +22,9 @@ from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import Disc, fill, last_berry_s
 from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
 from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import Hopper, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -54,19 +53,11 @@ RECORDED = Recorded(means=MEASURED, single=MEASURED)
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class Settings(Hopper):
     """The section `discharge` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
     open_from_s: float = Field(ge=0.1, le=600)
     longest_s: float = Field(ge=0.1, le=600)
-    seeds: Seeds
-    inlet_diameter_mm: float = Field(ge=1, le=5000)
-    outlet_diameter_mm: float = Field(ge=1, le=5000)
-    cone_angle_deg: float = Field(ge=5, le=89)
-    tube_length_mm: float = Field(ge=0, le=1000)
-    rim_radius_mm: float = Field(ge=0.05, le=20)
     collar_mm: float = Field(ge=1, le=5000)
     speed_m_s: float = Field(ge=0, le=10)
 

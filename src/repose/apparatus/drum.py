@@ -18,10 +18,9 @@ from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import Strip, fill, last_berry_s
 from repose.apparatus.scene import berry_simulation, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import Rotating, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.dem import Cone, Plane
@@ -110,24 +109,13 @@ class Drum:
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class Settings(Rotating):
     """The section `drum` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
-    rotate_from_s: float = Field(ge=0.1, le=600)
-    angular_velocity_rad_s: float = Field(ge=1.0e-4, le=10)
     report_s: float = Field(ge=0.1, le=600)
     longest_rotation_s: float = Field(ge=0.1, le=600)
     settle_s: float = Field(ge=0, le=100)
-    seeds: Seeds
-    outer_diameter_mm: float = Field(ge=20, le=5000)
-    wall_thickness_mm: float = Field(gt=0, le=1000)
-    length_mm: float = Field(ge=10, le=5000)
-    factory_height_mm: float = Field(ge=-2000, le=2000)
-    record_s: float = Field(ge=0.001, le=10)
     slip_drop_deg: float = Field(ge=0.05, le=45)
-    fit_share: float = Field(ge=0.1, le=1)
     depth_bin_mm: float = Field(ge=0.5, le=500)
 
 

@@ -17,10 +17,10 @@ from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import Disc, fill, last_berry_s
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import Hopper, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import AUTO, Auto, Berries, Section, Seeds
+from repose.core.section import AUTO, Auto
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 
 if TYPE_CHECKING:
@@ -188,18 +188,10 @@ class Funnel:
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class Settings(Hopper):
     """The section `funnel` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
     duration_s: Annotated[float, Field(ge=0.1, le=600)] | Auto = AUTO
-    seeds: Seeds
-    inlet_diameter_mm: float = Field(ge=1, le=5000)
-    outlet_diameter_mm: float = Field(ge=1, le=5000)
-    cone_angle_deg: float = Field(ge=5, le=89)
-    tube_length_mm: float = Field(ge=0, le=1000)
-    rim_radius_mm: float = Field(ge=0.05, le=20)
     outlet_height_mm: float = Field(ge=1, le=2000)
     plate_diameter_mm: float = Field(ge=10, le=20000)
     factory_height_mm: Annotated[float, Field(ge=0, le=1000)] | Auto = AUTO

@@ -1,8 +1,12 @@
-"""Settings shared by all bench tests: the section ``simulation`` of the configuration."""
+"""Settings shared by bench tests: the section ``simulation`` of the configuration, and keys of several sections."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from pydantic import Field
+
+from repose.core.section import Berries, Section, Seeds
 
 
 @dataclass(frozen=True)
@@ -32,3 +36,34 @@ class SimulationSettings:
     def steps(self, seconds: float) -> int:
         """Number of time steps of a duration, to the nearest one."""
         return round(seconds / self.time_step_s)
+
+
+class Poured(Section):
+    """Keys of a bench test whose berries are poured at a rate."""
+
+    berries: Berries
+    rate_per_s: float = Field(ge=0.1, le=10000)
+    seeds: Seeds
+
+
+class Hopper(Poured):
+    """Keys of a funnel: inlet, cone and tube."""
+
+    inlet_diameter_mm: float = Field(ge=1, le=5000)
+    outlet_diameter_mm: float = Field(ge=1, le=5000)
+    cone_angle_deg: float = Field(ge=5, le=89)
+    tube_length_mm: float = Field(ge=0, le=1000)
+    rim_radius_mm: float = Field(ge=0.05, le=20)
+
+
+class Rotating(Poured):
+    """Keys of a drum that is filled and turns."""
+
+    rotate_from_s: float = Field(ge=0.1, le=600)
+    angular_velocity_rad_s: float = Field(ge=1.0e-4, le=10)
+    outer_diameter_mm: float = Field(ge=20, le=5000)
+    wall_thickness_mm: float = Field(gt=0, le=1000)
+    length_mm: float = Field(ge=10, le=5000)
+    factory_height_mm: float = Field(ge=-2000, le=2000)
+    record_s: float = Field(ge=0.001, le=10)
+    fit_share: float = Field(ge=0.1, le=1)

@@ -15,10 +15,9 @@ from repose.apparatus import drum
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.factory import fill
 from repose.apparatus.scene import Filmed
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import Rotating, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -30,22 +29,11 @@ RESPONSES = (Response("turning_deg", "deg", "drum, turning", "turning", NAME, -9
 RECORDED = Recorded(means=("turning_deg",), single=("turning_deg",))
 
 
-class Settings(Section):
+class Settings(Rotating):
     """The section `turning` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
-    rotate_from_s: float = Field(ge=0.1, le=600)
-    angular_velocity_rad_s: float = Field(ge=1.0e-4, le=10)
     measure_from_s: float = Field(ge=0, le=600)
     measure_until_s: float = Field(ge=0.1, le=600)
-    seeds: Seeds
-    outer_diameter_mm: float = Field(ge=20, le=5000)
-    wall_thickness_mm: float = Field(gt=0, le=1000)
-    length_mm: float = Field(ge=10, le=5000)
-    factory_height_mm: float = Field(ge=-2000, le=2000)
-    record_s: float = Field(ge=0.001, le=10)
-    fit_share: float = Field(ge=0.1, le=1)
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:

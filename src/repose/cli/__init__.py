@@ -89,7 +89,7 @@ def main(words: Sequence[str] | None = None) -> int:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
         with nullcontext() if verb.passes_on else stage(args):
-            status = verb.run(args) or 0
+            status = verb(args) or 0
         sys.stdout.flush()
         return status
     except BrokenPipeError:

@@ -2,14 +2,14 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
 from repose.cli.registry import Family, Option
-from repose.config.definitions import definitions_of
-from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameter_space import ParameterSpace
-from repose.core.published import beside
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
 
@@ -28,11 +28,10 @@ family = Family()
         Option("--prefix", default="", help="put before the names of the tables"),
     ],
 )
-def dataset(args: argparse.Namespace) -> None:
+def dataset(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import dataset
 
-    study = Study.load(args.config)
-    targets, definitions = study.targets, definitions_of(study.config)
+    targets, definitions = study.targets, study.definitions
     jobs = dataset.job_files(args.jobs, args.samples)
     dataset.run(args.samples, jobs, targets, definitions, args.out, args.prefix)
 
@@ -43,11 +42,10 @@ def dataset(args: argparse.Namespace) -> None:
     out="results/network",
     options=[DATASET, RUNS],
 )
-def network(args: argparse.Namespace) -> None:
+def network(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import train
 
-    study = Study.load(args.config)
-    targets, definitions = study.targets, definitions_of(study.config)
+    targets, definitions = study.targets, study.definitions
     settings = study.config["network"] | {"surrogate": study.config["surrogate"]}
     metrics = train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config)
     print(train.message(metrics))
@@ -59,19 +57,18 @@ def network(args: argparse.Namespace) -> None:
     out="results/miga",
     options=[NETWORK, SUPPORT],
 )
-def miga(args: argparse.Namespace) -> None:
+def miga(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import invert
 
-    study = Study.load(args.config)
     summary = invert.run(
         args.network,
         study.parameters,
         study.targets,
         study.config["miga"],
-        beside(study.config["validation"]["published"], "table3.csv"),
+        study.published("table3.csv"),
         args.out,
-        _support(args, study.config),
-        definitions_of(study.config),
+        _support(args, study),
+        study.definitions,
         args.config,
     )
     print(summary["message"])
@@ -83,10 +80,9 @@ def miga(args: argparse.Namespace) -> None:
     out="results/validation",
     options=[FEASIBLE],
 )
-def solutions(args: argparse.Namespace) -> None:
+def solutions(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
-    study = Study.load(args.config)
     section = study.config["validation"]
     validate.write_solutions(
         args.feasible,
@@ -103,10 +99,10 @@ def solutions(args: argparse.Namespace) -> None:
     example="--out results/validation",
     out="results/validation",
 )
-def published_solutions(args: argparse.Namespace) -> None:
+def published_solutions(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
-    published = Study.load(args.config).config["validation"]["published"]
+    published = study.config["validation"]["published"]
     if published is None:
         raise InputError(args.config, "validation.published", None, "a table of published solutions")
     validate.write_published_solutions(published, Path(args.out) / "published_solutions.csv")
@@ -122,15 +118,14 @@ def published_solutions(args: argparse.Namespace) -> None:
         SUPPORT,
     ],
 )
-def validate(args: argparse.Namespace) -> None:
+def validate(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
-    study = Study.load(args.config)
     published, targets = study.config["validation"]["published"], study.targets
-    validate.run(args.solutions, args.jobs, published, targets, args.out, _support(args, study.config))
+    validate.run(args.solutions, args.jobs, published, targets, args.out, _support(args, study))
 
 
-def _support(args, config):
+def _support(args, study):
     """The samples for a warning of extrapolation; None without a dataset. InputError for other definitions."""
     if not args.dataset:
         return None
@@ -139,5 +134,5 @@ def _support(args, config):
     from repose.surrogate.support import Support
 
     definitions, summary = read_definitions(args.dataset)
-    require_same_definitions(definitions, summary, definitions_of(config), args.config)
-    return Support.of_dataset(args.dataset, ParameterSpace.of(config["parameters"]))
+    require_same_definitions(definitions, summary, study.definitions, args.config)
+    return Support.of_dataset(args.dataset, study.parameters)

@@ -1,11 +1,14 @@
 """Verbs of the material card: the answer of a calibration as one file."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY, FEASIBLE
 from repose.cli.registry import Family, Option
-from repose.config.study import Study
 from repose.core.errors import InputError
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
 
@@ -49,12 +52,11 @@ def card(args: argparse.Namespace) -> None:
         Option("--draws", help="draws.csv of the same posterior"),
     ],
 )
-def material_card(args: argparse.Namespace) -> None:
+def material_card(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import answer, card
 
     if (args.posterior is None) != (args.draws is None):
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
-    study = Study.load(args.config)
     result = answer.read_files(study.config, args.summary, args.representative, study.config["strategy"])
     files = {name: getattr(args, name) for name in ("berry", "particle", "feasible", "posterior", "draws")}
     card.run(study.config, result, files, args.out)

@@ -8,11 +8,11 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from repose.cli.registry import Family, Option
-from repose.config.study import Study
+from repose.cli.registry import Family, Option, load_with_inputs
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
+    from repose.config.study import Study
     from repose.dem.time_steps import Limit
     from repose.particle.particle import Particle
 
@@ -28,16 +28,16 @@ family = Family()
 @family.verb(
     "check a configuration; print the longest time step, the softest grain and the cost of a run",
     example="--config config/paper.yaml",
+    study=load_with_inputs,
     options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
 )
-def check(args: argparse.Namespace) -> None:
+def check(args: argparse.Namespace, study: "Study") -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
     from repose.config import computed, cost, loader
     from repose.config.reading import get
     from repose.strategies import cost as strategies
 
-    study = Study.load(args.config, inputs=True)
     config, berry, particle = study.config, study.grain, study.particle
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     written, _ = loader.read_layers([args.config])
@@ -114,6 +114,7 @@ def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
 @family.verb(
     "before any pour: the pours that the noise requires, and the probability of success by budget",
     example="--config config/fast.yaml",
+    study=load_with_inputs,
     options=[
         Option(
             "--runs",
@@ -121,10 +122,9 @@ def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
         )
     ],
 )
-def plan(args: argparse.Namespace) -> None:
+def plan(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies import plan
 
-    study = Study.load(args.config, inputs=True)
     config, targets, folder = study.config, study.targets, study.folder
     own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
     path = args.runs or next(iter(own), None)

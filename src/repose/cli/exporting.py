@@ -3,8 +3,7 @@
 import argparse
 
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
-from repose.cli.registry import CONFIG, Family, Option
-from repose.config.study import Study
+from repose.cli.registry import CONFIG, Family, Option, load
 from repose.core import provenance
 from repose.core.errors import InputError
 
@@ -41,14 +40,15 @@ def export(args: argparse.Namespace) -> None:
     from repose import export
     from repose.chain import card
     from repose.cli.berries import berry_and_particle
+    from repose.config.study import Study
 
-    study = None if args.config is None else Study.load(args.config)
+    study = None if args.config is None else load(args)
     _check_source(args)
     of_card = None if args.card is None else card.read_own(args.card)
     if study is None:
         configuration = None if of_card is None else card.configuration_of_card(args.card)
         args.config = CONFIG.keywords["default"] if configuration is None else str(configuration)
-        study = Study.load(args.config)
+        study = load(args)
     if args.seed < 0:
         raise InputError("command line", "--seed", args.seed, "a whole number from 0")
     section = study.config["berry"]

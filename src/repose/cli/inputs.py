@@ -1,14 +1,17 @@
 """Verbs for the inputs of a study: the berry, its particle, the points to simulate."""
 
 import argparse
+from typing import TYPE_CHECKING
 
+from repose.cli import own_simulator
 from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY
-from repose.cli.registry import Family, Option
-from repose.config.study import Study
-from repose.core import places
+from repose.cli.registry import Family, Option, load
 from repose.core.errors import InputError
 from repose.core.files import write_bytes
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 family = Family()
 
@@ -17,6 +20,7 @@ family = Family()
     "compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass",
     example="--axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl",
     out="results/berry",
+    study=None,  # a mesh from axes and density needs none
     options=[
         Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
         Option("--stl", help="the mesh file to build; with --axes and --mass-g"),
@@ -37,7 +41,7 @@ def berry(args: argparse.Namespace) -> None:
     if args.axes or args.stl:
         _build(args)
     else:
-        write_berry(Study.load(args.config).config, args.out)
+        write_berry(load(args).config, args.out)
 
 
 def _build(args: argparse.Namespace) -> None:
@@ -47,7 +51,7 @@ def _build(args: argparse.Namespace) -> None:
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
     stated = args.density
-    density = Study.load(args.config).config["berry"]["density_kg_m3"] if stated is None else stated
+    density = load(args).config["berry"]["density_kg_m3"] if stated is None else stated
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     stl = mesh.export(file_type="stl")
@@ -66,24 +70,22 @@ def _build(args: argparse.Namespace) -> None:
     out="results/berry",
     options=[BERRY],
 )
-def shape(args: argparse.Namespace) -> None:
-    write_particle(Study.load(args.config).config, args.berry, args.out)
+def shape(args: argparse.Namespace, study: "Study") -> None:
+    write_particle(study.config, args.berry, args.out)
 
 
 @family.verb(
     "make the Latin hypercube design of the contact parameters, or of those of your own simulator",
     example="--out results/design",
     out="results/design",
+    study=own_simulator.of_either,
 )
-def design(args: argparse.Namespace) -> None:
+def design(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import design
-    from repose.cli import own_simulator
-    from repose.config.own import is_own
 
-    if is_own(places.find(args.config)):
-        own_simulator.write_start(args)
+    if own_simulator.is_one(study):
+        own_simulator.write_start(args, study)
         return
-    study = Study.load(args.config)
     section = study.config["design"]
     space = study.parameters
     design.run(space, section["samples"], section["method"], section["seed"], args.out)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import BERRY, JSON
-from repose.cli.registry import Family, Option
-from repose.config.study import Study
+from repose.cli.registry import Family, Option, load
 from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
 
 if TYPE_CHECKING:
+    from repose.config.study import Study
     from repose.measure.photographs import Scale
     from repose.measure.settings import MeasureSettings
 
@@ -128,7 +128,7 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
     section: dict[str, Any] = {"berry_height_mm": None}
     sizes_csv = Path(SIZES) if Path(SIZES).is_file() else None
     if args.config is not None:
-        config = Study.load(args.config).config
+        config = load(args).config
         section, sizes_csv = dict(config["measure"]), config["berry"]["sizes"]
     if args.grain_mm is not None:
         section["berry_height_mm"] = args.grain_mm
@@ -167,14 +167,14 @@ def marker(args: argparse.Namespace) -> None:
         Option("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"),
     ],
 )
-def silhouette(args: argparse.Namespace) -> None:
+def silhouette(args: argparse.Namespace, study: "Study") -> None:
     from repose.core.files import write_image
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import side_view
     from repose.measure.saved_pours import first_pour
     from repose.particle.build import Particle
 
-    how = MeasureSettings(**Study.load(args.config).config["measure"])
+    how = MeasureSettings(**study.config["measure"])
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
     write_image(args.out, picture)
 
@@ -189,12 +189,12 @@ def silhouette(args: argparse.Namespace) -> None:
         BERRY,
     ],
 )
-def measure_silhouette(args: argparse.Namespace) -> None:
+def measure_silhouette(args: argparse.Namespace, study: "Study") -> None:
     from repose.core.files import write_image, write_json
     from repose.measure import drawing, pile
     from repose.particle.berry_files import read_berry
 
-    section = Study.load(args.config).config["measure"]
+    section = study.config["measure"]
     how = pile.MeasureSettings.of(section, read_berry(args.berry))
     image = pile.read_image(args.picture)
     try:

@@ -3,30 +3,48 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from repose.cli.registry import Family, Option
-from repose.config import own
-from repose.config.study import Study
+from repose.cli.registry import Family, Option, load
+from repose.core import places
 from repose.core.errors import InputError
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 FOLDER = "own"
 
 family = Family()
 
 
-def _study(args: argparse.Namespace, record: str | None = None) -> Study:
-    """The study of --config, with its runs."""
-    if not own.is_own(args.config):
+def _study(args: argparse.Namespace) -> "Study":
+    """The study of --config, for a simulator of the user's own; of the verb `ask` with the runs so far."""
+    from repose.config.own import is_own
+    from repose.config.study import Study
+
+    if not is_own(args.config):
         allowed = "the name of your simulator, in a configuration as docs/own_simulator.md shows"
         raise InputError(args.config, "simulator", None, allowed)
-    return Study.own(args.config, record)
+    return Study.own(args.config, args.runs if args.verb == "ask" else None)
 
 
-def write_start(args: argparse.Namespace) -> None:
+def of_either(args: argparse.Namespace) -> "Study":
+    """The study of --config, for our simulator or for one of the user's own."""
+    from repose.config.own import is_own
+
+    return _study(args) if is_own(places.find(args.config)) else load(args)
+
+
+def is_one(study: "Study") -> bool:
+    """Whether a study is for a simulator of the user's own."""
+    return "simulator" in study.config
+
+
+def write_start(args: argparse.Namespace, study: "Study") -> None:
     """Write the runs to begin with, samples.csv, into the folder `args.out`."""
     from repose.core.files import write_table
 
-    table = _study(args).ask()
+    table = study.ask()
     path = Path(args.out) / "samples.csv"
     write_table(path, table)
     print(f"{path}: {len(table)} runs of {table['sample'].nunique()} samples to simulate")
@@ -42,12 +60,13 @@ def _warn(words: str | None) -> None:
     "own simulator: add a table of runs to the record of all runs",
     example=f"new_runs.csv --config own.yaml --out {FOLDER}/runs.csv",
     out=f"{FOLDER}/runs.csv",
+    study=_study,
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
-def tell(args: argparse.Namespace) -> None:
+def tell(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.runs import add_runs
 
-    table = add_runs(_study(args), args.runs, args.out)
+    table = add_runs(study, args.runs, args.out)
     print(f"{args.out}: {len(table)} runs of {table['sample'].nunique()} samples")
 
 
@@ -55,17 +74,17 @@ def tell(args: argparse.Namespace) -> None:
     "own simulator: list the runs to make next, or say that the answer is good enough",
     example=f"--runs {FOLDER}/runs.csv --config own.yaml --out {FOLDER}/next.csv",
     out=f"{FOLDER}/next.csv",
+    study=_study,
     options=[
         Option("--runs", default=f"{FOLDER}/runs.csv", help="the record; where it is missing, the start")
     ],
 )
-def ask(args: argparse.Namespace) -> None:
+def ask(args: argparse.Namespace, study: "Study") -> None:
     from repose.core.files import write_table
     from repose.strategies.base import Answer
     from repose.strategies.runs import read_runs
     from repose.strategies.sequential.strategy import noise_from, observed_of
 
-    study = _study(args, args.runs)
     known = read_runs(args.runs, study)
     table, found = study.ask(), study.proposal
     write_table(args.out, table)
@@ -86,15 +105,15 @@ def ask(args: argparse.Namespace) -> None:
     "own simulator: the parameters that meet the targets, from a table of runs of any simulator",
     example=f"results.csv --config own.yaml --out {FOLDER}",
     out=FOLDER,
+    study=_study,
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
-def calibrate(args: argparse.Namespace) -> int:
+def calibrate(args: argparse.Namespace, study: "Study") -> int:
     from repose.chain.answer import NOT_FEASIBLE
     from repose.pictures.report import own
     from repose.strategies.runs import read_runs
     from repose.studies import calibration
 
-    study = _study(args)
     found = calibration.calibrate(study, read_runs(args.runs, study))
     calibration.write(found, args.out)
     own.write(found, Path(args.out) / "report.html")

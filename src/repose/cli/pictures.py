@@ -1,10 +1,13 @@
 """Verbs that draw: figures, films, the report."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from repose.cli.options import pairs
 from repose.cli.registry import Family, Option
-from repose.config.study import Study
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 # Frames of the film of a pour; each takes nearly a second to draw.
 FILM, SMALL_FILM = 72, 20
@@ -21,10 +24,10 @@ family = Family()
         Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows"),
     ],
 )
-def figure(args: argparse.Namespace) -> None:
+def figure(args: argparse.Namespace, study: "Study") -> None:
     from repose.pictures import figures
 
-    figures.draw(args.name, pairs(args.input, "--input"), args.out, Study.load(args.config).config)
+    figures.draw(args.name, pairs(args.input, "--input"), args.out, study.config)
 
 
 @family.verb(
@@ -37,11 +40,11 @@ def figure(args: argparse.Namespace) -> None:
         Option("--drum", action="store_true", help="the trajectory is that of a drum"),
     ],
 )
-def film(args: argparse.Namespace) -> None:
+def film(args: argparse.Namespace, study: "Study") -> None:
     from repose.particle.build import Particle
     from repose.pictures import film, scenery
 
-    config, particle = Study.load(args.config).config, Particle.load(args.particle)
+    config, particle = study.config, Particle.load(args.particle)
     frames = SMALL_FILM if config["small_run"] else FILM
     if args.drum:
         film.animate_drum(
@@ -64,8 +67,8 @@ def film(args: argparse.Namespace) -> None:
         ),
     ],
 )
-def report(args: argparse.Namespace) -> None:
+def report(args: argparse.Namespace, study: "Study") -> None:
     from repose.pictures.report import page
 
     files, tables = pairs(args.input, "--input"), pairs(args.table, "--table")
-    page.write(Study.load(args.config).config, args.jobs, files, tables, args.out)
+    page.write(study.config, args.jobs, files, tables, args.out)

@@ -9,13 +9,13 @@ from repose.cli.options import JSON
 from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
 from repose.cli.registry import Family, Option
 from repose.config.reading import section
-from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.files import json_text
 
 if TYPE_CHECKING:
     from repose.apparatus.bench_test import BenchTest
     from repose.apparatus.job import Progress
+    from repose.config.study import Study
     from repose.particle.particle import Particle
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
@@ -54,11 +54,10 @@ class _Job(NamedTuple):
     example="--config config/quick.yaml",
     options=[*BERRY_AND_PARTICLE],
 )
-def warm_up(args: argparse.Namespace) -> None:
+def warm_up(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import warm_up
     from repose.dem.cache import folder
 
-    study = Study.load(args.config)
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
     values = parameters([], None, None, study.config["parameters"])
     took_s = warm_up.warm_up(study.config, values, particle, berry_of)
@@ -71,10 +70,10 @@ def warm_up(args: argparse.Namespace) -> None:
     out="results/try",
     options=[APPARATUS, *POUR, KEEP],
 )
-def pour(args: argparse.Namespace) -> None:
+def pour(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus.job import pour_job
 
-    print(pour_job(**_job(args, args.apparatus)._asdict(), keeps_runs=args.keep_runs))
+    print(pour_job(**_job(args, study, args.apparatus)._asdict(), keeps_runs=args.keep_runs))
 
 
 @family.verb(
@@ -83,10 +82,10 @@ def pour(args: argparse.Namespace) -> None:
     out="results/try",
     options=[*POUR, JSON.but(help="print the result as JSON")],
 )
-def heap(args: argparse.Namespace) -> None:
+def heap(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus.job import measure_job, pour_job
 
-    job = _job(args, "funnel")
+    job = _job(args, study, "funnel")
     result = measure_job(job.config, pour_job(**job._asdict()), job.particle, job.berry)
     if args.json:
         print(json_text(_flat(result) if len(result["runs"]) == 1 else result))
@@ -95,14 +94,13 @@ def heap(args: argparse.Namespace) -> None:
             print(describe(run, job.test.in_words))
 
 
-def _job(args: argparse.Namespace, apparatus: str) -> _Job:
+def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> _Job:
     """The job of the options."""
     from repose.apparatus import bench
     from repose.apparatus.settings import SimulationSettings
     from repose.dem.io.progress import display
 
     test = bench(apparatus, "command line")
-    study = Study.load(args.config)
     section(study.config, apparatus)
     values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
     seeds = pour_seeds(args, study.config["design"]["seed"], apparatus)
@@ -137,12 +135,11 @@ def _flat(result):
         *BERRY_AND_PARTICLE,
     ],
 )
-def measure_runs(args: argparse.Namespace) -> None:
+def measure_runs(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import bench
     from repose.apparatus.job import measure_job
     from repose.core.seeds import UNNAMED
 
-    study = Study.load(args.config)
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
     for path in args.pours:
         result = measure_job(study.config, path, particle, berry_of, args.out)
@@ -160,10 +157,9 @@ def measure_runs(args: argparse.Namespace) -> None:
         JSON.but(help="print the measured runs as JSON"),
     ],
 )
-def drum(args: argparse.Namespace) -> None:
+def drum(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import bench, drum_tables
 
-    study = Study.load(args.config)
     section(study.config, "drum")
     values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
     seeds = run_seeds(args.seed)
@@ -182,10 +178,9 @@ def drum(args: argparse.Namespace) -> None:
     out="results/drum",
     options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote"), *BERRY_AND_PARTICLE],
 )
-def drum_tables(args: argparse.Namespace) -> None:
+def drum_tables(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import drum_tables
 
-    study = Study.load(args.config)
     section(study.config, "drum")
     _, particle = berry_and_particle(study, args.berry, args.particle)
     drum_tables.run(args.runs, study.config, particle, args.out)

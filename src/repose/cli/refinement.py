@@ -2,12 +2,13 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, file_options
 from repose.cli.registry import Family, Option
-from repose.config.definitions import definitions_of
-from repose.config.study import Study
-from repose.core.published import beside
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 ROUND = "results/refined/round_0"
 NEXT_ROUND = "results/refined/round_1"
@@ -43,14 +44,13 @@ def refine_data(args: argparse.Namespace) -> None:
         Option("--near", default=f"{ROUND}/proposal.csv", help="the last proposal"),
     ],
 )
-def refine_search(args: argparse.Namespace) -> None:
+def refine_search(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.refined import refine
 
-    study = Study.load(args.config)
     space, targets = study.parameters, study.targets
     files = (args.network, args.dataset, args.near)
-    table3 = beside(study.config["validation"]["published"], "table3.csv")
-    defined = (definitions_of(study.config), args.config)
+    table3 = study.published("table3.csv")
+    defined = (study.definitions, args.config)
     summary = refine.run_search(*files, space, targets, study.config, table3, args.out, *defined)
     print(summary["message"])
 
@@ -65,13 +65,12 @@ def refine_search(args: argparse.Namespace) -> None:
         NETWORK.but(help="the surrogate that it searched"),
     ],
 )
-def refine_propose(args: argparse.Namespace) -> None:
+def refine_propose(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.refined import refine
 
-    study = Study.load(args.config)
     space, targets = study.parameters, study.targets
     seed, out = study.config["design"]["seed"], Path(args.out) / "proposal.csv"
-    files, defined = (args.feasible, args.network), (definitions_of(study.config), args.config)
+    files, defined = (args.feasible, args.network), (study.definitions, args.config)
     refine.run_propose(*files, space, targets, study.config["refine"], args.round, seed, out, *defined)
 
 
@@ -81,10 +80,9 @@ def refine_propose(args: argparse.Namespace) -> None:
     out=ROUND,
     options=file_options(ROUND_FILES, "of the round "),
 )
-def refine_judge(args: argparse.Namespace) -> None:
+def refine_judge(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.refined import rounds
 
-    study = Study.load(args.config)
     files = (args.proposal, args.dataset, args.runs)
     found = rounds.run_judge(*files, study.targets, study.config["refine"], args.out)
     print(f"round {found['round']} {found['outcome']}", found["reason"], sep=": ")
@@ -96,10 +94,9 @@ def refine_judge(args: argparse.Namespace) -> None:
     out="results/refined",
     options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],
 )
-def refine_tables(args: argparse.Namespace) -> None:
+def refine_tables(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.refined import rounds
 
-    study = Study.load(args.config)
     targets, limit = study.targets, study.config["refine"]["rounds"]
     summary = rounds.run_tables(args.verdicts, limit, targets, args.out)
     print(summary["why"])

@@ -4,9 +4,12 @@ import argparse
 import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.core import places
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 PROGRAM = "python -m repose"
 
@@ -30,15 +33,21 @@ CONFIG = Option(
 class Verb(NamedTuple):
     """A step that runs by name."""
 
-    run: Callable  # takes the parsed options, does the step, and may return an exit status
+    run: Callable  # takes the parsed options, and its study if it has one; may return an exit status
     summary: str  # as in `Family.verb`
     example: str  # as in `Family.verb`
     options: tuple  # of `Option`
+    study: "Callable[[argparse.Namespace], Study] | None"  # makes the study that the step takes
     passes_on: bool = False  # unknown words go into the list `args.rest`
 
     @property
     def name(self) -> str:
         return self.run.__name__
+
+    def __call__(self, args: argparse.Namespace) -> int | None:
+        """Do the step; its exit status, None for 0."""
+        status: int | None = self.run(args) if self.study is None else self.run(args, self.study(args))
+        return status
 
     def add_to(self, subparsers: Any, before: str = "") -> None:
         """Add the verb's own parser to those of `add_subparsers`; its result has the verb's name as `verb`.
@@ -56,6 +65,20 @@ class Verb(NamedTuple):
             parser.add_argument(*option.names, **option.keywords)
 
 
+def load(args: argparse.Namespace) -> "Study":
+    """The study of --config."""
+    from repose.config.study import Study
+
+    return Study.load(args.config)
+
+
+def load_with_inputs(args: argparse.Namespace) -> "Study":
+    """The study of --config, with the files that it names checked."""
+    from repose.config.study import Study
+
+    return Study.load(args.config, inputs=True)
+
+
 class Family:
     """The verbs of one module, in the order of the module."""
 
@@ -69,14 +92,16 @@ class Family:
         example: str = "",
         out: str | None = None,
         config: bool = True,
+        study: "Callable[[argparse.Namespace], Study] | None" = load,
         options: Sequence[Option] = (),
         passes_on: bool = False,
     ) -> Callable[[Callable], Callable]:
         """Decorator that makes a function the verb of the same name.
 
         `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
-        call that parses. `out` is the default of --out, None for no --out. With `config` the verb takes --config; with
-        `passes_on` it passes unknown words on to another program.
+        call that parses. `out` is the default of --out, None for no --out. With `config` the verb takes --config, and
+        the function the study that `study` makes of the options. With `passes_on` it passes unknown words on to another
+        program.
         """
         shared = [CONFIG] if config else []
         if out:
@@ -84,7 +109,9 @@ class Family:
             shared.append(Option("--out", default=out, help=f"{kind} to write ({out})"))
 
         def add(run):
-            self.verbs.append(Verb(run, summary, example, (*shared, *options), passes_on))
+            self.verbs.append(
+                Verb(run, summary, example, (*shared, *options), study if config else None, passes_on)
+            )
             return run
 
         return add

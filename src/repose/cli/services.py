@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
-from repose.config.study import Study
 from repose.core import published
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
+    from repose.config.study import Study
     from repose.verification.case import Result
 
 family = Family()
@@ -25,10 +25,9 @@ family = Family()
     example="--json",
     options=[JSON],
 )
-def bench(args: argparse.Namespace) -> None:
+def bench(args: argparse.Namespace, study: "Study") -> None:
     from repose.verification import speed
 
-    study = Study.load(args.config)
     config = study.config
     of_published = published.representative(config["validation"]["published"])
     result = speed.run(config, {config["berry"]["particle"]: study.particle}, study.grain, of_published)
@@ -46,7 +45,7 @@ def bench(args: argparse.Namespace) -> None:
         Option("--seeds", type=int, default=2, help="pours of each time step in the case convergence (2)"),
     ],
 )
-def verify(args: argparse.Namespace) -> int:
+def verify(args: argparse.Namespace, study: "Study") -> int:
     for option in ("hits", "seeds"):
         if getattr(args, option) < 1:
             raise InputError("command line", f"--{option}", getattr(args, option), "at least 1")
@@ -57,7 +56,6 @@ def verify(args: argparse.Namespace) -> int:
 
     names = args.case or (list(verification.CASES) if args.all else None)
     pile = None
-    study = Study.load(args.config)
     laws = SimulationSettings.of(study.config).laws
     print("laws: " + ", ".join(laws.values()), flush=True)
     if names and set(names) & set(verification.EXPENSIVE):

@@ -2,12 +2,14 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from repose.cli.registry import Family, Option
-from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 FOLDER = "results/response_surface"
 SEQUENTIAL = "results/sequential"
@@ -29,11 +31,9 @@ def _print_deviations(table):
         print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")
 
 
-def _read(args: argparse.Namespace) -> tuple[ParameterSpace, Targets, dict[str, Any]]:
-    """Space, targets and section of a configuration."""
-    study = Study.load(args.config)
-    space, targets = study.parameters, study.targets
-    return space, targets, study.config["response_surface"]
+def _read(study: "Study") -> tuple[ParameterSpace, Targets, dict[str, Any]]:
+    """Space, targets and section of a study."""
+    return study.parameters, study.targets, study.config["response_surface"]
 
 
 @family.verb(
@@ -41,10 +41,10 @@ def _read(args: argparse.Namespace) -> tuple[ParameterSpace, Targets, dict[str, 
     example="--config config/quick.yaml",
     out=f"{FOLDER}/screening",
 )
-def response_design(args: argparse.Namespace) -> None:
+def response_design(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.response_surface import files
 
-    space, _, section = _read(args)
+    space, _, section = _read(study)
     files.run_design(space, section, Path(args.out) / "samples.csv")
 
 
@@ -57,10 +57,10 @@ def response_design(args: argparse.Namespace) -> None:
         Option("--next", default=f"{FOLDER}/ascent/samples.csv", help="samples of the ascent, to write"),
     ],
 )
-def response_screening(args: argparse.Namespace) -> None:
+def response_screening(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.response_surface import files
 
-    found = files.run_screening(args.samples, args.dataset, *_read(args), args.out, args.next)
+    found = files.run_screening(args.samples, args.dataset, *_read(study), args.out, args.next)
     print(f"kept {', '.join(found['kept'])}; dropped {', '.join(found['dropped']) or 'none'}")
 
 
@@ -73,10 +73,10 @@ def response_screening(args: argparse.Namespace) -> None:
         Option("--next", default=f"{FOLDER}/surface/samples.csv", help="samples of the surface, to write"),
     ],
 )
-def response_ascent(args: argparse.Namespace) -> None:
+def response_ascent(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.response_surface import files
 
-    points = files.run_ascent(args.samples, args.dataset, *_read(args), args.out, args.next)
+    points = files.run_ascent(args.samples, args.dataset, *_read(study), args.out, args.next)
     best = points[points["best"]].iloc[0]
     print(f"sample {best['sample']:g} is nearest to the targets, {best['error_percent']:.2f} % off")
 
@@ -90,10 +90,10 @@ def response_ascent(args: argparse.Namespace) -> None:
         Option("--next", default=f"{FOLDER}/check/samples.csv", help="samples of the check, to write"),
     ],
 )
-def response_surface(args: argparse.Namespace) -> None:
+def response_surface(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.response_surface import files
 
-    found = files.run_surface(args.samples, args.dataset, *_read(args), args.out, args.next)
+    found = files.run_surface(args.samples, args.dataset, *_read(study), args.out, args.next)
     print(f"the surfaces {'meet' if found['met'] else 'do not meet'} the targets: {found['parameters']}")
 
 
@@ -109,11 +109,11 @@ def response_surface(args: argparse.Namespace) -> None:
         Option("--dataset", default=f"{FOLDER}/check/dataset.csv", help="of the check"),
     ],
 )
-def response_check(args: argparse.Namespace) -> None:
+def response_check(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.response_surface import files
 
     given = (args.predictions, args.optimum, args.surface, args.dataset, args.runs)
-    table = files.run_check(*given, Study.load(args.config).config, args.out)
+    table = files.run_check(*given, study.config, args.out)
     _print_deviations(table)
 
 
@@ -122,10 +122,10 @@ def response_check(args: argparse.Namespace) -> None:
     example="--config config/quick.yaml",
     out=f"{SEQUENTIAL}/batch_0",
 )
-def sequential_start(args: argparse.Namespace) -> None:
+def sequential_start(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.sequential import files
 
-    files.run_start(Study.load(args.config), Path(args.out) / "samples.csv")
+    files.run_start(study, Path(args.out) / "samples.csv")
 
 
 @family.verb(
@@ -134,10 +134,10 @@ def sequential_start(args: argparse.Namespace) -> None:
     out=f"{SEQUENTIAL}/batch_0",
     options=[Option("batches", nargs="+", help="folders of all batches so far: dataset.csv and runs.csv")],
 )
-def sequential_batch(args: argparse.Namespace) -> None:
+def sequential_batch(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.sequential import files
 
-    found = files.run_batch(args.batches, Study.load(args.config), args.out)
+    found = files.run_batch(args.batches, study, args.out)
     print(
         f"{found['pours']} pours; the best point meets the targets with probability {found['probability']:.2f}"
     )
@@ -155,8 +155,8 @@ def sequential_batch(args: argparse.Namespace) -> None:
         Option("--runs", default=f"{SEQUENTIAL}/check/runs.csv", help="of the answer: single runs"),
     ],
 )
-def sequential_check(args: argparse.Namespace) -> None:
+def sequential_check(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies.sequential import files
 
-    table = files.run_check(args.batches, args.dataset, args.runs, Study.load(args.config), args.out)
+    table = files.run_check(args.batches, args.dataset, args.runs, study, args.out)
     _print_deviations(table)

@@ -2,12 +2,13 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.cli.options import NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
-from repose.config.definitions import definitions_of
-from repose.config.study import Study
-from repose.core.published import beside
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 POSTERIOR_FILES = {
     "network": "results/network/network.json",
@@ -26,10 +27,10 @@ family = Family()
     out="results/noise",
     options=[RUNS],
 )
-def noise(args: argparse.Namespace) -> None:
+def noise(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import noise
 
-    targets = Study.load(args.config).targets
+    targets = study.targets
     print(noise.message(noise.run(args.runs, targets, args.out), targets))
 
 
@@ -39,14 +40,13 @@ def noise(args: argparse.Namespace) -> None:
     out="results/posterior",
     options=file_options(POSTERIOR_FILES),
 )
-def posterior(args: argparse.Namespace) -> None:
+def posterior(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import posterior
 
-    study = Study.load(args.config)
     space, targets = study.parameters, study.targets
     files: dict[str, str | Path | None] = {**chosen_files(args, POSTERIOR_FILES)}
-    files["table3"] = beside(study.config["validation"]["published"], "table3.csv")
-    defined = (definitions_of(study.config), args.config)
+    files["table3"] = study.published("table3.csv")
+    defined = (study.definitions, args.config)
     summary = posterior.run(files, space, targets, study.config["posterior"], args.out, *defined)
     print(posterior.message(summary))
 
@@ -57,11 +57,10 @@ def posterior(args: argparse.Namespace) -> None:
     out="results/sensitivity",
     options=[NETWORK],
 )
-def sensitivity(args: argparse.Namespace) -> None:
+def sensitivity(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import sensitivity
 
-    study = Study.load(args.config)
     space, targets = study.parameters, study.targets
-    defined = (definitions_of(study.config), args.config)
+    defined = (study.definitions, args.config)
     table = sensitivity.run(args.network, space, targets, study.config["sensitivity"], args.out, *defined)
     print(sensitivity.message(table))

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from repose.config.models import Settings, settings_type
-from repose.config.reading import Origin, get, origin_of, owner_of
+from repose.config.reading import Origin, origin_of, owner_of
 from repose.core.errors import InputError, YamlError
-from repose.core.section import AUTO, CONTRADICTION
+from repose.core.section import AUTO, CONTRADICTION, Section
 
 SHARED = ("time_step_s", "gravity_m_s2", "tension", "rest_energy_j")
 FRICTION_LIMIT = (
@@ -57,25 +57,41 @@ class _Error(NamedTuple):
     context: Mapping[str, Any]
 
 
-def check(config: Any, source: str | Origin = "configuration") -> Checked:
+def check(config: Any, source: str | Origin = "configuration", model: type[Section] | None = None) -> Checked:
     """The faults of each key by itself and of keys of one section; `source` names the file in them.
 
-    A mistyped key is also a missing key: only the mistyping is reported.
+    A mistyped key is also a missing key: only the mistyping is reported. `model` is that of a whole configuration
+    unless it is given.
     """
-    errors = _errors(config)
-    faults = list(_faults(errors, config, source))
+    errors = _errors(config, model or settings_type())
+    faults = list(_faults(errors, config, source, model or settings_type()))
     missing = {".".join(error.path) for error in errors if error.type == "missing"}
     return Checked(faults, missing | {fault.key for fault in faults})
 
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
     """Whether a configuration lacks any key; it may hold values that are not allowed."""
-    return any(error.type == "missing" for error in _errors(config))
+    try:
+        settings_type().model_validate(config)
+    except ValidationError as error:
+        places = (fault["loc"] for fault in error.errors(include_url=False) if fault["type"] == "missing")
+        return any(_is_a_section(config, place[:-1]) for place in places)
+    return False
+
+
+def _is_a_section(config, place):
+    """Whether a place is one of the configuration: that of an error may be an alternative of a value."""
+    try:
+        for step in place:
+            config = config[step]
+    except (LookupError, TypeError):
+        return False
+    return isinstance(config, Mapping)
 
 
 def is_valid(key: str, value: Any) -> bool:
     """Whether a key outside sections may have a value."""
-    return all(error.path != [key] for error in _errors({key: value}))
+    return all(error.path != [key] for error in _errors({key: value}, settings_type()))
 
 
 def allowed(key: str) -> str:
@@ -84,7 +100,7 @@ def allowed(key: str) -> str:
 
 
 @cache
-def _schema(model: type[Settings]) -> dict[str, Any]:
+def _schema(model: type[Section]) -> dict[str, Any]:
     """The JSON schema of a model."""
     return model.model_json_schema()
 
@@ -94,11 +110,12 @@ def schema() -> dict[str, Any]:
     return _schema(settings_type())
 
 
-def subschema(path: Sequence[str]) -> dict[str, Any]:
+def subschema(path: Sequence[str], model: type[Section] | None = None) -> dict[str, Any]:
     """The schema of a key, given by its parts, with references followed."""
-    node = schema()
+    whole = _schema(model or settings_type())
+    node = whole
     for step in path:
-        node = _inside(node, int(step) if step.isdigit() else step)
+        node = _inside(node, step, whole)
     return node
 
 
@@ -131,24 +148,28 @@ def _plain(number):
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 
-def _inside(found, step):
-    """The schema of a key of a section, or of an entry of a list of sections; None if it is neither."""
-    if isinstance(step, int):
-        inner = found.get("items", {})
-        inner = inner if "$ref" in inner else None
+def _inside(found, step, whole):
+    """The schema of a key of a section, or of an entry of sections in a list or under free names; None otherwise."""
+    entries = found.get("items", {})
+    if "$ref" in entries:
+        inner = entries if str(step).isdigit() else None
+    elif not isinstance(step, str):
+        inner = None
     else:
-        inner = found.get("properties", {}).get(step)
+        inner = found.get("properties", {}).get(step) or found.get("additionalProperties") or None
     while inner and "$ref" in inner:
-        inner = schema()["$defs"][inner["$ref"].rsplit("/", 1)[1]]
+        inner = whole["$defs"][inner["$ref"].rsplit("/", 1)[1]]
     return inner
 
 
-def _errors(config: Any) -> list[_Error]:
-    """The errors of the models, unknown keys first; one inside a value is an error of the whole value."""
+def _errors(config: Any, model: type[Section]) -> list[_Error]:
+    """The errors of a model, unknown keys first; one inside a value is an error of the whole value."""
     try:
-        settings_type().model_validate(config)
+        model.model_validate(config)
     except ValidationError as error:
-        errors = [_error(fault) for fault in error.errors(include_url=False, include_input=False)]
+        errors = [
+            _error(fault, _schema(model)) for fault in error.errors(include_url=False, include_input=False)
+        ]
         inside = {fault.path[0] for fault in errors if len(fault.path) > 1}
         # a list is also too short where all its entries have faults
         errors = [fault for fault in errors if fault.type != "too_short" or inside.isdisjoint(fault.path)]
@@ -156,11 +177,11 @@ def _errors(config: Any) -> list[_Error]:
     return []
 
 
-def _error(error):
+def _error(error, whole):
     """An error of pydantic, whose place also names the alternatives of a value, at its key."""
-    found, path, place = schema(), [], error["loc"]
+    found, path, place = whole, [], error["loc"]
     for step in place:
-        inner = _inside(found, step)
+        inner = _inside(found, step, whole)
         if inner is None:
             break
         found = inner
@@ -176,28 +197,38 @@ def _error(error):
     )
 
 
-def _faults(errors: list[_Error], config: Any, source: str | Origin) -> Iterator[InputError]:
+def _faults(
+    errors: list[_Error], config: Any, source: str | Origin, model: type[Section]
+) -> Iterator[InputError]:
     """The errors in words."""
     meant = set()
     for error in errors:
         key = ".".join(error.path)
         if error.type in UNKNOWN:
-            section = get(config, key) if key else config
-            known = sorted(subschema(error.path)["properties"])
+            known = sorted(subschema(error.path, model)["properties"])
             near = difflib.get_close_matches(str(error.unknown), known, 1)
             meant |= {".".join([*error.path, *near])}
             hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
             extra = f"{key}.{error.unknown}" if key else str(error.unknown)
-            words = MOVED.get(extra, f"no such key; {hint}")
-            yield YamlError(origin_of(source, extra), extra, section[error.unknown], words)
+            words = f"no such key; {hint}"
+            words = MOVED.get(extra, words) if issubclass(model, Settings) else words
+            yield YamlError(origin_of(source, extra), extra, _at(config, error.path)[error.unknown], words)
         elif error.type == "missing":
             if key not in meant:
-                words = f"{allowed_by(subschema(error.path))}; the key is missing"
+                words = f"{allowed_by(subschema(error.path, model))}; the key is missing"
                 yield YamlError(owner_of(source, key), key, None, words)
         elif error.type == CONTRADICTION:
             for name, words in error.context["found"]:
-                dotted = ".".join([*error.path, *filter(None, [name])])
-                yield YamlError(owner_of(source, dotted), dotted, get(config, dotted), words)
+                path = [*error.path, *filter(None, [name])]
+                dotted = ".".join(path)
+                yield YamlError(owner_of(source, dotted), dotted, _at(config, path), words)
         else:
-            words = allowed_by(subschema(error.path)) if key else "keys with values"
-            yield YamlError(origin_of(source, key), key, get(config, key), words)
+            words = allowed_by(subschema(error.path, model)) if key else "keys with values"
+            yield YamlError(origin_of(source, key), key, _at(config, error.path), words)
+
+
+def _at(config, path):
+    """The value at the steps of a key, any of which may contain a dot."""
+    for step in path:
+        config = config[int(step)] if isinstance(config, list) else config[step]
+    return config

@@ -1,9 +1,10 @@
 """The files of a configuration, each over the one before it, and the resolved file that a study writes."""
 
 import copy
+import functools
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ FILES = {
 }
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
+Read = Callable[[str | os.PathLike], dict[str, Any]]
 RESOLVED = "config.json"  # in the folder of results
 # Replaced, not merged: a fixed parameter has no prior of another file.
 WHOLE = {f"parameters.{name}" for name in PARAMETERS}
@@ -35,14 +37,15 @@ def read_layers(
     from repose.config.faults import lacks_keys  # imported here and below, so that help loads none of it
 
     paths = [places.find(path) for path in files]
+    read_once: Any = functools.cache(read)
     if paths:
-        config, source = _over_each_other(paths, overrides)
+        config, source = _over_each_other(paths, overrides, read_once)
         if not lacks_keys(config):
             return config, source
-    return _over_each_other(layers(paths), overrides)
+    return _over_each_other(layers(paths, read_once), overrides, read_once)
 
 
-def layers(files: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
+def layers(files: Sequence[str | os.PathLike], read: Read = read) -> list[str | os.PathLike]:
     """The files of a configuration, each to be read over the one before it: the defaults, then the given files.
 
     The built-in crop is a default only if no other file defines a crop. So a missing key of a crop is reported, and no
@@ -80,7 +83,7 @@ def _is_a_crop(config):
 
 
 def _over_each_other(
-    files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None
+    files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None, read: Read = read
 ) -> tuple[dict[str, Any], Origin]:
     """The files' configurations, each over the one before it, under the overrides; and the file of each key."""
     config: dict[str, Any] = {}

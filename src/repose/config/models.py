@@ -4,6 +4,7 @@ Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); 
 names that they are registered by. config/README.md explains the keys.
 """
 
+import sys
 from collections.abc import Iterable
 from functools import cache
 from itertools import pairwise
@@ -116,6 +117,15 @@ def _described(low, high):
 Restitution = Annotated[Any, _described(0.01, 1), _Parameter(0.01, 1)]
 StaticFriction = Annotated[Any, _described(0, 5), _Parameter(0, 5)]
 RollingFriction = Annotated[Any, _described(0, 1), _Parameter(0, 1)]
+ParameterOfAnySize = Annotated[
+    Any,
+    _Parameter(-sys.float_info.max, sys.float_info.max),
+    Field(description="a pair [low, high] of numbers with low < high; or fixed; or prior with mean and sd"),
+]
+ContactLaw = Annotated[str, OneOf(_contact_laws)]
+RollingLaw = Annotated[str, OneOf(_rolling_laws)]
+StrategyName = Annotated[str, OneOf(_strategies)]
+SurrogateName = Annotated[str, OneOf(_surrogates)]
 
 
 # --- the grain, the parameters and the simulation --------------------------------------------------------------
@@ -186,8 +196,8 @@ class Simulation(Section):
     gravity_m_s2: float = Field(ge=0.1, le=100)
     tension: Literal["keep", "release"]
     rest_energy_j: float = Field(gt=0, le=1.0e-3)
-    contact_law: Annotated[str, OneOf(_contact_laws)] = "hertz_mindlin"
-    rolling_law: Annotated[str, OneOf(_rolling_laws)] = "budget"
+    contact_law: ContactLaw = "hertz_mindlin"
+    rolling_law: RollingLaw = "budget"
 
 
 class Measure(Section):
@@ -368,14 +378,14 @@ class Settings(Section):
     results_dir: ResultsFolder
     photograph: PathOrNull
     colour: Colour
-    strategy: Annotated[str, OneOf(_strategies)]
+    strategy: StrategyName
     berry: Berry
     wall: Wall
     parameters: Parameters
     design: Design
     simulation: Simulation
     measure: Measure
-    surrogate: Annotated[str, OneOf(_surrogates)]
+    surrogate: SurrogateName
     network: Network
     targets: Annotated[tuple[Target, ...], Field(strict=False)] = Field(
         min_length=1,

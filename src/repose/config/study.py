@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from repose.config import loader
 from repose.config.making import Making
-from repose.config.own import OwnMaking
 from repose.config.reading import read
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, write_json
 from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.published import beside
+from repose.core.responses import Definitions
 from repose.core.targets import Targets
 
 if TYPE_CHECKING:
@@ -66,7 +68,7 @@ class Study:
     """
 
     config: dict[str, Any]
-    _making: Making | OwnMaking = field(repr=False)
+    _making: Making | None = field(repr=False)  # None: a simulator of the user's own
     _file: Path | None = field(repr=False)
 
     def __init__(
@@ -80,6 +82,8 @@ class Study:
         label: str = "study",
         **sections: Any,
     ) -> None:
+        from repose.config.own import completed
+
         given = {
             "simulator": simulator,
             "label": label,
@@ -89,10 +93,10 @@ class Study:
             "targets": {name: _target(one) for name, one in targets.items()},
             **sections,
         }
-        making = OwnMaking(given)
+        config = completed(given)
         if file is not None:
             _keep_settings(given, file)
-        self._make(making.config, making, file)
+        self._make(config, None, file)
 
     def _make(self, config, making, file=None):
         """Set the attributes, once."""
@@ -126,13 +130,15 @@ class Study:
         return cls.own(_settings_of(file), file)
 
     @classmethod
-    def own(cls, path: str | os.PathLike, file: str | os.PathLike | None = None) -> "Study":
+    def own(
+        cls, content: str | os.PathLike | Mapping[str, Any], file: str | os.PathLike | None = None
+    ) -> "Study":
         """The study of a configuration with the key `simulator` (docs/own_simulator.md).
 
         Parameters
         ----------
-        path : path
-            YAML or JSON file.
+        content : path or mapping
+            YAML or JSON file, or its keys.
         file : path, optional
             As in `Study(..., file=...)`; nothing is written beside it.
 
@@ -145,8 +151,11 @@ class Study:
         InputError
             As `Study(...)`.
         """
-        making = OwnMaking(read(path), path)
-        return cls._of(making.config, making, file)
+        from repose.config.own import completed
+
+        if isinstance(content, Mapping):
+            return cls._of(completed(content), None, file)
+        return cls._of(completed(read(content), content), None, file)
 
     @classmethod
     def load(
@@ -242,16 +251,28 @@ class Study:
     @cached_property
     def parameters(self) -> ParameterSpace:
         """Ranges of the free parameters, fixed values, prior knowledge."""
-        if isinstance(self._making, OwnMaking):
-            return self._making.space
-        return ParameterSpace.of(self.config["parameters"])
+        section = self.config["parameters"]
+        return ParameterSpace.of(section, names=tuple(section) if self._making is None else PARAMETERS)
 
     @cached_property
     def targets(self) -> Targets:
         """The measured responses."""
-        if isinstance(self._making, OwnMaking):
-            return self._making.targets
+        if self._making is None:
+            from repose.config.own import targets_of
+
+            return targets_of(self.config["targets"])
         return Targets.of(self.config["targets"])
+
+    @cached_property
+    def definitions(self) -> Definitions:
+        """For each response of the bench tests of the targets the keys that define it, with their values."""
+        from repose.config.definitions import definitions_of
+
+        return definitions_of(self.config)
+
+    def published(self, table: str) -> Path | None:
+        """A table in the folder of the published solutions, such as ``table3.csv``; None if it is not there."""
+        return beside(self.config["validation"]["published"], table)
 
     @cached_property
     def folder(self) -> Path:
@@ -261,18 +282,16 @@ class Study:
     @property
     def grain(self) -> dict[str, Any]:
         """The mean berry, as in berry.json; with it the files that the configuration names are checked."""
-        self.check_inputs()
-        assert isinstance(self._making, Making)
-        assert self._making.mean is not None
-        return self._making.mean
+        making = self._checked()
+        assert making.mean is not None
+        return making.mean
 
     @property
     def particle(self) -> "Particle":
         """The body of the mean berry; with it the files that the configuration names are checked."""
-        self.check_inputs()
-        assert isinstance(self._making, Making)
-        assert self._making.particle is not None
-        return self._making.particle
+        making = self._checked()
+        assert making.particle is not None
+        return making.particle
 
     def check_inputs(self) -> None:
         """Check the files that the configuration names, and that grain, bench test and time step fit together.
@@ -282,7 +301,14 @@ class Study:
         InputError
             With all faults at once.
         """
+        self._checked()
+
+    def _checked(self) -> Making:
+        """The making of a study with our simulator, its files checked."""
+        if self._making is None:
+            raise InputError("study", "grain", None, "a study of our own simulator; this one has the user's")
         self._making.check_inputs()
+        return self._making
 
     @cached_property
     def _record(self) -> "Record":

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .checks import is_name
-from .laws import Law
+from .laws.law import Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 

@@ -7,16 +7,19 @@ import the module in `repose.strategies`; then the configuration knows the name,
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
-import pandas as pd
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.section import Section
 from repose.core.targets import Targets
-from repose.surrogate.base import Predictor
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from repose.surrogate.base import Predictor
 
 SO_FAR = "more runs may give a better answer"
 
@@ -56,7 +59,7 @@ class Batch:
         Further results of the strategy, by name.
     """
 
-    samples: pd.DataFrame
+    samples: "pd.DataFrame"
     notes: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -93,11 +96,11 @@ class Answer:
     mean: np.ndarray
     covariance: np.ndarray
     probability: dict[str, float]
-    samples: pd.DataFrame
+    samples: "pd.DataFrame"
     why: str
     others: np.ndarray
     others_mean: np.ndarray
-    model: Predictor | None = None
+    model: "Predictor | None" = None
     notes: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -117,14 +120,17 @@ class Strategy(ABC):
         The section of the configuration with the strategy's name; None for a strategy that reads other sections only.
     repeats_points : bool
         Whether it asks for the same parameters under several numbers of samples.
+    rules : tuple of str
+        Rules of the workflow whose inputs are its products; empty for a strategy of `repose.Study` alone.
     """
 
     name: ClassVar[str]
     settings: ClassVar[type[Section] | None] = None
     repeats_points: ClassVar[bool] = False
+    rules: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
-    def propose(self, study: Studied, data: pd.DataFrame) -> Batch | Answer:
+    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         """The next samples, or the answer.
 
         The same study and the same runs give the same proposal: a study that was interrupted goes on as it would have.
@@ -147,7 +153,7 @@ class Strategy(ABC):
             If the runs do not determine the model of the strategy.
         """
 
-    def answer(self, study: Studied, data: pd.DataFrame) -> Answer:
+    def answer(self, study: Studied, data: "pd.DataFrame") -> Answer:
         """The best answer that the runs so far give.
 
         Parameters
@@ -265,7 +271,7 @@ def strategy(name: str, source: object = "strategy") -> Strategy:
     return _REGISTRY[name]
 
 
-def samples_of(space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1) -> pd.DataFrame:
+def samples_of(space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1) -> "pd.DataFrame":
     """The table of a `Batch`.
 
     Parameters
@@ -282,6 +288,8 @@ def samples_of(space: ParameterSpace, unit: np.ndarray, seeds: int, first: int =
     -------
     pandas.DataFrame
     """
+    import pandas as pd  # slow to import
+
     table = pd.DataFrame(space.values(unit), columns=list(space.names))
     table.insert(0, "sample", np.arange(first, first + len(table)))
     return table.assign(seeds=seeds)

@@ -1,7 +1,6 @@
 """Steps of the response surface strategy, and how their samples are numbered: 1001 and on, 2001 and on, ..."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -64,8 +63,3 @@ def scale_of(targets: Targets) -> np.ndarray:
 def aims_of(targets: Targets) -> np.ndarray:
     """Aims (responses,) of the targets."""
     return np.array([one.aim for one in targets])
-
-
-def fewest_factors(section: Mapping[str, Any]) -> int:
-    """Smallest number of factors of the surface."""
-    return 3 if section["surface"] == "box_behnken" else 2

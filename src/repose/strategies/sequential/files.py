@@ -17,14 +17,13 @@ from repose.strategies import answer
 from repose.strategies.base import Studied
 from repose.strategies.sequential import strategy
 from repose.strategies.sequential.kriging import Observed
-from repose.strategies.sequential.strategy import Sequential
 
 Path_ = str | os.PathLike
 
 
 def run_start(study: Studied, out_csv: Path_) -> pd.DataFrame:
     """Write the samples of the start; return them (`sample` from 1, and the parameters)."""
-    return _write_samples(Sequential().propose(study, pd.DataFrame()), out_csv)
+    return _write_samples(strategy.propose(study, pd.DataFrame()), out_csv)
 
 
 def run_batch(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> dict[str, Any]:
@@ -37,7 +36,7 @@ def run_batch(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> dict[
     """
     data = _data(folders, study.targets)
     try:
-        found = Sequential().propose(study, data)
+        found = strategy.propose(study, data)
     except InputError as error:
         raise InputError(folders[-1], error.key, error.value, error.allowed) from None
     content = {"batch": len(folders) - 1, "pours": len(data), **found.notes}
@@ -119,7 +118,7 @@ def _check(last, dataset, targets):
 def _found(data, last, study, told):
     """The answer, with other parameter sets that the same model predicts inside the ranges."""
     space, targets, section = study.parameters, study.targets, study.config["sequential"]
-    best = Sequential().answer(study, data)
+    best = strategy.answer(study, data)
     steps = (
         f"Start: {section['start_samples']} parameter sets all over the ranges, each poured {section['seeds']} times.",
         f"Batches: {last['batch']}, each about the best point so far; {told['pours']} pours in all. "

@@ -1,19 +1,16 @@
-"""The strategy `sequential`: kriging of all runs says where the next batch is simulated, and when to stop."""
+"""What the strategy `sequential` proposes: kriging says where the next batch is simulated, and when to stop."""
 
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
 from repose.chain.answer import WITHIN
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
-from repose.core.section import Section, Seeds
 from repose.core.targets import Targets
-from repose.strategies.base import SO_FAR, Answer, Batch, Strategy, Studied, register, samples_of
+from repose.strategies.base import SO_FAR, Answer, Batch, Studied, samples_of
 from repose.strategies.runs import next_number
 from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked, start
 from repose.strategies.sequential.goal import Goal
@@ -28,75 +25,46 @@ WHY = {
 }
 
 
-class Settings(Section):
-    """Few pours, each where it says most."""
+def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
+    """The next batch, or the answer if there is a reason to stop."""
+    space, section = study.parameters, study.config["sequential"]
+    if data.empty:
+        unit = start(space, section, study.config["design"]["seed"])
+        return Batch(samples_of(space, unit, section["seeds"]))
+    goal = _goal(study)
+    observed, failed = observed_of(data, space, study.targets)
+    noise = known_noise(study, observed)
+    try:
+        advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
+    except ValueError as error:
+        raise InputError("runs", "pours", str(error), "enough to tell the noise") from None
+    notes = _notes(advice, study)
+    if advice.stop is None:
+        return Batch(samples_of(space, advice.batch, section["seeds"], next_number(data)), notes)
+    found = answer(study, data)
+    if advice.stop == "out_of_reach":
+        found = _at(advice.answer, found, study, data)
+    return replace(found, why=WHY[advice.stop], notes=notes)
 
-    start_samples: int = Field(ge=4, le=999)
-    seeds: Seeds
-    batch: int = Field(ge=1, le=100)
-    tolerance_percent: Annotated[float, Field(gt=0, le=50)]
-    probability: float = Field(ge=0.05, le=0.99)
-    most_pours: int = Field(ge=8, le=9999)
-    checks: int = Field(ge=2, le=500)
 
-
-@register("sequential")
-class Sequential(Strategy):
-    """A space-filling start, then batches where the targets are probably met."""
-
-    settings = Settings
-
-    def propose(self, study: Studied, data: pd.DataFrame) -> Batch | Answer:
-        space, section = study.parameters, study.config["sequential"]
-        if data.empty:
-            unit = start(space, section, study.config["design"]["seed"])
-            return Batch(samples_of(space, unit, section["seeds"]))
-        goal = _goal(study)
-        observed, failed = observed_of(data, space, study.targets)
-        noise = known_noise(study, observed)
-        try:
-            advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
-        except ValueError as error:
-            raise InputError("runs", "pours", str(error), "enough to tell the noise") from None
-        notes = _notes(advice, study)
-        if advice.stop is None:
-            return Batch(samples_of(space, advice.batch, section["seeds"], next_number(data)), notes)
-        found = self.answer(study, data)
-        if advice.stop == "out_of_reach":
-            found = _at(advice.answer, found, study, data)
-        return replace(found, why=WHY[advice.stop], notes=notes)
-
-    def answer(self, study: Studied, data: pd.DataFrame) -> Answer:
-        """The set that meets the targets most probably."""
-        space, targets, goal = study.parameters, study.targets, _goal(study)
-        observed, failed = observed_of(data, space, targets)
-        try:
-            model = Kriging(observed, known_noise(study, observed))
-        except ValueError as error:
-            raise InputError("runs", "pours", str(error), "enough to tell the noise") from None
-        points, scores = ranked(model, goal, observed.unit, failed, _random(study, data))
-        others, predicted = alternatives(points, scores, model, targets, study.config["miga"])
-        nowhere = np.empty(0)
-        found = Answer(
-            *(nowhere, nowhere, nowhere, {}, data, SO_FAR),
-            space.values(others),
-            predicted,
-            SpaceKriging(model, space),
-        )
-        return _at(points[scores.argmax()], found, study, data)
-
-    def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """A start beyond its budget or without repeats."""
-        section, responses = config["sequential"], len(config["targets"])
-        repeats = section["start_samples"] * (section["seeds"] - 1)
-        if repeats <= responses:
-            yield "sequential.seeds", "at least 2: the noise comes from pours of one sample"
-        if section["start_samples"] * section["seeds"] > section["most_pours"]:
-            yield "sequential.most_pours", "at least sequential.start_samples times sequential.seeds"
-
-    def pours(self, config: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...]:
-        section = config["sequential"]
-        return (("at most", section["most_pours"] // section["seeds"], section["seeds"]),)
+def answer(study: Studied, data: pd.DataFrame) -> Answer:
+    """The set that meets the targets most probably."""
+    space, targets, goal = study.parameters, study.targets, _goal(study)
+    observed, failed = observed_of(data, space, targets)
+    try:
+        model = Kriging(observed, known_noise(study, observed))
+    except ValueError as error:
+        raise InputError("runs", "pours", str(error), "enough to tell the noise") from None
+    points, scores = ranked(model, goal, observed.unit, failed, _random(study, data))
+    others, predicted = alternatives(points, scores, model, targets, study.config["miga"])
+    nowhere = np.empty(0)
+    found = Answer(
+        *(nowhere, nowhere, nowhere, {}, data, SO_FAR),
+        space.values(others),
+        predicted,
+        SpaceKriging(model, space),
+    )
+    return _at(points[scores.argmax()], found, study, data)
 
 
 def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> tuple[Observed, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The strategy `published`: the method of the article. One Latin hypercube, a surrogate, a search on it."""
+"""What the strategy `published` proposes: a Latin hypercube, then the answer of a search on its surrogate."""
 
 from typing import Any
 
@@ -10,30 +10,25 @@ from repose.chain.answer import WITHIN
 from repose.chain.invert import Inversion, invert
 from repose.chain.train import train
 from repose.core.probability import within
-from repose.strategies.base import Answer, Batch, Strategy, Studied, register, samples_of
+from repose.strategies.base import Answer, Batch, Studied, samples_of
 from repose.strategies.runs import next_number, samples_of_runs
 from repose.surrogate.base import Surrogate
 from repose.surrogate.support import Support
 
 
-@register("published")
-class Published(Strategy):
+def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """One batch, then the answer."""
-
-    def propose(self, study: Studied, data: pd.DataFrame) -> Batch | Answer:
-        if data.empty:
-            section = study.config["design"]
-            unit = design.points(
-                section["samples"], study.parameters.dimensions, section["method"], section["seed"]
-            )
-            return Batch(samples_of(study.parameters, unit, seeds_of(study)))
-        model = fitted(study, samples_of_runs(data, study.parameters, study.targets), data)
-        found = invert(
-            model, study.parameters, study.targets, study.config["miga"], support=support_of(study, data)
+    if data.empty:
+        section = study.config["design"]
+        unit = design.points(
+            section["samples"], study.parameters.dimensions, section["method"], section["seed"]
         )
-        return answer_of(
-            study, model, found, data, "the batch is simulated: the search on its surrogate answers"
-        )
+        return Batch(samples_of(study.parameters, unit, seeds_of(study)))
+    model = fitted(study, samples_of_runs(data, study.parameters, study.targets), data)
+    found = invert(
+        model, study.parameters, study.targets, study.config["miga"], support=support_of(study, data)
+    )
+    return answer_of(study, model, found, data, "the batch is simulated: the search on its surrogate answers")
 
 
 def seeds_of(study: Studied) -> int:
