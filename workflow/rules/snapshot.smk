@@ -11,12 +11,8 @@ rule snapshot:
         files=f"{RESULTS}/snapshot.txt",
     log:
         f"{RESULTS}/logs/snapshot.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/snapshot.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(150),
-        runtime=growing(10),
+        **needs(150),
     params:
         results=lambda wildcards, input: os.path.dirname(os.path.dirname(input.table4)),
         folder=f"results/published/{config['label']}",

@@ -70,6 +70,7 @@ def warm_up(args: argparse.Namespace) -> None:
     example="--apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try",
     out="results/try",
     options=[APPARATUS, *POUR, KEEP],
+    runs="made",
 )
 def pour(args: argparse.Namespace) -> None:
     from repose.apparatus.job import pour_job
@@ -82,6 +83,7 @@ def pour(args: argparse.Namespace) -> None:
     example="--set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json",
     out="results/try",
     options=[*POUR, JSON.but(help="print the result as JSON")],
+    runs="made",
 )
 def heap(args: argparse.Namespace) -> None:
     from repose.apparatus.job import measure_job, pour_job
@@ -136,6 +138,7 @@ def _flat(result):
         Option("--out", help="folder for NAME.json (the folder of the pours)"),
         *BERRY_AND_PARTICLE,
     ],
+    runs="measured",
 )
 def measure_runs(args: argparse.Namespace) -> None:
     from repose.apparatus import bench
@@ -159,6 +162,7 @@ def measure_runs(args: argparse.Namespace) -> None:
         *SIMULATION,
         JSON.but(help="print the measured runs as JSON"),
     ],
+    runs="made",
 )
 def drum(args: argparse.Namespace) -> None:
     from repose.apparatus import bench, drum_tables

@@ -4,7 +4,7 @@ import argparse
 import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from repose.core import places
 
@@ -35,6 +35,7 @@ class Verb(NamedTuple):
     example: str  # as in `Family.verb`
     options: tuple  # of `Option`
     passes_on: bool = False  # unknown words go into the list `args.rest`
+    runs: Literal["", "made", "measured"] = ""  # as in `repose.core.provenance.stage`
 
     @property
     def name(self) -> str:
@@ -71,12 +72,13 @@ class Family:
         config: bool = True,
         options: Sequence[Option] = (),
         passes_on: bool = False,
+        runs: Literal["", "made", "measured"] = "",
     ) -> Callable[[Callable], Callable]:
         """Decorator that makes a function the verb of the same name.
 
         `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
         call that parses. `out` is the default of --out, None for no --out. With `config` the verb takes --config; with
-        `passes_on` it passes unknown words on to another program.
+        `passes_on` it passes unknown words on to another program. `runs` says whether it makes or measures runs.
         """
         shared = [CONFIG] if config else []
         if out:
@@ -84,7 +86,7 @@ class Family:
             shared.append(Option("--out", default=out, help=f"{kind} to write ({out})"))
 
         def add(run):
-            self.verbs.append(Verb(run, summary, example, (*shared, *options), passes_on))
+            self.verbs.append(Verb(run, summary, example, (*shared, *options), passes_on, runs))
             return run
 
         return add

@@ -12,7 +12,7 @@ from typing import Any
 from repose.apparatus import bench
 from repose.config.loader import FILES
 from repose.core import attached
-from repose.core.provenance import SIMULATING, hash_of, hash_of_file
+from repose.core.provenance import hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
 from repose.core.sources import engine_hash
 
@@ -26,8 +26,43 @@ KEYS = {
     "miga": ("parameters", "targets", "miga"),
     "solutions": ("parameters", "targets", "validation.solutions"),
     "published_solutions": ("validation.published",),
-    "drum_tables": ("measure.mm_per_pixel", "drum.fit_share", "drum.depth_bin_mm"),
     "validate": ("parameters", "targets", "validation.published"),
+    "silhouette": ("measure",),
+    "measure_silhouette": ("measure",),
+    "drum_tables": ("measure.mm_per_pixel", "drum.fit_share", "drum.depth_bin_mm"),
+    "noise": ("targets",),
+    "posterior": ("parameters", "targets", "posterior"),
+    "sensitivity": ("parameters", "targets", "sensitivity"),
+    "sequential_start": ("parameters", "design.seed", "sequential.start_samples"),
+    "sequential_batch": (
+        *("targets", "parameters", "design.seed", "sequential.seeds", "sequential.batch"),
+        *("sequential.tolerance_percent", "sequential.probability", "sequential.most_pours"),
+    ),
+    "sequential_check": (
+        *("targets", "parameters", "design.seed", "sequential.start_samples", "sequential.seeds"),
+        *("sequential.tolerance_percent", "miga.solutions", "miga.distance"),
+    ),
+    "response_design": ("parameters", "response_surface.screening_runs", "response_surface.centres"),
+    "response_screening": (
+        *("targets", "parameters", "response_surface.significance", "response_surface.most_factors"),
+        *("response_surface.surface", "response_surface.steps"),
+    ),
+    "response_ascent": (
+        *("targets", "parameters", "response_surface.surface"),
+        *("response_surface.centres", "response_surface.reach"),
+    ),
+    "response_surface": ("targets", "parameters", "response_surface.checks"),
+    "response_check": (
+        *("targets", "parameters", "response_surface.screening_runs", "response_surface.centres"),
+        *("response_surface.surface", "design.seed", "miga.solutions", "miga.distance"),
+    ),
+    "refine_search": ("parameters", "targets", "miga", "refine.reach", "refine.tolerance_percent"),
+    "refine_propose": (
+        *("parameters", "targets", "design.seed", "refine.seeds", "refine.block"),
+        *("refine.neighbours", "refine.neighbour_seeds", "refine.reach"),
+    ),
+    "refine_judge": ("targets", "refine.tolerance_percent", "refine.standard_error_percent"),
+    "refine_tables": ("targets", "refine.rounds"),
 }
 # Names of the study and its folder, which no result depends on.
 NAMES = ("label", "results_dir")
@@ -101,8 +136,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
         if record is None or record.get("seed") is None:  # of a stage that reads no configuration
             continue
         now = hash_of(settings_of(config, record["verb"], record.get("apparatus")))
-        simulated = record["verb"] in SIMULATING
-        if record["settings"] != now or (simulated and record["engine"] != engine_hash()):
+        if record["settings"] != now or record["engine"] not in (None, engine_hash()):
             results.append(str(path))
     return results
 
