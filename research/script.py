@@ -14,7 +14,15 @@ from repose.core.lock import joined_folder
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
-NOT_READ = ("config", "out", "samples", "part", "work", "depends_on", "simulates")  # options that name no input
+NOT_READ = (
+    "config",
+    "out",
+    "samples",
+    "part",
+    "work",
+    "depends_on",
+    "simulates",
+)  # options that name no input
 
 
 def option(*names: str, **keywords: Any) -> Option:

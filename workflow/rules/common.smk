@@ -74,9 +74,7 @@ def as_typed(path):
 # The default, the folder's own, --configfile and --config, each over the one before, checked; a bad value ends here
 # with one message. A job of a cluster starts a snakemake of its own, after the first one has checked the inputs.
 STUDY = or_one_message(
-    lambda: Study.load(
-        *map(as_typed, CONFIGURATIONS), overrides=VALUES, inputs=IS_MAIN
-    )
+    lambda: Study.load(*map(as_typed, CONFIGURATIONS), overrides=VALUES, inputs=IS_MAIN)
 )
 config = STUDY.config
 RESULTS = config["results_dir"]
@@ -219,3 +217,24 @@ ANSWERS = {}  # by strategy
 def answer():
     """The answer of the study's strategy; `refined` goes on from the published one."""
     return ANSWERS.get(config["strategy"], ANSWERS["published"])
+
+
+def of_the_chain():
+    """Whether the answer is that of the method's own chain."""
+    return answer() is ANSWERS["published"]
+
+
+def drawn(*names):
+    """Paths of figures by their names; of those that this study has."""
+    return {name: FIGURES[name].path for name in names if name in FIGURES}
+
+
+def answer_jobs(wildcards):
+    """Measured runs of the answer."""
+    if not of_the_chain():
+        return jobs_of(config["strategy"], "check")
+    return expand(
+        rules.measure_validation_runs.output.result,
+        runs=folders_of_targets(),
+        sample=OWN_SOLUTIONS[0],
+    )

@@ -1,4 +1,4 @@
-# Figures of the method; those of studies and strategies stand with their rules. All are drawn here.
+# Figures of the method; those of studies and strategies stand with their rules. All are shown here.
 figure("figure02", "Figure 2", sizes=config["berry"]["sizes"])
 if "funnel" in BENCH_TESTS:
     PILE = {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle}
@@ -67,7 +67,7 @@ figure(
 )
 figure(
     "validation",
-    "Table 4, drawn",
+    "Table 4, shown",
     "targets",
     table4=rules.validate.output.table4,
     **({"published": config["validation"]["published"]} if PUBLISHED_SOLUTIONS else {}),
@@ -136,19 +136,19 @@ OPTIONAL_INPUTS = {
 # The other figures take 400.
 MEMORY_MB = {"figure05": 600, "figure07": 600, "figure15": 550}
 
-for name, drawn in FIGURES.items():
+for name, shown in FIGURES.items():
 
     rule:
         name:
             f"draw_{name}"
         input:
-            **drawn.inputs,
+            **shown.inputs,
         output:
             report(
-                drawn.path,
+                shown.path,
                 caption=f"../report/{name}.rst",
-                category=drawn.category,
-                labels={"figure": drawn.label},
+                category=shown.category,
+                labels={"figure": shown.label},
             ),
         log:
             f"{RESULTS}/logs/figures/{name}.log",
@@ -157,13 +157,13 @@ for name, drawn in FIGURES.items():
         params:
             config=CONFIG,
             figure=name,
-            inputs=[f"--input={key}={path}" for key, path in drawn.inputs.items()]
+            inputs=[f"--input={key}={path}" for key, path in shown.inputs.items()]
             + [
                 f"--input={key}={path}"
                 for key, path in OPTIONAL_INPUTS.get(name, {}).items()
                 if os.path.isfile(path)
             ],
-            depends=sections("small_run", *drawn.depends),
+            depends=sections("small_run", *shown.depends),
         message:
             "Drawing {params.figure}"
         shell:
@@ -174,7 +174,7 @@ for name, drawn in FIGURES.items():
 rule figures:
     input:
         [
-            drawn.path
-            for drawn in FIGURES.values()
-            if os.path.dirname(drawn.path) == f"{RESULTS}/figures"
+            shown.path
+            for shown in FIGURES.values()
+            if os.path.dirname(shown.path) == f"{RESULTS}/figures"
         ],

@@ -1,6 +1,5 @@
 # The end of every calibration: the report of a study, one page for a browser, which is also part of `snakemake --report`,
 # and the answer as one file, for people and for other programs.
-OF_THE_CHAIN = answer().rule == "validate"
 # The posterior takes the scatter of the targets from runs of one sample, by the network.
 SCATTER_IS_KNOWN = all(config[name]["seeds"] > 1 for name in BENCH_TESTS)
 POSTERIOR = (
@@ -8,16 +7,9 @@ POSTERIOR = (
         "posterior": rules.posterior_tables.output.posterior,
         "draws": rules.posterior_tables.output.draws,
     }
-    if OF_THE_CHAIN and SCATTER_IS_KNOWN
+    if of_the_chain() and SCATTER_IS_KNOWN
     else {}
 )
-
-
-def drawn(*names):
-    """Figures of the page by their names."""
-    return {name: FIGURES[name].path for name in names if name in FIGURES}
-
-
 # Inputs of the page by name, and tables that it holds by their titles.
 PAGE = {
     "dataset": answer().dataset,
@@ -26,7 +18,7 @@ PAGE = {
     "table4": answer().table4,
 } | drawn("plane")
 TRAJECTORY = rules.trajectory.output.trajectory
-if OF_THE_CHAIN:
+if of_the_chain():
     PAGE |= drawn("figure13", "figure14", "validation", "definitions") | {
         "network": rules.network.output.network,
         "metrics": rules.network.output.metrics,
@@ -67,8 +59,8 @@ else:
 
     use rule trajectory as strategy_trajectory with:
         input:
-            samples=answer().table4,
             **READY,
+            samples=answer().table4,
         output:
             trajectory=TRAJECTORY,
         log:
@@ -81,17 +73,6 @@ if "funnel" in BENCH_TESTS:
     PAGE |= {"particle": rules.shape.output.particle, "trajectory": TRAJECTORY}
 if config.get("photograph"):
     PAGE["photograph"] = config["photograph"]
-
-
-def answer_jobs(wildcards):
-    """Measured runs of the answer."""
-    if not OF_THE_CHAIN:
-        return jobs_of(config["strategy"], "check")
-    return expand(
-        rules.measure_validation_runs.output.result,
-        runs=folders_of_targets(),
-        sample=OWN_SOLUTIONS[0],
-    )
 
 
 report: "../report/workflow.rst"

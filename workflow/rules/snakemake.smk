@@ -68,10 +68,15 @@ def complete_rules():
             r"python -m repose (?:stage )?(\w+)(?= )", rule_.shellcmd or ""
         )
         if rule_.log and not rule_.benchmark:
-            log = str(rule_.log[0]).removeprefix(f"{RESULTS}/logs/").removesuffix(".log")
+            log = (
+                str(rule_.log[0]).removeprefix(f"{RESULTS}/logs/").removesuffix(".log")
+            )
             rule_.benchmark_modifier = rule_.log_modifier
             rule_.benchmark = f"{RESULTS}/benchmarks/{log}.tsv"
-        if stages and not {"ready", "code"} & {*rule_.input.keys(), *rule_.params.keys()}:
+        if stages and not {"ready", "code"} & {
+            *rule_.input.keys(),
+            *rule_.params.keys(),
+        }:
             rule_.set_params(code=[stage_hash(name) for name in stages])
 
 

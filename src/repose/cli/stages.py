@@ -31,9 +31,7 @@ def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") 
 
     folder = Path(getattr(args, "config", None) or "").parent
     apparatus = getattr(args, "apparatus", None)
-    with joined_folder(folder), provenance.stage(
-        args.verb, files_of(args), settings_of, apparatus, runs
-    ):
+    with joined_folder(folder), provenance.stage(args.verb, files_of(args), settings_of, apparatus, runs):
         yield
     if getattr(args, "config", None) is not None:
         note_built_in_crop(args.config)

@@ -73,7 +73,9 @@ def check_no_foreign_files(
         return
     names = sorted(filter(has_name_of_ours, os.listdir(results_dir)))
     if names and not _is_a_study(Path(results_dir)):
-        allowed = f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
+        allowed = (
+            f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
+        )
         raise InputError("configuration", "results_dir", results_dir, allowed)
     faults: dict[str, tuple[str, str, str]] = {}
     places: list[tuple[str, Sequence[str]]] = [(results_dir, names)]

@@ -11,15 +11,15 @@ wildcard_constraints:
 
 rule drum_run:
     input:
-        samples=rules.solutions.output.solutions,
         **READY,
+        samples=rules.solutions.output.solutions,
     output:
         result=f"{RESULTS}/drum/drum_{{seed}}.json",
         frames=f"{RESULTS}/drum/drum_{{seed}}.npz",
     log:
         f"{RESULTS}/logs/drum/{{seed}}.log",
-    retries: 1
     priority: 1
+    retries: 1
     resources:
         **needs(400, minutes=MINUTES_OF_RUNS),
     params:
@@ -37,9 +37,9 @@ rule drum_run:
 
 rule drum:
     input:
+        **GRAIN,
         runs=expand(rules.drum_run.output.result, seed=DRUM_SEEDS),
         frames=expand(rules.drum_run.output.frames, seed=DRUM_SEEDS),
-        **GRAIN,
     output:
         runs=f"{RESULTS}/drum/runs.csv",
         summary=f"{RESULTS}/drum/summary.csv",

@@ -7,8 +7,8 @@ FILM_SEED = pour_seeds(config["design"]["seed"], "validation", int(REPRESENTATIV
 
 rule measure:
     input:
-        heap=f"{RESULTS}/validation/heaps/{REPRESENTATIVE}.npz",
         **GRAIN,
+        heap=f"{RESULTS}/validation/heaps/{REPRESENTATIVE}.npz",
     output:
         silhouette=f"{RESULTS}/measure/silhouette.png",
         overlay=f"{RESULTS}/measure/overlay.png",
@@ -31,8 +31,8 @@ rule measure:
 
 use rule pour as trajectory with:
     input:
-        samples=rules.solutions.output.solutions,
         **READY,
+        samples=rules.solutions.output.solutions,
     output:
         trajectory=f"{RESULTS}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz",
     log:

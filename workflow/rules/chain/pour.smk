@@ -10,15 +10,15 @@ wildcard_constraints:
 
 rule pour:
     input:
-        samples=rules.design.output.samples,
         **READY,
+        samples=rules.design.output.samples,
     output:
         pours=f"{RESULTS}/{{runs}}/{{sample}}.pours.json",
         berries=f"{RESULTS}/{{runs}}/{{sample}}.npz",
     log:
         f"{RESULTS}/logs/{{runs}}/{{sample}}.log",
-    retries: 1
     priority: 1
+    retries: 1
     resources:
         **needs(350, minutes=MINUTES_OF_RUNS),
     params:
@@ -40,9 +40,9 @@ rule pour:
 
 rule measure_runs:
     input:
+        **GRAIN,
         pours=rules.pour.output.pours,
         berries=rules.pour.output.berries,
-        **GRAIN,
     output:
         result=f"{RESULTS}/{{runs}}/{{sample}}.json",
     log:

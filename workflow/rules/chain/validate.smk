@@ -50,8 +50,8 @@ rule published_solutions:
 
 use rule pour as validation_pour with:
     input:
-        samples=solution_to_pour,
         **READY,
+        samples=solution_to_pour,
     output:
         pours=f"{RESULTS}/validation/{{runs}}/{{sample}}.pours.json",
         berries=f"{RESULTS}/validation/{{runs}}/{{sample}}.npz",
@@ -66,9 +66,9 @@ use rule pour as validation_pour with:
 
 use rule measure_runs as measure_validation_runs with:
     input:
+        **GRAIN,
         pours=rules.validation_pour.output.pours,
         berries=rules.validation_pour.output.berries,
-        **GRAIN,
     output:
         result=f"{RESULTS}/validation/{{runs}}/{{sample}}.json",
     log:

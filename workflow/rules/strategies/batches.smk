@@ -7,8 +7,8 @@ wildcard_constraints:
 
 use rule pour as batch_pour with:
     input:
-        samples=samples_of_batch,
         **READY,
+        samples=samples_of_batch,
     output:
         pours=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.pours.json",
         berries=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.npz",
@@ -26,9 +26,9 @@ use rule pour as batch_pour with:
 
 use rule measure_runs as measure_batch_runs with:
     input:
+        **GRAIN,
         pours=rules.batch_pour.output.pours,
         berries=rules.batch_pour.output.berries,
-        **GRAIN,
     output:
         result=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.json",
     log:

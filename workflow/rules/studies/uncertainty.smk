@@ -128,17 +128,12 @@ for where, figures_there in UNCERTAINTY_FIGURES.items():
         )
 
 
-def drawn_in(where):
-    """Paths of the figures of a folder."""
-    return [FIGURES[name].path for name in UNCERTAINTY_FIGURES[where]]
-
-
 # The first lines name what the tables are made from, so that a lost file is made again.
 rule noise:
     input:
         rules.dataset.output,
         rules.noise_tables.output,
-        drawn_in("noise"),
+        [*drawn(*UNCERTAINTY_FIGURES["noise"]).values()],
 
 
 rule posterior:
@@ -147,7 +142,7 @@ rule posterior:
         rules.network.output,
         rules.miga.output,
         rules.posterior_tables.output,
-        drawn_in("posterior"),
+        [*drawn(*UNCERTAINTY_FIGURES["posterior"]).values()],
 
 
 rule sensitivity:
@@ -155,7 +150,7 @@ rule sensitivity:
         rules.dataset.output,
         rules.network.output,
         rules.sensitivity_tables.output,
-        drawn_in("sensitivity"),
+        [*drawn(*UNCERTAINTY_FIGURES["sensitivity"]).values()],
 
 
 rule uncertainty:
