@@ -171,10 +171,14 @@ for name, shown in FIGURES.items():
             " > {log:q} 2>&1"
 
 
+# The others are those of a study or strategy.
+FIGURES_OF_ALL = [
+    shown.path
+    for shown in FIGURES.values()
+    if os.path.dirname(shown.path) == f"{RESULTS}/figures"
+]
+
+
 rule figures:
     input:
-        [
-            shown.path
-            for shown in FIGURES.values()
-            if os.path.dirname(shown.path) == f"{RESULTS}/figures"
-        ],
+        FIGURES_OF_ALL,

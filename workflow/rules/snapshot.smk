@@ -16,9 +16,14 @@ rule snapshot:
     params:
         results=lambda wildcards, input: os.path.dirname(os.path.dirname(input.table4)),
         folder=f"results/published/{config['label']}",
-        studies=lambda wildcards: snapshot.of_optional_studies(RESULTS),
+        keep=lambda wildcards: results_to_keep(),
+        studies=lambda wildcards: snapshot.of_optional_studies(
+            RESULTS,
+            results_to_keep(),
+            [CONFIG, *CHAIN, *PAGE.values(), *FIGURES_OF_ALL],
+        ),
     message:
         "Snapshot of tables and figures: {params.folder}"
     shell:
-        "(python -m repose stage snapshot {params.results:q} --out {params.folder:q}"
+        "(python -m repose stage snapshot {params.results:q} --out {params.folder:q} --keep {params.keep:q}"
         " | python -m repose stage write --out {output.files:q}) 2> {log:q}"

@@ -1,8 +1,8 @@
 """The display of a run: stages and their bars on a terminal, a line now and then elsewhere, each failure with its log.
 
 Snakemake reports its work as events; `LogHandler` is a logger plugin of it, which `profiles/default` chooses and
-`snakemake_logger_plugin_repose` makes known. `RunProgress` keeps the events' content: finished jobs, pours a minute, time
-left, and failures. All times are seconds of the system's clock, which also dates files.
+`snakemake_logger_plugin_repose` makes known. `RunProgress` keeps the events' content: finished jobs, pours a minute,
+time left, and failures. All times are seconds of the system's clock, which also dates files.
 """
 
 import logging

@@ -12,7 +12,7 @@ from repose.core.lock import joined_folder
 
 # Options that name no input. A parameter set of a table of samples is written into the results themselves; cards of
 # different engines may be compared.
-NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "rest", "cards")
+NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "rest", "cards", "keep")
 
 
 @contextmanager
