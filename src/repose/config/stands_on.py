@@ -18,6 +18,15 @@ from repose.core.sources import engine_hash
 
 Config = Mapping[str, Any]
 
+
+def _keys(section, *names):
+    """Dotted keys of a section."""
+    return tuple(f"{section}.{name}" for name in names)
+
+
+_SEQUENTIAL = ("targets", "parameters", "design.seed", *_keys("sequential", "seeds", "tolerance_percent"))
+_SURFACE = ("targets", "parameters")
+_SOLUTIONS = _keys("miga", "solutions", "distance")
 KEYS = {
     "berry": ("berry",),
     "shape": ("berry",),
@@ -29,39 +38,34 @@ KEYS = {
     "validate": ("parameters", "targets", "validation.published"),
     "silhouette": ("measure",),
     "measure_silhouette": ("measure",),
-    "drum_tables": ("measure.mm_per_pixel", "drum.fit_share", "drum.depth_bin_mm"),
+    "drum_tables": ("measure.mm_per_pixel", *_keys("drum", "fit_share", "depth_bin_mm")),
     "noise": ("targets",),
     "posterior": ("parameters", "targets", "posterior"),
     "sensitivity": ("parameters", "targets", "sensitivity"),
     "sequential_start": ("parameters", "design.seed", "sequential.start_samples"),
-    "sequential_batch": (
-        *("targets", "parameters", "design.seed", "sequential.seeds", "sequential.batch"),
-        *("sequential.tolerance_percent", "sequential.probability", "sequential.most_pours"),
-    ),
-    "sequential_check": (
-        *("targets", "parameters", "design.seed", "sequential.start_samples", "sequential.seeds"),
-        *("sequential.tolerance_percent", "miga.solutions", "miga.distance"),
-    ),
-    "response_design": ("parameters", "response_surface.screening_runs", "response_surface.centres"),
+    "sequential_batch": (*_SEQUENTIAL, *_keys("sequential", "batch", "probability", "most_pours")),
+    "sequential_check": (*_SEQUENTIAL, "sequential.start_samples", *_SOLUTIONS),
+    "response_design": ("parameters", *_keys("response_surface", "screening_runs", "centres")),
     "response_screening": (
-        *("targets", "parameters", "response_surface.significance", "response_surface.most_factors"),
-        *("response_surface.surface", "response_surface.steps"),
+        *_SURFACE,
+        *_keys("response_surface", "significance", "most_factors", "surface", "steps"),
     ),
-    "response_ascent": (
-        *("targets", "parameters", "response_surface.surface"),
-        *("response_surface.centres", "response_surface.reach"),
-    ),
-    "response_surface": ("targets", "parameters", "response_surface.checks"),
+    "response_ascent": (*_SURFACE, *_keys("response_surface", "surface", "centres", "reach")),
+    "response_surface": (*_SURFACE, "response_surface.checks"),
     "response_check": (
-        *("targets", "parameters", "response_surface.screening_runs", "response_surface.centres"),
-        *("response_surface.surface", "design.seed", "miga.solutions", "miga.distance"),
+        *_SURFACE,
+        *_keys("response_surface", "screening_runs", "centres", "surface"),
+        "design.seed",
+        *_SOLUTIONS,
     ),
-    "refine_search": ("parameters", "targets", "miga", "refine.reach", "refine.tolerance_percent"),
+    "refine_search": ("parameters", "targets", "miga", *_keys("refine", "reach", "tolerance_percent")),
     "refine_propose": (
-        *("parameters", "targets", "design.seed", "refine.seeds", "refine.block"),
-        *("refine.neighbours", "refine.neighbour_seeds", "refine.reach"),
+        "parameters",
+        "targets",
+        "design.seed",
+        *_keys("refine", "seeds", "block", "neighbours", "neighbour_seeds", "reach"),
     ),
-    "refine_judge": ("targets", "refine.tolerance_percent", "refine.standard_error_percent"),
+    "refine_judge": ("targets", *_keys("refine", "tolerance_percent", "standard_error_percent")),
     "refine_tables": ("targets", "refine.rounds"),
 }
 # Names of the study and its folder, which no result depends on.

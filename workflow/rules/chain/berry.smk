@@ -8,6 +8,7 @@ rule berry:
         berry=f"{RESULTS}/berry/berry.json",
     log:
         f"{RESULTS}/logs/berry.log",
+    priority: 1
     resources:
         **needs(150),
     params:

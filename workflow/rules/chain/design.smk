@@ -4,6 +4,7 @@ rule design:
         comparison=f"{RESULTS}/design/comparison.csv",
     log:
         f"{RESULTS}/logs/design.log",
+    priority: 1
     resources:
         **needs(400, minutes=60),
     params:

@@ -8,6 +8,7 @@ rule shape:
         comparison=f"{RESULTS}/berry/particles.csv",
     log:
         f"{RESULTS}/logs/shape.log",
+    priority: 1
     resources:
         **needs(550),
     params:

@@ -9,6 +9,7 @@ rule warm_up:
         ready=touch(f"{RESULTS}/berry/engine_{source_hash()}_is_compiled"),
     log:
         f"{RESULTS}/logs/warm_up.log",
+    priority: 1
     resources:
         **needs(1000, minutes=20),
     params:
