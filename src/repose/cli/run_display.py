@@ -9,7 +9,7 @@ import logging
 import sys
 import threading
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -90,7 +90,8 @@ class RunProgress:
     done: Counter[str] = field(default_factory=Counter)  # the same
     running: dict[int, Running] = field(default_factory=dict)  # by the job's number
     failed: dict[int, Running] = field(default_factory=dict)  # by the job's number, until it begins again
-    _took_s: Counter[str] = field(default_factory=Counter)  # wall time of the finished jobs of each rule
+    # wall time of the finished jobs of each rule
+    _took_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     _made: int = 0  # runs of a bench test by finished jobs
     _began_s: float | None = None
     _first_pour_s: float | None = None
@@ -144,7 +145,7 @@ class RunProgress:
         if pouring and not any(self.done[rule] for rule in pouring):
             return None
         elapsed = [(job.rule, now_s - job.began_s) for job in self.running.values()]
-        busy_s = self._took_s.total() + sum(s for _, s in elapsed)
+        busy_s = sum(self._took_s.values()) + sum(s for _, s in elapsed)
         left_s = sum((self.planned[rule] - self.done[rule]) * self._mean_s(rule) for rule in self.planned)
         left_s -= sum(min(s, self._mean_s(rule)) for rule, s in elapsed)
         return left_s * (now_s - self._began_s) / busy_s
