@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from repose.config import stands_on
 from repose.config.study import Study
@@ -14,7 +14,15 @@ from repose.core.lock import joined_folder
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
-NOT_READ = ("config", "out", "samples", "part", "work", "depends_on")  # options that name no input
+NOT_READ = (
+    "config",
+    "out",
+    "samples",
+    "part",
+    "work",
+    "depends_on",
+    "simulates",
+)  # options that name no input
 
 
 def option(*names: str, **keywords: Any) -> Option:
@@ -31,11 +39,16 @@ class Script:
         self.parts = self.parser.add_subparsers(required=True, dest="part")
 
     def part(
-        self, name: str, out: str, *options: Option, depends_on: Callable | None = None
+        self,
+        name: str,
+        out: str,
+        *options: Option,
+        depends_on: Callable | None = None,
+        simulates: bool = False,
     ) -> Callable[[Callable], Callable]:
         """Decorator: the function gets the options and both configurations in one, and returns a text to print.
 
-        `depends_on` gives the settings that its results depend on, by default all.
+        `depends_on` gives the settings that its results depend on, by default all; with `simulates` they are runs.
         """
 
         def add(work):
@@ -44,7 +57,7 @@ class Script:
             parser.add_argument("--out", default=out, help=f"file or folder to write ({out})")
             for flags, keywords in options:
                 parser.add_argument(*flags, **keywords)
-            parser.set_defaults(work=work, depends_on=depends_on or _settings)
+            parser.set_defaults(work=work, depends_on=depends_on or _settings, simulates=simulates)
             return work
 
         return add
@@ -55,7 +68,8 @@ class Script:
         try:
             stage = f"{self.name}_{args.part}"
             folder = joined_folder(Path(args.config).parent)
-            with folder, provenance.stage(stage, _files(args), args.depends_on):
+            runs: Literal["", "made"] = "made" if args.simulates else ""
+            with folder, provenance.stage(stage, _files(args), args.depends_on, runs=runs):
                 config = Study.load(args.config).config
                 text = args.work(args, config | settings.of(config))
         except (InputError, OSError) as error:

@@ -26,6 +26,7 @@ def depends_on(config, apparatus):
     option("--berry", default="results/berry/berry.json"),
     option("--samples", default="results/design/samples.csv"),
     depends_on=depends_on,
+    simulates=True,
 )
 def cell(args, config):
     """Pour and measure one combination of particle, tension and filling, or fill a measuring cylinder."""

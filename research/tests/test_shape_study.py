@@ -167,7 +167,7 @@ def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(config, tmp_path
         ran.clear()
         settings = config | {name: config[name] | keys for name, keys in changes.items()}
         name = "bulk-egg-keep-cylinder"
-        with provenance.stage("shape_cell", (), depends_on):
+        with provenance.stage("shape_cell", (), depends_on, runs="made"):
             provenance.note_config(shape_cells.cell_settings(settings, name)[2])
             shape_study.poured(settings, name, sets, None, {}, tmp_path)
         return len(ran)

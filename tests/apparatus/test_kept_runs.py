@@ -31,7 +31,9 @@ def pours():
             return Run(record, {"position": numbers, "in_pile": numbers[:, 0] > 0})
 
         test = SimpleNamespace(name="funnel", run=run)
-        with provenance.stage("pour", (), lambda one, _: stands_on.settings_of(one, "pour"), "funnel"):
+        with provenance.stage(
+            "pour", (), lambda one, _: stands_on.settings_of(one, "pour"), "funnel", "made"
+        ):
             provenance.note_config(config)
             pour_job(test, config, "001", parameters, seeds, None, {}, folder, keeps_runs=keeps_runs)
         return ran

@@ -35,12 +35,18 @@ def study(folder, simulated, feasible=True):
     return {"label": "wheat", "results_dir": str(folder), "targets": [TARGET]}
 
 
+def read(config):
+    """The answer in the folder of results."""
+    names = ("miga/summary.json", "validation/representative.csv", "miga/feasible.csv")
+    return answer.read(config, *(f"{config['results_dir']}/{name}" for name in names))
+
+
 @pytest.mark.parametrize(
     ("simulated", "met", "margin"),
     [(33.5, True, 0.5), (31.25, True, 0.25), (30.0, False, -1.0), (36.0, False, -2.0)],
 )
 def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, margin, tmp_path):
-    found = answer.read(study(tmp_path, simulated))
+    found = read(study(tmp_path, simulated))
     assert found.met is met
     assert found.checks[0].margin == margin
     assert ("NOT met" in str(found)) is not met
@@ -59,7 +65,7 @@ def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, ma
 
 
 def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation_is_inside(tmp_path):
-    found = answer.read(study(tmp_path, 32.5, feasible=False))
+    found = read(study(tmp_path, 32.5, feasible=False))
     assert not found.met
     assert "No feasible solution" in str(found)
     assert "nearest parameters" in str(found)
@@ -67,7 +73,7 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
 
 
 def test_failed_runs_have_no_number(tmp_path):
-    found = answer.read(study(tmp_path, ""))
+    found = read(study(tmp_path, ""))
     assert not found.met
     assert found.checks[0].margin is None
     assert "no number" in str(found)
@@ -78,4 +84,4 @@ def test_failed_runs_have_no_number(tmp_path):
 
 def test_a_study_that_has_not_run_is_reported(tmp_path):
     with pytest.raises(InputError, match=r"summary\.json"):
-        answer.read({"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})
+        read({"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})

@@ -179,7 +179,7 @@ def test_a_check_of_before_the_probabilities_is_refused(monkeypatch, tmp_path, c
     table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)
     config = Study.load("config/config.yaml").config
     with pytest.raises(InputError, match=r"old\.csv: column within_1_percent is 'missing'"):
-        answer.read_files(config, STUDY / "miga/summary.json", tmp_path / "old.csv")
+        answer.read(config, STUDY / "miga/summary.json", tmp_path / "old.csv", "feasible.csv")
 
 
 def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, capsys):

@@ -18,7 +18,7 @@ from snakemake_interface_logger_plugins.common import LogEvent
 from repose.cli import run_display
 from repose.core import places
 
-PLAN = ({"pour": "pour", "miga": "miga"}, {"pour": {1: (2, 9.0), 2: (2, 9.0)}, "miga": {3: (0, 1.0)}})
+STATS = {"pour": 2, "miga": 1, "all": 1, "total": 4}
 
 
 def emitted(message=None, level=logging.INFO, **extra):
@@ -38,6 +38,10 @@ def job_info(number, rule, output, log=()):
     )
 
 
+def planned():
+    return emitted("Job stats", event=LogEvent.RUN_INFO, stats=STATS)
+
+
 @pytest.fixture
 def handler(capsys):
     handler = run_display.LogHandler(SimpleNamespace(), None)
@@ -45,27 +49,31 @@ def handler(capsys):
     handler.close()
 
 
-def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch):
+def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch, tmp_path):
     now = [1000.0]
     monkeypatch.setattr(time, "time", lambda: now[0])
-    handler.emit(emitted("4 runs", plan=PLAN))
+    handler.emit(planned())
+    handler.emit(job_info(7, "all", []))
     for number in (1, 2):
-        handler.emit(job_info(number, "pour", ["heap"]))
+        output = tmp_path / f"{number}.pours.json"
+        handler.emit(job_info(number, "pour", [output]))
+        for seed in (1, 2):
+            (tmp_path / "runs").mkdir(exist_ok=True)
+            (tmp_path / "runs" / f"{number}_{seed}.npz").touch()
         now[0] += 30
         handler.emit(emitted(event=LogEvent.JOB_FINISHED, job_id=number))
     handler.emit(emitted("Select jobs to execute..."))
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
-        "4 runs",
         "pour: Doing pour 1",
-        "1 of 3 jobs; 4 pours a minute, about 1 min left",
+        "1 of 3 jobs; 4 pours a minute, less than a minute left",
     ]
 
 
 def test_a_failure_is_named_with_its_log_and_the_end_of_it(handler, capsys, tmp_path):
     log = str(tmp_path / "001.log")
     Path(log).write_text("".join(f"line {k}\n" for k in range(100)))
-    handler.emit(emitted("4 runs", plan=PLAN))
+    handler.emit(planned())
     handler.emit(job_info(1, "pour", ["heap"], [log]))
     error = emitted(
         "Error in rule pour", logging.ERROR, event=LogEvent.JOB_ERROR, jobid=1, rule_name="pour", log=[log]
@@ -87,26 +95,39 @@ def test_errors_without_a_job_are_said(handler, capsys):
     assert "no such rule" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", ["dryrun", "quiet", "verbose", "printshellcmds", "debug_dag"])
+def test_an_option_for_snakemakes_own_output_shows_that(option, capsys):
+    options = ("dryrun", "verbose", "printshellcmds", "debug_dag", "show_failed_logs", "stdout", "nocolor")
+    settings = SimpleNamespace(**dict.fromkeys(options, False), quiet=None)
+    setattr(settings, option, {"progress"} if option == "quiet" else True)
+    run_display.LogHandler(settings, None).emit(emitted("Select jobs to execute..."))
+    assert capsys.readouterr().err == "Select jobs to execute...\n"
+
+
+def test_snakemake_finds_the_display_by_the_name_of_its_package():
+    from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
+
+    assert LoggerPluginRegistry().get_plugin("repose").log_handler is run_display.LogHandler
+
+
 def test_a_target_without_output_is_no_stage(handler, capsys):
-    handler.emit(emitted("4 runs", plan=PLAN))
+    handler.emit(planned())
     handler.emit(job_info(7, "all", []))
     assert "Doing all" not in capsys.readouterr().err
 
 
 WORKFLOW = """
-onstart:
-    jobs = {"pour": {job.jobid: (1, 1.0) for job in workflow.dag.needrun_jobs() if job.output}}
-    logger.info("runs", extra={"plan": ({"pour": "pour"}, jobs)})
-
 rule all:
     default_target: True
-    input: expand("{number}.txt", number=range(4))
+    input: expand("{number}.pours.json", number=range(4))
 
 rule pour:
-    output: "{number}.txt"
+    output: "{number}.pours.json"
     log: "{number}.log"
     message: "Pouring {wildcards.number}"
-    shell: "echo emitted > {log}; test ! -e fail_{wildcards.number}; sleep $(cat seconds); touch {output}"
+    shell:
+        "echo emitted > {log}; test ! -e fail_{wildcards.number}; sleep $(cat seconds); mkdir -p runs;"
+        " touch runs/{wildcards.number}_1.npz {output}"
 """
 
 

@@ -1,90 +1,84 @@
-"""How far a run is: jobs by stage, pours a minute and time left, from known times."""
+"""How far a run is: jobs of each rule, pours a minute and time left, from known times."""
 
 import os
 
 import pytest
 
-from repose.cli.run_display import RunProgress, rough_time
+from repose.cli.run_display import Running, RunProgress, rough_time
 
-STAGES = {"berry": "berry", "pour": "pour", "measure_runs": "pour", "miga": "miga"}
 BEGAN_S = 1000.0
 
 
 @pytest.fixture
 def planned():
-    """A berry job of no time, four jobs of three pours, 30 s each, and a search of no time."""
+    """A job for the sizes, four that pour, and a search."""
     progress = RunProgress()
-    jobs = {"miga": {9: (0, 0.0)}, "pour": dict.fromkeys(range(4), (3, 30.0)), "berry": {8: (0, 0.0)}}
-    progress.plan(STAGES, jobs)
+    progress.planned.update({"berry": 1, "pour": 4, "miga": 1})
     return progress
 
 
-def test_stages_stand_in_the_order_of_the_workflow(planned):
-    assert [(name, stage.total) for name, stage in planned.stages.items()] == [
-        ("berry", 1),
-        ("pour", 4),
-        ("miga", 1),
-    ]
+def pour(number, folder, began_s=BEGAN_S):
+    return Running("pour", "Pouring", began_s, str(folder / f"{number}.pours.json"))
 
 
-def test_nothing_is_reported_before_the_first_pour_is_made(planned):
-    planned.start(8, "berry", "Sizes", "berry.json", BEGAN_S - 100)
-    planned.finish(8)
-    planned.start(0, "pour", "Pouring", "heap", BEGAN_S)
+def kept(folder, name, date_s):
+    (folder / "runs").mkdir(exist_ok=True)
+    path = folder / "runs" / name
+    path.touch()
+    os.utime(path, (date_s, date_s))
+
+
+def test_nothing_is_reported_before_the_first_pour_is_made(planned, tmp_path):
+    planned.start(8, Running("berry", "Sizes", BEGAN_S - 100, "berry.json"))
+    planned.finish(8, BEGAN_S)
+    planned.start(0, pour(0, tmp_path))
     assert planned.pours_a_minute(BEGAN_S + 50) is None
     assert planned.left_s(BEGAN_S + 50) is None
 
 
-def test_rate_and_time_left_of_finished_jobs(planned):
+def test_rate_and_time_left_of_finished_jobs(planned, tmp_path):
     for number in (0, 1):
-        planned.start(number, "pour", "Pouring", "heap", BEGAN_S)
-        planned.finish(number)
-    # six pours in 40 s; half of the work is done
+        planned.start(number, pour(number, tmp_path))
+        for seed in (1, 2, 3):
+            kept(tmp_path, f"{number}_{seed}.npz", BEGAN_S + 10 * seed)
+    for number in (0, 1):
+        planned.finish(number, BEGAN_S + 40)
+    # six pours in 40 s; two jobs at once, of which two more are left
     assert planned.pours_a_minute(BEGAN_S + 40) == pytest.approx(9.0)
     assert planned.left_s(BEGAN_S + 40) == pytest.approx(40.0)
-    assert planned.stages["pour"].done == 2
+    assert planned.done["pour"] == 2
 
 
 def test_a_job_counts_the_runs_that_it_has_kept_since_it_began(planned, tmp_path):
-    (tmp_path / "runs").mkdir()
-    for seed, date_s in ((1, BEGAN_S - 500), (2, BEGAN_S + 10)):
-        path = tmp_path / "runs" / f"001_{seed}.npz"
-        path.touch()
-        os.utime(path, (date_s, date_s))
-    (tmp_path / "runs" / "0010_3.npz").touch()  # of another job
-    planned.start(0, "pour", "Pouring", str(tmp_path / "001.pours.json"), BEGAN_S)
+    kept(tmp_path, "001_1.npz", BEGAN_S - 500)
+    kept(tmp_path, "001_2.npz", BEGAN_S + 10)
+    kept(tmp_path, "0010_3.npz", BEGAN_S + 10)  # of another job
+    planned.start(0, pour("001", tmp_path))
     assert planned.pours_done == 1
-    # a twelfth of the work in 20 s
-    assert planned.left_s(BEGAN_S + 20) == pytest.approx(220.0)
-    planned.finish(0)
-    assert planned.pours_done == 1
+    assert planned.pours_a_minute(BEGAN_S + 60) == pytest.approx(1.0)
+    planned.finish(0, BEGAN_S + 60)
+    assert planned.pours_done == 1, "a run that was kept before is not poured again"
 
 
-def test_a_failed_job_that_begins_again_is_no_failed_one(planned):
-    planned.start(0, "pour", "Pouring", "heap", BEGAN_S)
-    assert planned.fail(0).message == "Pouring"
+def test_jobs_that_a_checkpoint_adds_are_planned_when_they_begin(planned, tmp_path):
+    for number in range(5):
+        planned.start(number, pour(number, tmp_path))
+        planned.finish(number, BEGAN_S + 10)
+    assert planned.planned["pour"] == 5
+
+
+def test_a_failed_job_is_known_until_it_begins_again(planned, tmp_path):
+    planned.start(0, pour(0, tmp_path))
+    assert planned.fail(0).rule == "pour"
     assert planned.fail(0) is None
     assert list(planned.failed) == [0]
-    planned.start(0, "pour", "Pouring", "heap", BEGAN_S)
+    planned.start(0, pour(0, tmp_path))
     assert not planned.failed
 
 
-def test_a_job_that_a_checkpoint_adds_is_counted_once(planned):
-    planned.start(77, "measure_runs", "Measuring", "heap", BEGAN_S)
-    planned.fail(77)
-    planned.start(77, "measure_runs", "Measuring", "heap", BEGAN_S)
-    planned.finish(77)
-    assert (planned.stages["pour"].done, planned.stages["pour"].total) == (1, 5)
-
-
 @pytest.mark.parametrize(
-    ("seconds", "text"),
-    [
-        (20, "less than a minute"),
-        (61, "about 1 min"),
-        (5300, "about 88 min"),
-        (7300, "about 2 h 2 min"),
-    ],
+    ("seconds", "words"),
+    [(20, "less than a minute"), (60, "about 1 min"), (5300, "about 88 min"), (7300, "about 2 h 2 min")],
 )
-def test_rough_times(seconds, text):
-    assert rough_time(seconds) == text
+def test_times_in_words(seconds, words):
+    assert rough_time(seconds) == words

@@ -39,7 +39,8 @@ def run(verb, paths, write, config=CONFIG, apparatus=None):
     def settings_of(one, bench_test):
         return stands_on.settings_of(one, verb, bench_test)
 
-    with provenance.stage(verb, paths, settings_of, apparatus):
+    runs = {"pour": "made", "measure_runs": "measured"}.get(verb, "")
+    with provenance.stage(verb, paths, settings_of, apparatus, runs):
         provenance.note_config(config)
         write()
 

@@ -38,9 +38,8 @@ def study(tmp_path_factory):
 
 
 def of_files(folder, config):
-    return answer.read_files(
-        config, folder / "summary.json", folder / "representative.csv", strategy="sequential"
-    )
+    names = ("summary.json", "representative.csv", "solutions.csv")
+    return answer.read(config, *(folder / name for name in names), strategy="sequential")
 
 
 def test_the_message_tells_the_answer_of_the_strategy(study):
@@ -50,7 +49,7 @@ def test_the_message_tells_the_answer_of_the_strategy(study):
     assert dict(found.parameters) == pytest.approx(summary["answer"])
     assert found.feasible
     assert found.checks[0].runs == SECTION["checks"]
-    assert "results/sequential/solutions.csv" in str(found)
+    assert f"all solutions: {folder}/solutions.csv" in str(found)
 
 
 def test_a_target_out_of_reach_is_no_success(study, tmp_path):

@@ -4,6 +4,10 @@ from repose.core.errors import InputError
 from repose.core.files import write_text
 from repose.studies import snapshot
 
+KEEP = ("dataset.csv", "validation/*.csv", "figures/*.png", "refined/*.csv", "refined/*/round.csv")
+KEEP += ("pool/*.csv", "comparison/*.csv", "berry/*.json", "noise/*.csv", "network/*.npz")
+MADE = ("dataset.csv", "validation/table4.csv", "figures/figure13.png")
+
 
 def study(tmp_path):
     """Some files of a study."""
@@ -19,6 +23,7 @@ def study(tmp_path):
         "pool/heaps/fresh/001.json",
         "comparison/accuracy.csv",
         "logs/a.log",
+        "network/states.npz",
     ):
         write_text(tmp_path / "results" / name, name)
     return tmp_path / "results"
@@ -31,7 +36,7 @@ def content(folder):
 
 def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
     out = tmp_path / "published"
-    copied = snapshot.take(study(tmp_path), out)
+    copied = snapshot.take(study(tmp_path), out, KEEP)
     assert sorted(p.relative_to(out).as_posix() for p in copied) == [
         "comparison/accuracy.csv",
         "dataset.csv",
@@ -46,10 +51,10 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
 
 def test_a_snapshot_replaces_an_earlier_one_whole(tmp_path):
     results, out = study(tmp_path), tmp_path / "published"
-    snapshot.take(results, out)
+    snapshot.take(results, out, KEEP)
     (results / "pool/fresh_runs.csv").unlink()
     (results / "dataset.csv").write_text("another study")
-    snapshot.take(results, out)
+    snapshot.take(results, out, KEEP)
     assert not (out / "pool/fresh_runs.csv").exists()
     assert (out / "dataset.csv").read_text() == "another study"
 
@@ -63,18 +68,18 @@ def test_a_folder_that_no_snapshot_made_is_left_as_it_is(tmp_path, where):
     (tmp_path / "a_file").write_text("text")
     before = content(tmp_path)
     with pytest.raises(InputError, match=r"allowed: a (new )?folder"):
-        snapshot.take(results, tmp_path / where)
+        snapshot.take(results, tmp_path / where, KEEP)
     assert content(tmp_path) == before
 
 
 def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_path):
     results, out = study(tmp_path), tmp_path / "published"
-    snapshot.take(results, out)
+    snapshot.take(results, out, KEEP)
     for name in ("notes.txt", "dataset.csv"):
         (out / name).write_text("mine")
         before = content(tmp_path)
         with pytest.raises(InputError, match=f"content is '{name}'; allowed: a new folder"):
-            snapshot.take(results, out)
+            snapshot.take(results, out, KEEP)
         assert content(tmp_path) == before
         (out / name).unlink()
 
@@ -83,24 +88,23 @@ def test_an_unfinished_study_is_refused(tmp_path):
     results = study(tmp_path)
     (results / "validation" / "table4.csv").unlink()
     with pytest.raises(InputError, match="a finished study"):
-        snapshot.take(results, tmp_path / "published")
+        snapshot.take(results, tmp_path / "published", KEEP)
     assert not (tmp_path / "published").exists()
 
 
 def test_a_file_too_large_for_a_repository_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(snapshot, "LARGEST_FILE", 5)
     with pytest.raises(InputError, match="at most 5 bytes"):
-        snapshot.take(study(tmp_path), tmp_path / "published")
+        snapshot.take(study(tmp_path), tmp_path / "published", KEEP)
 
 
 def test_only_files_of_an_optional_study_change_the_hash_of_all_of_them(tmp_path):
     results = study(tmp_path)
-    before = snapshot.of_optional_studies(results)
+    before = snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE])
     (results / "dataset.csv").write_text("another study")
     (results / "logs/a.log").write_text("another log")
-    assert snapshot.of_optional_studies(results) == before
+    assert snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE]) == before
     for name, text in (("noise/noise.csv", "noise"), ("comparison/accuracy.csv", "another comparison")):
         write_text(results / name, text)
-        assert snapshot.of_optional_studies(results) != before
-        before = snapshot.of_optional_studies(results)
-    assert set(snapshot.CHAIN) < set(snapshot.KEPT)
+        assert snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE]) != before
+        before = snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE])

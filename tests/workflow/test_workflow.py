@@ -255,21 +255,3 @@ def test_a_study_of_the_drum_alone_draws_no_funnel(project):
         "draw_figure10",  # a Gaussian process has no nodes
     }
     assert set(alone) < set(both)
-
-
-def test_the_scheduler_looks_at_the_jobs_when_one_ends(tmp_path):
-    """And not once a second more for each job that has ended: the line of our onstart, in a workflow of sleeps."""
-    (line,) = re.findall(
-        r"^    (workflow\.scheduler\..*)$", (ROOT / "workflow/Snakefile").read_text(), re.MULTILINE
-    )
-    rules = 'rule all:\n    input:\n        expand("{i}", i=range(8))\n\n\nrule one:\n    output:\n        "{i}"\n'
-    sleep = '    shell:\n        "sleep 0.6; touch {output}"\n'
-    looks = []
-    for start in ("pass", line):
-        folder = tmp_path / str(len(looks))
-        folder.mkdir()
-        (folder / "Snakefile").write_text(f"onstart:\n    {start}\n\n\n{rules}{sleep}")
-        done = snakemake(folder, "--cores", "1", "--verbose")
-        assert done.returncode == 0, done.stderr
-        looks.append(done.stderr.count("Resources before job selection"))
-    assert looks[1] <= 9 < looks[0]

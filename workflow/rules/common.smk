@@ -1,8 +1,7 @@
-# Shared by all rules: the checked configuration, and the Python that runs the verbs.
-import base64
+# Shared by all rules: the checked configuration, what rules have in common, and the Python that runs the verbs.
+import collections
 import json
 import os
-import re
 import shlex
 import sys
 
@@ -18,7 +17,6 @@ from repose.core.errors import BAD_INPUT, InputError, print_fault
 from repose.core.lock import take_folder
 from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
-from repose.core.provenance import SIMULATING
 from repose.core.sources import engine_hash, stage_hash
 from repose.dem.cache import source_hash
 from repose.strategies.refined import rounds
@@ -42,14 +40,9 @@ def or_one_message(function, *arguments):
         refuse(error)
 
 
-def refuse_what_jobs_refused(workflow):
+def refuse_what_jobs_refused():
     """End as the verbs do if each failed job had a fault of its input, which is the last line of its log."""
-    failed = [
-        single
-        for job in workflow.scheduler.failed
-        for single in (job.jobs if job.is_group() else [job])
-    ]
-    lines = {last_line(path) for job in failed for path in job.log}
+    lines = {last_line(path) for path in FAILED_LOGS}
     if lines and all(line.startswith("repose: error: ") for line in lines):
         refuse(
             "\n".join(line.removeprefix("repose: error: ") for line in sorted(lines))
@@ -64,20 +57,9 @@ def last_line(path):
         return ([""] + log.read().splitlines())[-1]
 
 
-for place in map(str, (workflow.main_snakefile, places.root())):
+for place in map(str, (MAIN_SNAKEFILE, places.root())):
     if set("{}") & set(place):  # snakemake takes them for wildcards
         refuse(f"the program lies in {place}; allowed: a folder without braces")
-
-
-def checked_study(workflow):
-    """The study after every check, or one message and no work.
-
-    A job of a cluster starts a snakemake of its own, after the first one has checked the inputs.
-    """
-    files = [as_typed(path) for path in workflow.overwrite_configfiles]
-    values = workflow.config_settings.config
-    inputs = workflow.is_main_process
-    return or_one_message(lambda: Study.load(*files, overrides=values, inputs=inputs))
 
 
 def as_typed(path):
@@ -90,55 +72,19 @@ def as_typed(path):
     )
 
 
-def log_plan(workflow):
-    """Log the plan for the display of `repose run`: the stage of each rule, named by its file, and of
-    each job its runs of a bench test and its expected time.
-    """
-    stages = {
-        rule_.name: os.path.splitext(os.path.basename(rule_.snakefile))[0]
-        for rule_ in workflow.rules
-    }
-    jobs = {}
-    for job in workflow.dag.needrun_jobs():
-        if not job.output:
-            continue  # a target makes nothing
-        test = (
-            "drum"
-            if job.rule.name == "drum_run"
-            else job.params.get("apparatus", "funnel")
-        )
-        seeds = job.params.get("seeds", 0)
-        runs = (
-            1 if job.rule.name == "drum_run" else seeds if isinstance(seeds, int) else 0
-        )
-        jobs.setdefault(job.rule.name, {})[job.jobid] = (
-            runs,
-            cost.job_s(config, test, runs),
-        )
-    runs = sum(number for known in jobs.values() for number, _ in known.values())
-    logger.info(f"{runs} runs of bench tests to make", extra={"plan": (stages, jobs)})
-
-
-def published(table):
-    """Path of a published table in the folder of the published solutions, if there is one."""
-    return str(beside(config["validation"]["published"], table) or "") or []
-
-
-def sections(*names):
-    """Sections of the configuration, or single keys with a dot, whose change reruns a rule; as params."""
-    return stands_on.sections(config, *names)
-
-
-def recorded(path):
-    """Whether snakemake has a record of having made a file."""
-    name = base64.urlsafe_b64encode(path.encode()).decode()
-    return os.path.exists(os.path.join(".snakemake", "metadata", name))
+# The default, the folder's own, --configfile and --config, each over the one before, checked; a bad value ends here
+# with one message. A job of a cluster starts a snakemake of its own, after the first one has checked the inputs.
+STUDY = or_one_message(
+    lambda: Study.load(*map(as_typed, CONFIGURATIONS), overrides=VALUES, inputs=IS_MAIN)
+)
+config = STUDY.config
+RESULTS = config["results_dir"]
+CONFIG = f"{RESULTS}/config.json"
 
 
 def is_result(path):
     """Whether a rule writes a file of this name, though none did yet."""
-    made = (output for rule in workflow.rules for output in rule.output)
-    return any(output.match(path) for output in made) and not recorded(path)
+    return is_output(path) and not recorded(path)
 
 
 def refuse_outdated(paths):
@@ -157,23 +103,53 @@ def refuse_outdated(paths):
         )
 
 
-def growing(amount):
-    """Memory in MB or time in minutes, once more with each attempt that failed: `--retries 2` tries again with more.
+def published(table):
+    """Path of a published table in the folder of the published solutions, if there is one."""
+    return str(beside(config["validation"]["published"], table) or "") or []
+
+
+def sections(*names):
+    """Sections of the configuration, or single keys with a dot, whose change reruns a rule; as params."""
+    return stands_on.sections(config, *names)
+
+
+def folder(wildcards, output):
+    """Folder of a rule's first output."""
+    return os.path.dirname(output[0])
+
+
+def of_stage(name, folder=folder):
+    """Params of the rule of a stage: the configuration, the folder that it writes, the settings that it reads."""
+    depends = stands_on.settings_of(config, name)
+    return {"config": CONFIG, "folder": folder, "depends": depends}
+
+
+def needs(mem_mb, minutes=10):
+    """Resources of a rule, once more with each attempt that failed: `--retries 2` tries again with more.
 
     Memory is the measured use with config/config.yaml and a fifth more; a test compares it with the benchmarks of a
     run of config/quick.yaml.
     """
+    return {"mem_mb": growing(mem_mb), "runtime": growing(minutes)}
+
+
+def growing(amount):
+    """Memory in MB or time in minutes, in proportion to the number of attempts."""
     return lambda wildcards, attempt: amount * attempt
 
 
+# Ten times the estimate of the longest job, for slower cores and busy ones.
+MINUTES_OF_RUNS = 10 + round(10 * cost.longest_job_s(config) / 60)
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
 RUN_FOLDERS = {name: results_folder.run_folder(name) for name in names()}
 APPARATUS_OF = {runs: name for name, runs in RUN_FOLDERS.items()}
+# Bench tests whose responses are targets.
+BENCH_TESTS = STUDY.targets.apparatus
 
 
 def folders_of_targets():
     """Folders of the runs that the study is calibrated by: one for each bench test of the targets."""
-    return [RUN_FOLDERS[name] for name in STUDY.targets.apparatus]
+    return [RUN_FOLDERS[name] for name in BENCH_TESTS]
 
 
 def apparatus(wildcards):
@@ -199,16 +175,6 @@ def measuring(wildcards):
     return stands_on.measuring(config, apparatus(wildcards))
 
 
-def folder(wildcards, output):
-    """Folder of a rule's first output."""
-    return os.path.dirname(output[0])
-
-
-def folders_of_jobs(wildcards, input):
-    """Folders of a table's jobs: thousands of files would be more than a command line takes."""
-    return list(dict.fromkeys(map(os.path.dirname, input.jobs)))
-
-
 def validation_seeds(wildcards):
     """Pours of a solution; the representative gets more."""
     is_representative = wildcards.sample == OWN_SOLUTIONS[0]
@@ -225,3 +191,51 @@ def solution_to_pour(wildcards):
         else rules.published_solutions
     )
     return origin.output.solutions
+
+
+def folders_of_jobs(wildcards, input):
+    """Folders of a table's jobs: thousands of files would be more than a command line takes."""
+    return list(dict.fromkeys(map(os.path.dirname, input.jobs)))
+
+
+Figure = collections.namedtuple("Figure", "label path category inputs depends")
+FIGURES = {}  # by name; figures.smk draws them
+
+
+def figure(name, label, *depends, folder="figures", category="Figures", **inputs):
+    """Add a figure: its title in the report, the sections of the configuration that it reads, and its inputs."""
+    path = f"{RESULTS}/{folder}/{name}.png"
+    FIGURES[name] = Figure(label, path, category, inputs, depends)
+
+
+# The end of a strategy, for the answer, the material card and the report: its last rule, and its files.
+Answer = collections.namedtuple(
+    "Answer", "rule feasible summary table4 representative dataset"
+)
+ANSWERS = {}  # by strategy
+
+
+def answer():
+    """The answer of the study's strategy; `refined` goes on from the published one."""
+    return ANSWERS.get(config["strategy"], ANSWERS["published"])
+
+
+def of_the_chain():
+    """Whether the answer is that of the method's own chain."""
+    return answer() is ANSWERS["published"]
+
+
+def drawn(*names):
+    """Paths of figures by their names; of those that this study has."""
+    return {name: FIGURES[name].path for name in names if name in FIGURES}
+
+
+def answer_jobs(wildcards):
+    """Measured runs of the answer."""
+    if not of_the_chain():
+        return jobs_of(config["strategy"], "check")
+    return expand(
+        rules.measure_validation_runs.output.result,
+        runs=folders_of_targets(),
+        sample=OWN_SOLUTIONS[0],
+    )

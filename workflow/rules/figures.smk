@@ -1,152 +1,111 @@
-# Bench tests whose responses are targets, and the figures that show the funnel or its pile.
-BENCH_TESTS = STUDY.targets.apparatus
-OF_THE_FUNNEL = ("figure05", "figure06", "figure08", "definitions")
-
-# Each figure: its name in the report, its inputs, and the sections of the configuration that it reads.
-FIGURES = {
-    "figure02": ("Figure 2", {"sizes": config["berry"]["sizes"]}, ()),
-    "figure05": (
-        "Figure 5",
-        {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle},
-        ("funnel", "colour"),
-    ),
-    "figure06": (
-        "Figure 6",
-        {
-            "heap": rules.measure.input.heap,
-            "particle": rules.shape.output.particle,
-            "berry": rules.berry.output.berry,
-        },
-        ("measure",),
-    ),
-    "definitions": (
+# Figures of the method; those of studies and strategies stand with their rules. All are shown here.
+figure("figure02", "Figure 2", sizes=config["berry"]["sizes"])
+if "funnel" in BENCH_TESTS:
+    PILE = {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle}
+    figure("figure05", "Figure 5", "funnel", "colour", **PILE)
+    figure("figure06", "Figure 6", "measure", **PILE, berry=rules.berry.output.berry)
+    figure(
+        "definitions",
         "Definitions of the angle",
-        {
-            "heap": rules.measure.input.heap,
-            "particle": rules.shape.output.particle,
-            "berry": rules.berry.output.berry,
-        },
-        ("measure",),
-    ),
-    "figure07": (
-        "Figure 7",
-        {"stl": rules.shape.output.stl, "particle": rules.shape.output.particle},
-        (),
-    ),
-    "figure08": (
-        "Figure 8",
-        {
-            "trajectory": rules.trajectory.output.trajectory,
-            "particle": rules.shape.output.particle,
-        },
-        ("funnel", "colour"),
-    ),
-    "figure09": ("Figure 9", {"dot": f"{RESULTS}/figures/figure09.dot"}, ()),
-    "figure10": ("Figure 10", {"network": rules.network.output.network}, ()),
-    "figure13": (
-        "Figure 13",
-        {
-            "predictions": rules.network.output.predictions,
-            "dataset": rules.dataset.output.dataset,
-        },
-        ("targets",),
-    ),
-    "figure14": (
-        "Figure 14",
-        {
-            "feasible": rules.miga.output.feasible,
-            "summary": rules.miga.output.summary,
-            "published": published("table3.csv"),
-        },
-        ("parameters", "targets"),
-    ),
-    "convergence": (
-        "Convergence of the search",
-        {"history": rules.miga.output.history, "summary": rules.miga.output.summary},
-        ("miga",),
-    ),
-    "design": (
-        "Design",
-        {
-            "samples": rules.design.output.samples,
-            "comparison": rules.design.output.comparison,
-        },
-        ("parameters",),
-    ),
-    "dataset": (
-        "Responses",
-        {"dataset": rules.dataset.output.dataset},
-        ("parameters", "targets"),
-    ),
-    "validation": (
-        "Table 4, drawn",
-        {
-            "table4": rules.validate.output.table4,
-            "published": config["validation"]["published"],
-        },
-        ("targets",),
-    ),
-    "published": (
-        "Published solutions here",
-        {"published": rules.validate.output.published},
-        ("targets",),
-    ),
-}
-
-if len(config["targets"]) > 1:
-    PLANE = {
-        "published": (
-            rules.dataset.output.dataset,
-            rules.miga.output.feasible,
-            rules.validate.output.table4,
-        ),
-        "response_surface": (
-            f"{HABIT}/surface/dataset.csv",
-            rules.response_check.output.solutions,
-            rules.response_check.output.table4,
-        ),
-        "sequential": (
-            rules.sequential_check.output.dataset,
-            rules.sequential_check.output.solutions,
-            rules.sequential_check.output.table4,
-        ),
-    }
-    PLANE = PLANE.get(config["strategy"], PLANE["published"])
-    FIGURES["plane"] = (
-        "Targets against each other",
-        dict(zip(("dataset", "feasible", "table4"), PLANE)),
-        ("targets",),
+        "measure",
+        **PILE,
+        berry=rules.berry.output.berry,
     )
-
+    figure(
+        "figure08",
+        "Figure 8",
+        "funnel",
+        "colour",
+        trajectory=rules.trajectory.output.trajectory,
+        particle=rules.shape.output.particle,
+    )
+figure(
+    "figure07",
+    "Figure 7",
+    stl=rules.shape.output.stl,
+    particle=rules.shape.output.particle,
+)
+figure("figure09", "Figure 9", dot=f"{RESULTS}/figures/figure09.dot")
+if config["surrogate"] in ("network", "network_ensemble"):
+    figure("figure10", "Figure 10", network=rules.network.output.network)
+figure(
+    "figure13",
+    "Figure 13",
+    "targets",
+    predictions=rules.network.output.predictions,
+    dataset=rules.dataset.output.dataset,
+)
+figure(
+    "figure14",
+    "Figure 14",
+    "parameters",
+    "targets",
+    feasible=rules.miga.output.feasible,
+    summary=rules.miga.output.summary,
+    **({"published": published("table3.csv")} if published("table3.csv") else {}),
+)
+figure(
+    "convergence",
+    "Convergence of the search",
+    "miga",
+    history=rules.miga.output.history,
+    summary=rules.miga.output.summary,
+)
+figure(
+    "design",
+    "Design",
+    "parameters",
+    samples=rules.design.output.samples,
+    comparison=rules.design.output.comparison,
+)
+figure(
+    "dataset",
+    "Responses",
+    "parameters",
+    "targets",
+    dataset=rules.dataset.output.dataset,
+)
+figure(
+    "validation",
+    "Table 4, shown",
+    "targets",
+    table4=rules.validate.output.table4,
+    **({"published": config["validation"]["published"]} if PUBLISHED_SOLUTIONS else {}),
+)
+if PUBLISHED_SOLUTIONS:
+    figure(
+        "published",
+        "Published solutions here",
+        "targets",
+        published=rules.validate.output.published,
+    )
+if len(config["targets"]) > 1:
+    figure(
+        "plane",
+        "Targets against each other",
+        "targets",
+        dataset=answer().dataset,
+        feasible=answer().feasible,
+        table4=answer().table4,
+    )
 if "drum" in config:
-    FIGURES |= {
-        "figure15": (
-            "Figure 15",
-            {
-                "states": f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
-                "particle": rules.shape.output.particle,
-            },
-            ("drum", "measure.mm_per_pixel", "colour"),
-        ),
-        "drum": (
-            "The drum over time",
-            {
-                "record": rules.drum.output.record,
-                "profile": rules.drum.output.profile,
-                "runs": rules.drum.output.runs,
-            },
-            ("drum",),
-        ),
-    }
-if "funnel" not in BENCH_TESTS:
-    for figure in OF_THE_FUNNEL:
-        del FIGURES[figure]
-if config["surrogate"] not in ("network", "network_ensemble"):
-    del FIGURES["figure10"]
-if not PUBLISHED_SOLUTIONS:
-    del FIGURES["published"], FIGURES["validation"][1]["published"]
-if not FIGURES["figure14"][1]["published"]:
-    del FIGURES["figure14"][1]["published"]
+    figure(
+        "figure15",
+        "Figure 15",
+        "drum",
+        "measure.mm_per_pixel",
+        "colour",
+        states=f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
+        particle=rules.shape.output.particle,
+    )
+    figure(
+        "drum",
+        "The drum over time",
+        "drum",
+        record=rules.drum.output.record,
+        profile=rules.drum.output.profile,
+        runs=rules.drum.output.runs,
+    )
 
 
 rule rule_graph:
@@ -154,13 +113,11 @@ rule rule_graph:
         dot=f"{RESULTS}/figures/figure09.dot",
     log:
         f"{RESULTS}/logs/rule_graph.log",
-    threads: 1
     resources:
-        mem_mb=growing(150),
-        runtime=growing(10),
+        **needs(150),
     params:
         config=CONFIG,
-        snakefile=str(workflow.main_snakefile),
+        snakefile=str(MAIN_SNAKEFILE),
     message:
         "The workflow's own graph"
     shell:
@@ -179,38 +136,34 @@ OPTIONAL_INPUTS = {
 # The other figures take 400.
 MEMORY_MB = {"figure05": 600, "figure07": 600, "figure15": 550}
 
-for figure, (label, shown, depends) in FIGURES.items():
+for name, shown in FIGURES.items():
 
     rule:
         name:
-            f"draw_{figure}"
+            f"draw_{name}"
         input:
-            **shown,
+            **shown.inputs,
         output:
             report(
-                f"{RESULTS}/figures/{figure}.png",
-                caption=f"../report/{figure}.rst",
-                category="Figures",
-                labels={"figure": label},
+                shown.path,
+                caption=f"../report/{name}.rst",
+                category=shown.category,
+                labels={"figure": shown.label},
             ),
         log:
-            f"{RESULTS}/logs/figures/{figure}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/figures/{figure}.tsv"
-        threads: 1
+            f"{RESULTS}/logs/figures/{name}.log",
         resources:
-            mem_mb=growing(MEMORY_MB.get(figure, 400)),
-            runtime=growing(10),
+            **needs(MEMORY_MB.get(name, 400)),
         params:
             config=CONFIG,
-            figure=figure,
-            inputs=[f"--input={key}={path}" for key, path in shown.items()]
+            figure=name,
+            inputs=[f"--input={key}={path}" for key, path in shown.inputs.items()]
             + [
                 f"--input={key}={path}"
-                for key, path in OPTIONAL_INPUTS.get(figure, {}).items()
+                for key, path in OPTIONAL_INPUTS.get(name, {}).items()
                 if os.path.isfile(path)
             ],
-            depends=sections("small_run", *depends),
+            depends=sections("small_run", *shown.depends),
         message:
             "Drawing {params.figure}"
         shell:
@@ -218,6 +171,14 @@ for figure, (label, shown, depends) in FIGURES.items():
             " > {log:q} 2>&1"
 
 
+# The others are those of a study or strategy.
+FIGURES_OF_ALL = [
+    shown.path
+    for shown in FIGURES.values()
+    if os.path.dirname(shown.path) == f"{RESULTS}/figures"
+]
+
+
 rule figures:
     input:
-        expand(f"{RESULTS}/figures/{{figure}}.png", figure=FIGURES),
+        FIGURES_OF_ALL,

@@ -1,47 +1,78 @@
-# The report of a study, one page for a browser; it is also part of `snakemake --report`, as figures are.
-PAGE = {
-    "network": rules.network.output.network,
-    "metrics": rules.network.output.metrics,
-    "dataset": rules.dataset.output.dataset,
-    "dataset_summary": rules.dataset.output.summary,
-    "feasible": rules.miga.output.feasible,
-    "summary": rules.miga.output.summary,
-    "table4": rules.validate.output.table4,
-    "figure13": f"{RESULTS}/figures/figure13.png",
-    "figure14": f"{RESULTS}/figures/figure14.png",
-    "validation": f"{RESULTS}/figures/validation.png",
-}
-if "plane" in FIGURES:
-    PAGE["plane"] = f"{RESULTS}/figures/plane.png"
-if "funnel" in BENCH_TESTS:
-    PAGE |= {
-        "particle": rules.shape.output.particle,
-        "trajectory": rules.trajectory.output.trajectory,
-        "overlay": rules.measure.output.overlay,
-        "definitions": f"{RESULTS}/figures/definitions.png",
-    }
-# The posterior takes the scatter of the targets from runs of one sample.
+# The end of every calibration: the report of a study, one page for a browser, which is also part of `snakemake --report`,
+# and the answer as one file, for people and for other programs.
+# The posterior takes the scatter of the targets from runs of one sample, by the network.
 SCATTER_IS_KNOWN = all(config[name]["seeds"] > 1 for name in BENCH_TESTS)
-if SCATTER_IS_KNOWN:
-    PAGE["posterior"] = rules.posterior_tables.output.posterior
+POSTERIOR = (
+    {
+        "posterior": rules.posterior_tables.output.posterior,
+        "draws": rules.posterior_tables.output.draws,
+    }
+    if of_the_chain() and SCATTER_IS_KNOWN
+    else {}
+)
+# Inputs of the page by name, and tables that it holds by their titles.
+PAGE = {
+    "dataset": answer().dataset,
+    "feasible": answer().feasible,
+    "summary": answer().summary,
+    "table4": answer().table4,
+} | drawn("plane")
+TRAJECTORY = rules.trajectory.output.trajectory
+if of_the_chain():
+    PAGE |= drawn("figure13", "figure14", "validation", "definitions") | {
+        "network": rules.network.output.network,
+        "metrics": rules.network.output.metrics,
+        "dataset_summary": rules.dataset.output.summary,
+    }
+    TABLES = {
+        "Measured sizes": rules.berry.output.summary,
+        "Designs compared": rules.design.output.comparison,
+        "Simulated samples": answer().dataset,
+        "Parameter sets found": answer().feasible,
+        "Intervals of the sets found": rules.miga.output.intervals,
+        "Sets simulated again": rules.validate.output.table4,
+    }
+    if "funnel" in BENCH_TESTS:
+        PAGE["overlay"] = rules.measure.output.overlay
+    if POSTERIOR:
+        PAGE["posterior"] = POSTERIOR["posterior"]
+    if "drum" in config:
+        TABLES["The drum: angles and first slip"] = rules.drum.output.summary
+    if config["surrogate"].startswith("network"):
+        TABLES["Starts of the network"] = rules.network.output.starts
+    if PUBLISHED_SOLUTIONS:
+        TABLES["Published sets in this simulator"] = rules.validate.output.published
+else:
+    TRAJECTORY = f"{RESULTS}/{config['strategy']}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz"
+    TABLES = {
+        "Measured sizes": rules.berry.output.summary,
+        "Simulated samples": answer().dataset,
+        "Parameter sets found": answer().feasible,
+        "The answer simulated again": answer().table4,
+    }
+    if config["strategy"] == "response_surface":
+        PAGE |= drawn("pareto_screening", "contours")
+        TABLES["Analysis of variance of the surface"] = f"{HABIT}/surface/anova.csv"
+    else:
+        PAGE |= drawn("sequential") | {"runs": rules.sequential_check.output.runs}
+        TABLES["Batches"] = rules.sequential_check.output.batches
+
+    use rule trajectory as strategy_trajectory with:
+        input:
+            **READY,
+            samples=answer().table4,
+        output:
+            trajectory=TRAJECTORY,
+        log:
+            f"{RESULTS}/logs/strategy_trajectory.log",
+        message:
+            "Pouring the answer before the camera"
+
+
+if "funnel" in BENCH_TESTS:
+    PAGE |= {"particle": rules.shape.output.particle, "trajectory": TRAJECTORY}
 if config.get("photograph"):
     PAGE["photograph"] = config["photograph"]
-
-# Tables that the page holds, by their titles.
-TABLES = [
-    ("Measured sizes", rules.berry.output.summary),
-    ("Designs compared", rules.design.output.comparison),
-    ("Simulated samples", rules.dataset.output.dataset),
-    ("Parameter sets found", rules.miga.output.feasible),
-    ("Intervals of the sets found", rules.miga.output.intervals),
-    ("Sets simulated again", rules.validate.output.table4),
-]
-if "drum" in config:
-    TABLES.append(("The drum: angles and first slip", rules.drum.output.summary))
-if config["surrogate"].startswith("network"):
-    TABLES.append(("Starts of the network", rules.network.output.starts))
-if PUBLISHED_SOLUTIONS:
-    TABLES.append(("Published sets in this simulator", rules.validate.output.published))
 
 
 report: "../report/workflow.rst"
@@ -50,12 +81,8 @@ report: "../report/workflow.rst"
 rule page:
     input:
         **PAGE,
-        jobs=expand(
-            rules.measure_validation_runs.output.result,
-            runs=folders_of_targets(),
-            sample=OWN_SOLUTIONS[0],
-        ),
-        tables=[path for _, path in TABLES],
+        jobs=answer_jobs,
+        tables=list(TABLES.values()),
     output:
         report(
             f"{RESULTS}/report.html",
@@ -65,16 +92,12 @@ rule page:
         ),
     log:
         f"{RESULTS}/logs/page.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/page.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(350),
-        runtime=growing(10),
+        **needs(350),
     params:
         config=CONFIG,
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
-        tables=[f"--table={title}={path}" for title, path in TABLES],
+        tables=[f"--table={title}={path}" for title, path in TABLES.items()],
         depends=sections("label", "small_run", "parameters", "targets", "design")
         | {"funnel": config["funnel"] if "funnel" in BENCH_TESTS else None},
     message:
@@ -82,6 +105,32 @@ rule page:
     shell:
         "python -m repose stage report {input.jobs:q} --config {params.config:q} {params.inputs:q} {params.tables:q}"
         " --out {output:q} > {log:q} 2>&1"
+
+
+rule card:
+    input:
+        **GRAIN,
+        **POSTERIOR,
+        feasible=answer().feasible,
+        summary=answer().summary,
+        representative=answer().representative,
+    output:
+        card=f"{RESULTS}/card.json",
+    log:
+        f"{RESULTS}/logs/card.log",
+    resources:
+        **needs(300),
+    params:
+        config=CONFIG,
+        posterior=[f"--{name}={path}" for name, path in POSTERIOR.items()],
+        depends=stands_on.settings_of(config, "material_card")
+        | {"label": config["label"]},
+    message:
+        "The material card: {output}"
+    shell:
+        "python -m repose stage material_card --config {params.config:q} --berry {input.berry:q}"
+        " --particle {input.particle:q} --feasible {input.feasible:q} --summary {input.summary:q}"
+        " --representative {input.representative:q} {params.posterior:q} --out {output.card:q} > {log:q} 2>&1"
 
 
 rule calibration:

@@ -11,18 +11,19 @@ rule snapshot:
         files=f"{RESULTS}/snapshot.txt",
     log:
         f"{RESULTS}/logs/snapshot.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/snapshot.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(150),
-        runtime=growing(10),
+        **needs(150),
     params:
         results=lambda wildcards, input: os.path.dirname(os.path.dirname(input.table4)),
         folder=f"results/published/{config['label']}",
-        studies=lambda wildcards: snapshot.of_optional_studies(RESULTS),
+        keep=lambda wildcards: results_to_keep(),
+        studies=lambda wildcards: snapshot.of_optional_studies(
+            RESULTS,
+            results_to_keep(),
+            [CONFIG, *CHAIN, *PAGE.values(), *FIGURES_OF_ALL],
+        ),
     message:
         "Snapshot of tables and figures: {params.folder}"
     shell:
-        "(python -m repose stage snapshot {params.results:q} --out {params.folder:q}"
+        "(python -m repose stage snapshot {params.results:q} --out {params.folder:q} --keep {params.keep:q}"
         " | python -m repose stage write --out {output.files:q}) 2> {log:q}"

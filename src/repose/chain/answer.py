@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from repose.chain.chance import PERCENT
 from repose.core.errors import InputError
@@ -12,34 +12,12 @@ from repose.core.files import read_json, read_rows
 from repose.core.parameters import LABELS, PARAMETERS, check_value
 from repose.core.targets import Targets
 
-
-class Files(NamedTuple):
-    """Files of the answer of a strategy, in the folder of results."""
-
-    rule: str  # the last rule that writes them
-    summary: str  # the answer
-    check: str  # its simulation beside the targets
-    solutions: str  # all parameter sets found
-    advice: str  # remedy if only the prediction meets the targets
-
-
-def _of_strategy(rule, folder, advice):
-    """The files that `repose.strategies.answer` writes."""
-    names = ("summary.json", "representative.csv", "solutions.csv")
-    return Files(rule, *(f"{folder}/{name}" for name in names), advice)
-
-
-FILES = {
-    "published": Files(
-        "validate",
-        *("miga/summary.json", "validation/representative.csv", "miga/feasible.csv"),
-        "`repose run refined`, which pours near the answer; or more samples, or more seeds for each",
-    ),
-    "response_surface": _of_strategy(
-        "response_check", "response_surface/check", "another response_surface.reach or .most_factors"
-    ),
-    "sequential": _of_strategy("sequential_check", "sequential", "a larger sequential.most_pours"),
+# Remedy by strategy, if only the prediction meets the targets.
+ADVICE = {
+    "response_surface": "another response_surface.reach or .most_factors",
+    "sequential": "a larger sequential.most_pours",
 }
+MORE_POURS = "`repose run refined`, which pours near the answer; or more samples, or more seeds for each"
 CARD = "card.json"
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
 # A table of an older version lacks the columns of these probabilities; an answer from it would lack them.
@@ -121,7 +99,9 @@ class Answer:
     checks: tuple[Check, ...]  # one for each target
     folder: Path  # of the results
     within: Mapping[float, float | None]
-    files: Files = FILES["published"]
+    tables: Path = Path()  # folder of the check
+    solutions: Path = Path()  # all parameter sets found
+    advice: str = MORE_POURS  # remedy if only the prediction meets the targets
     out_of_reach: bool = False  # the sequential strategy stopped because probably no set meets the targets
 
     @property
@@ -135,12 +115,12 @@ class Answer:
         if self.met:
             return "Targets met by the simulation."
         if not self.feasible:
-            helps = f"wider parameters or targets; {self.files.advice}"
+            helps = f"wider parameters or targets; {self.advice}"
             return f"Targets NOT met: no parameters are predicted to meet them. What helps: {helps}."
         missed = ", ".join(check.miss for check in self.checks if not check.met)
         return (
             f"Targets NOT met: predictions meet them, the simulation misses {missed}. "
-            f"What helps: {self.files.advice}."
+            f"What helps: {self.advice}."
         )
 
     def __str__(self) -> str:
@@ -153,27 +133,18 @@ class Answer:
         checks = [f"  {check}" for check in self.checks]
         checks += [f"  {nearness(self.checks)}", f"  {probability_in_words(self.within)}"]
         tables = (
-            f"Tables: {(self.folder / self.files.check).parent}; "
-            f"all solutions: {self.folder / self.files.solutions}; "
+            f"Tables: {self.tables}; all solutions: {self.solutions}; "
             f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
         )
         lines = [f"{head}:", *rows, "Simulated again with fresh seeds:", *checks, tables, self.verdict]
         return "\n".join(lines)
 
 
-def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
-    """The answer of a finished study, from its folder of results.
-
-    An InputError is raised before the calibration has been run.
-    """
-    folder, files = Path(config["results_dir"]), _files_of(strategy)
-    return read_files(config, folder / files.summary, folder / files.check, strategy)
-
-
-def read_files(
+def read(
     config: Mapping[str, Any],
     summary_json: str | os.PathLike,
     check_csv: str | os.PathLike,
+    solutions_csv: str | os.PathLike,
     strategy: str = "published",
 ) -> Answer:
     """The answer in the files of the verbs miga and validate, or of the check of another strategy."""
@@ -196,17 +167,14 @@ def read_files(
         message=summary["message"],
         checks=tuple(_check(target, rows[target.name], check_csv) for target in targets),
         folder=Path(config["results_dir"]),
-        files=_files_of(strategy),
+        tables=Path(check_csv).parent,
+        solutions=Path(solutions_csv),
+        advice=ADVICE.get(strategy, MORE_POURS),
         out_of_reach=summary.get("stop") == "out_of_reach",
         within={
             percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()
         },
     )
-
-
-def _files_of(strategy):
-    """The files of a strategy's answer; without any of its own those of the chain."""
-    return FILES.get(strategy, FILES["published"])
 
 
 def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:

@@ -88,7 +88,7 @@ def main(words: Sequence[str] | None = None) -> int:
     elif rest:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
-        with nullcontext() if verb.passes_on else stage(args):
+        with nullcontext() if verb.passes_on else stage(args, verb.runs):
             status = verb(args) or 0
         sys.stdout.flush()
         return status

@@ -57,6 +57,7 @@ def material_card(args: argparse.Namespace, study: "Study") -> None:
 
     if (args.posterior is None) != (args.draws is None):
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
-    result = answer.read_files(study.config, args.summary, args.representative, study.config["strategy"])
+    strategy = study.config["strategy"]
+    result = answer.read(study.config, args.summary, args.representative, args.feasible, strategy)
     files = {name: getattr(args, name) for name in ("berry", "particle", "feasible", "posterior", "draws")}
     card.run(study.config, result, files, args.out)

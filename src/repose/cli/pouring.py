@@ -69,6 +69,7 @@ def warm_up(args: argparse.Namespace, study: "Study") -> None:
     example="--apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try",
     out="results/try",
     options=[APPARATUS, *POUR, KEEP],
+    runs="made",
 )
 def pour(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus.job import pour_job
@@ -81,6 +82,7 @@ def pour(args: argparse.Namespace, study: "Study") -> None:
     example="--set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json",
     out="results/try",
     options=[*POUR, JSON.but(help="print the result as JSON")],
+    runs="made",
 )
 def heap(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus.job import measure_job, pour_job
@@ -134,6 +136,7 @@ def _flat(result):
         Option("--out", help="folder for NAME.json (the folder of the pours)"),
         *BERRY_AND_PARTICLE,
     ],
+    runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import bench
@@ -156,6 +159,7 @@ def measure_runs(args: argparse.Namespace, study: "Study") -> None:
         *SIMULATION,
         JSON.but(help="print the measured runs as JSON"),
     ],
+    runs="made",
 )
 def drum(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import bench, drum_tables

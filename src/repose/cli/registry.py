@@ -4,7 +4,7 @@ import argparse
 import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from repose.core import places
 
@@ -39,6 +39,7 @@ class Verb(NamedTuple):
     options: tuple  # of `Option`
     study: "Callable[[argparse.Namespace], Study] | None"  # makes the study that the step takes
     passes_on: bool = False  # unknown words go into the list `args.rest`
+    runs: Literal["", "made", "measured"] = ""  # as in `repose.core.provenance.stage`
 
     @property
     def name(self) -> str:
@@ -95,13 +96,14 @@ class Family:
         study: "Callable[[argparse.Namespace], Study] | None" = load,
         options: Sequence[Option] = (),
         passes_on: bool = False,
+        runs: Literal["", "made", "measured"] = "",
     ) -> Callable[[Callable], Callable]:
         """Decorator that makes a function the verb of the same name.
 
         `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
         call that parses. `out` is the default of --out, None for no --out. With `config` the verb takes --config, and
         the function the study that `study` makes of the options. With `passes_on` it passes unknown words on to another
-        program.
+        program. `runs` says whether it makes or measures runs.
         """
         shared = [CONFIG] if config else []
         if out:
@@ -110,7 +112,7 @@ class Family:
 
         def add(run):
             self.verbs.append(
-                Verb(run, summary, example, (*shared, *options), study if config else None, passes_on)
+                Verb(run, summary, example, (*shared, *options), study if config else None, passes_on, runs)
             )
             return run
 

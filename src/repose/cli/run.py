@@ -17,12 +17,7 @@ CONFIG_OPTIONS = ("--configfile", "--configfiles")
 CORES_OPTIONS = ("-c", "--cores", "-j", "--jobs", "--profile", "--workflow-profile")
 PROFILE_OPTIONS = ("--profile", "--workflow-profile")
 SNAKEFILE_OPTIONS = ("-s", "--snakefile")
-# With one of them snakemake shows its own output.
 CONFIG_VALUES = ("--config", "-C")
-PLAIN_OPTIONS = (
-    *("-n", "--dry-run", "--dryrun", "-q", "--quiet", "-p", "--printshellcmds", "--verbose", "--debug-dag"),
-    *("--logger", "--touch", "-t", "--lint", "--report", "--summary", "--detailed-summary", "--help", "-h"),
-)
 LIST = "--list"
 CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
 
@@ -48,21 +43,14 @@ def run(args: argparse.Namespace) -> int:
     check_arguments(args.rest)
     note_built_in_crop(*configurations(args.rest))
     with missing_targets_reported():
-        return uninterrupted(main, args.rest, [] if _given(args.rest, PLAIN_OPTIONS) else _display())
+        return uninterrupted(main, args.rest)
 
 
-def _display() -> list[str]:
-    """Options that choose the program's own display."""
-    from repose.cli import run_display
-
-    return run_display.register()
-
-
-def uninterrupted(main: Callable[[list[str]], object], words: list[str], display: Sequence[str] = ()) -> int:
+def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
     """Run snakemake's `main`; where Ctrl-C or a signal ends it, print in one sentence how to go on.
 
-    `words` are those of `repose run`, `display` further options of snakemake. SystemExit has snakemake's status, or 128
-    and the signal's number as in a shell; without either the result is 0.
+    `words` are those of `repose run`. SystemExit has snakemake's status, or 128 and the signal's number as in a shell;
+    without either the result is 0.
     """
     ended_by: list[int] = []
 
@@ -75,7 +63,7 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], display
 
     earlier = signal.signal(signal.SIGINT, stop)
     try:
-        main([*display, *snakemake_arguments(words)])
+        main(snakemake_arguments(words))
     except (KeyboardInterrupt, SystemExit) as end:
         if not ended_by:
             raise

@@ -1,16 +1,17 @@
-"""The display of `repose run`: bars by stage on a terminal, a line now and then elsewhere, each failure with its log.
+"""The display of a run: stages and their bars on a terminal, a line now and then elsewhere, each failure with its log.
 
-Snakemake reports its work as events; `LogHandler` is a handler of them, as its logger plugins are. `RunProgress` keeps
-their content: finished jobs of each stage, pours a minute, time left, and failures. All times are seconds of the
-system's clock, which also dates files.
+Snakemake reports its work as events; `LogHandler` is a logger plugin of it, which `profiles/default` chooses and
+`snakemake_logger_plugin_repose` makes known. `RunProgress` keeps the events' content: finished jobs, pours a minute,
+time left, and failures. All times are seconds of the system's clock, which also dates files.
 """
 
+import logging
 import sys
 import threading
 import time
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from logging import INFO, LogRecord
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,12 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
+from snakemake.logging import ColorizingTextHandler, DefaultFilter, DefaultFormatter
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
 from repose.measure.saved_pours import POURS
 
-# Snakemake finds plugins by the name of a package; this one is registered by hand, under the name that it would have.
-PLUGIN = "snakemake_logger_plugin_repose"
-NAME = "repose"
 # Without a terminal, the shortest time between two lines.
 LINE_EVERY_S = 60.0
 REFRESH_PER_S = 2
@@ -38,11 +37,14 @@ LOG_LINES = 20
 CHATTER = (
     "Assuming unrestricted",
     "Building DAG",
+    "Complete log",
+    "Conda environments: ignored",
     "Execute ",
     "Group jobs:",
     "Provided ",
     "Rules claiming",
     "Select jobs",
+    "Singularity containers: ignored",
     "Using shell",
     "Will exit after finishing",
     "host:",
@@ -55,76 +57,62 @@ REPORTED_BY_THE_JOB = ("CalledProcessError", "RuleException", "SpawnedJobError")
 class Running:
     """A job that runs, or has failed."""
 
-    stage: str
+    rule: str
     message: str  # its work in words
     began_s: float
-    pours: int  # planned runs of a bench test
     output: str = ""  # its first output
+    log: str = ""
 
-    def made(self) -> int | None:
-        """Runs made so far, without those of an earlier job; None for a job that does not keep each run."""
+    @property
+    def pours(self) -> bool:
+        """Whether it simulates, which takes nearly all time of a run."""
+        return _pours(self.rule)
+
+    def made(self) -> int:
+        """Runs of a bench test made so far, without those of an earlier job."""
         if not self.output.endswith(POURS):
-            return None
+            return 0
         done = Path(self.output)
-        kept = list((done.parent / "runs").glob(f"{done.name.removesuffix(POURS)}_*.npz"))
-        fresh = sum(path.stat().st_mtime >= self.began_s for path in kept)
-        return min(self.pours, fresh) if kept else None
+        kept = (done.parent / "runs").glob(f"{done.name.removesuffix(POURS)}_*.npz")
+        return sum(path.stat().st_mtime >= self.began_s for path in kept)
 
 
-@dataclass
-class Stage:
-    """A stage of the workflow."""
-
-    done: int = 0  # jobs
-    total: int = 0  # jobs
+def _pours(rule):
+    """Whether the jobs of a rule simulate, by its name."""
+    return rule.endswith("pour")
 
 
 @dataclass
 class RunProgress:
     """The state of a run while it goes on."""
 
-    stages: dict[str, Stage] = field(default_factory=dict)  # those with work, in the order of the workflow
+    planned: Counter[str] = field(default_factory=Counter)  # jobs of each rule
+    done: Counter[str] = field(default_factory=Counter)  # the same
     running: dict[int, Running] = field(default_factory=dict)  # by the job's number
     failed: dict[int, Running] = field(default_factory=dict)  # by the job's number, until it begins again
-    _stage_of: Mapping[str, str] = field(default_factory=dict)  # stage of each rule
-    _planned: dict[int, tuple[int, float]] = field(default_factory=dict)  # runs, expected time on a core [s]
-    _done: dict[int, int] = field(default_factory=dict)  # by the job's number: runs made
+    # wall time of the finished jobs of each rule
+    _took_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    _made: int = 0  # runs of a bench test by finished jobs
     _began_s: float | None = None
     _first_pour_s: float | None = None
 
-    def plan(self, stage_of: Mapping[str, str], jobs: Mapping[str, Mapping[int, tuple[int, float]]]) -> None:
-        """Take the stage of each rule, in the order of the workflow, and of each rule its planned jobs by number.
-
-        A job is its runs of a bench test and its expected time on a core [s].
-        """
-        self._stage_of = stage_of
-        for name in dict.fromkeys(stage_of.values()):
-            numbers = [number for rule in jobs if stage_of.get(rule) == name for number in jobs[rule]]
-            if numbers:
-                self.stages[name] = Stage(total=len(numbers))
-        self._planned = {number: planned for known in jobs.values() for number, planned in known.items()}
-
-    def start(self, number: int, rule: str, message: str, output: str, now_s: float) -> Running:
-        """A job begins, or begins again; `message` is its work in words, `output` its first output."""
-        name = self._stage_of.get(rule, rule)
-        if number not in self._planned:  # a checkpoint has added it
-            self._planned[number] = (0, 0.0)
-            self.stages.setdefault(name, Stage()).total += 1
+    def start(self, number: int, job: Running) -> None:
+        """A job begins; after a checkpoint its rule may have more jobs than were planned."""
         self.failed.pop(number, None)
-        job = Running(name, message, now_s, self._planned[number][0], output)
         self.running[number] = job
-        self._began_s = now_s if self._began_s is None else self._began_s
+        busy = sum(other.rule == job.rule for other in self.running.values())
+        self.planned[job.rule] = max(self.planned[job.rule], self.done[job.rule] + busy)
+        self._began_s = job.began_s if self._began_s is None else self._began_s
         if job.pours and self._first_pour_s is None:
-            self._first_pour_s = now_s
-        return job
+            self._first_pour_s = job.began_s
 
-    def finish(self, number: int) -> None:
+    def finish(self, number: int, now_s: float) -> None:
         """A job has ended well."""
         job = self.running.pop(number, None)
         if job is not None:
-            made = job.made()
-            self._done[number] = job.pours if made is None else made
-            self.stages[job.stage].done += 1
+            self._made += job.made()
+            self._took_s[job.rule] += now_s - job.began_s
+            self.done[job.rule] += 1
 
     def fail(self, number: int) -> Running | None:
         """A job has failed; None if that is known already."""
@@ -136,7 +124,7 @@ class RunProgress:
     @property
     def pours_done(self) -> int:
         """Pours that this run has made, those of unfinished jobs included."""
-        return sum(self._done.values()) + sum(job.made() or 0 for job in self.running.values())
+        return self._made + sum(job.made() for job in self.running.values())
 
     def pours_a_minute(self, now_s: float) -> float | None:
         """Rate since the first pour began; None before the first is made."""
@@ -146,28 +134,31 @@ class RunProgress:
         return 60 * done / (now_s - self._first_pour_s)
 
     def left_s(self, now_s: float) -> float | None:
-        """Time that the planned jobs still take, at the rate of the finished ones; None before that is known.
+        """Time that the planned jobs still take, as many at once as so far; None before that is known.
 
-        Where pours are planned, that is before the first of them is made.
+        A job takes as long as the finished ones of its rule did; where none has finished, as those that pour if it
+        pours, else as the others. Where pours are planned, nothing is known before the first of them is done.
         """
-        pouring = any(pours for pours, _ in self._planned.values())
-        began_s = self._first_pour_s if pouring else self._began_s
-        if began_s is None or now_s - began_s < SHORTEST_RATE_S or (pouring and not self.pours_done):
+        pouring = [rule for rule in self.planned if _pours(rule)]
+        if not self.done or self._began_s is None or now_s - self._began_s < SHORTEST_RATE_S:
             return None
-        whole_s = sum(work_s for _, work_s in self._planned.values())
-        done_s = sum(self._share_done(number) * work_s for number, (_, work_s) in self._planned.items())
-        return (whole_s - done_s) * (now_s - began_s) / done_s if done_s else None
+        if pouring and not any(self.done[rule] for rule in pouring):
+            return None
+        elapsed = [(job.rule, now_s - job.began_s) for job in self.running.values()]
+        busy_s = sum(self._took_s.values()) + sum(s for _, s in elapsed)
+        left_s = sum((self.planned[rule] - self.done[rule]) * self._mean_s(rule) for rule in self.planned)
+        left_s -= sum(min(s, self._mean_s(rule)) for rule, s in elapsed)
+        return left_s * (now_s - self._began_s) / busy_s
 
-    def _share_done(self, number: int) -> float:
-        """The finished share of a job."""
-        if number in self._done:
-            return 1.0
-        job = self.running.get(number)
-        return (job.made() or 0) / job.pours if job and job.pours else 0.0
+    def _mean_s(self, rule):
+        """Mean time of a job of a rule."""
+        alike = [other for other in self.done if _pours(other) == _pours(rule)]
+        rules = [rule] if self.done[rule] else alike
+        return sum(self._took_s[one] for one in rules) / max(1, sum(self.done[one] for one in rules))
 
 
 class LogHandler(LogHandlerBase):
-    """The display, as snakemake's registry of logger plugins takes it."""
+    """The display; with options for snakemake's own output, such as --dry-run or --quiet, it is that."""
 
     writes_to_stream = True
     writes_to_file = False
@@ -176,21 +167,25 @@ class LogHandler(LogHandlerBase):
     needs_rulegraph = False
 
     def __post_init__(self) -> None:
+        self.plain = _snakemakes_own(self.common_settings)
         self.console = Console(stderr=True, highlight=False, soft_wrap=True)
         self.progress = RunProgress()
         self.live: Live | None = None
-        self.logs: dict[int, str] = {}
+        self.stage = ""  # rule of the last job that began
         self.stages_printed: set[str] = set()
         self.last_line_s = 0.0
         # Events come in one thread, another draws. No printing under this lock: printing waits for the drawing.
         self.changing = threading.Lock()
 
-    def emit(self, record: LogRecord) -> None:
+    def emit(self, record: logging.LogRecord) -> None:
         """Take an event of snakemake."""
+        if self.plain is not None:
+            self.plain.handle(record)
+            return
         try:
             with self.changing:
                 lines = list(self._lines_of(record))
-            if "plan" in record.__dict__:
+            if getattr(record, "event", None) == LogEvent.RUN_INFO:
                 self._begin()
             for line in lines:
                 self.console.print(line)
@@ -203,21 +198,21 @@ class LogHandler(LogHandlerBase):
             self.live.stop()
             self.live = None
         failed, self.progress.failed = self.progress.failed, {}
-        for number, job in failed.items():
-            self.console.print(Text(f"failed: {job.message}{self._log_of(number)}", style="red"))
+        for job in failed.values():
+            self.console.print(Text(f"failed: {job.message}{_log_of(job)}", style="red"))
         if failed:
             self.console.print("When the cause is mended, the same command goes on.")
         super().close()
 
-    def _lines_of(self, record: LogRecord) -> Iterator[Text]:
+    def _lines_of(self, record: logging.LogRecord) -> Iterator[Text]:
         """Take an event; yields the lines to print."""
         event, fields = getattr(record, "event", None), record.__dict__
-        if "plan" in fields:
-            self.progress.plan(*fields["plan"])
-        if event == LogEvent.JOB_INFO:
+        if event == LogEvent.RUN_INFO:
+            self.progress.planned.update({k: n for k, n in fields["stats"].items() if k != "total"})
+        elif event == LogEvent.JOB_INFO:
             yield from self._started(fields)
         elif event == LogEvent.JOB_FINISHED:
-            self.progress.finish(fields["job_id"])
+            self.progress.finish(fields["job_id"], time.time())
             yield from self._line()
         elif event == LogEvent.JOB_ERROR:
             yield from self._failed(fields)
@@ -225,41 +220,37 @@ class LogHandler(LogHandlerBase):
             if fields.get("exception") not in REPORTED_BY_THE_JOB:
                 yield Text(record.getMessage(), style="red")
         elif event is None and record.msg:
-            if record.levelno > INFO:
+            if record.levelno > logging.INFO:
                 yield Text(record.getMessage(), style="yellow")
             elif not str(record.msg).startswith(CHATTER):
                 yield Text(record.getMessage())
 
     def _started(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """A job begins; without bars the first of a stage is printed."""
+        rule = fields["rule_name"]
         if not fields["output"]:  # a target, which makes nothing
+            del self.progress.planned[rule]
             return
-        number, rule = fields["jobid"], fields["rule_name"]
-        message = fields["rule_msg"] or rule
-        self.logs[number] = ", ".join(fields["log"])
-        job = self.progress.start(number, rule, message, str(fields["output"][0]), time.time())
-        if self.live is None and job.stage not in self.stages_printed:
-            yield Text(f"{job.stage}: {message}")
-        self.stages_printed.add(job.stage)
+        message, log = fields["rule_msg"] or rule, ", ".join(fields["log"])
+        job = Running(rule, message, time.time(), str(fields["output"][0]), log)
+        self.progress.start(fields["jobid"], job)
+        self.stage = rule
+        if self.live is None and rule not in self.stages_printed:
+            yield Text(f"{rule}: {message}")
+        self.stages_printed.add(rule)
 
     def _failed(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """A job has failed: print it, and the end of its log."""
-        number = fields["jobid"]
-        job = self.progress.fail(number)
+        job = self.progress.fail(fields["jobid"])
         if job is None:
             return
-        head = f"FAILED: {job.message} (rule {fields['rule_name']}){self._log_of(number)}"
-        yield Text(head, style="bold red")
+        yield Text(f"FAILED: {job.message} (rule {job.rule}){_log_of(job)}", style="bold red")
         for log in fields["log"]:
             yield from (Text(f"    {line}") for line in last_lines(Path(log)))
 
-    def _log_of(self, number):
-        log = self.logs.get(number)
-        return f"; its log: {log}" if log else ""
-
     def _begin(self):
         """Show the bars, where there is a terminal."""
-        if self.console.is_terminal and self.live is None and self.progress.stages:
+        if self.console.is_terminal and self.live is None and self.progress.planned:
             self.live = Live(
                 get_renderable=self._drawn,
                 console=self.console,
@@ -272,11 +263,10 @@ class LogHandler(LogHandlerBase):
     def _line(self) -> Iterator[Text]:
         """Progress of the run, now and then where there are no bars."""
         now = time.time()
-        if self.live is None and self.progress.stages and now - self.last_line_s >= LINE_EVERY_S:
+        if self.live is None and self.progress.planned and now - self.last_line_s >= LINE_EVERY_S:
             self.last_line_s = now
-            stages = self.progress.stages.values()
-            done, total = sum(stage.done for stage in stages), sum(stage.total for stage in stages)
-            yield Text(f"{done} of {total} jobs; {', '.join(self._facts(now))}")
+            done, planned = self.progress.done.total(), self.progress.planned.total()
+            yield Text(f"{done} of {planned} jobs; {', '.join(self._facts(now))}")
 
     def _facts(self, now_s: float) -> Iterator[str]:
         """Pours a minute, time left and failures, in words."""
@@ -288,24 +278,41 @@ class LogHandler(LogHandlerBase):
             yield f"{len(self.progress.failed)} failed"
 
     def _drawn(self) -> RenderableType:
-        """The bars, the facts and the running jobs."""
+        """The bars of the stages at work and of all, the facts, and the running jobs."""
         with self.changing:
             now = time.time()
-            rows = max(3, self.console.height - 5)
-            stages = list(self.progress.stages.items())
-            if len(stages) > rows:  # the finished ones go first
-                stages = [item for item in stages if item[1].done < item[1].total][:rows]
+            planned, done = self.progress.planned, self.progress.done
+            jobs = list(self.progress.running.values())
+            stages = dict.fromkeys([self.stage, *(job.rule for job in jobs)])
+            rows = [(rule.replace("_", " "), done[rule], planned[rule]) for rule in stages if rule]
             table = Table.grid(padding=(0, 2))
-            for name, stage in stages:
-                bar = ProgressBar(total=stage.total, completed=stage.done, width=BAR_WIDTH)
-                table.add_row(name.replace("_", " "), bar, f"{stage.done} of {stage.total}")
-            running = [f"{job.message} ({now - job.began_s:.0f} s)" for job in self.progress.running.values()]
-            words = f"now: {'; '.join(running)}" if running else ""
+            for name, made, total in (*rows, ("all", done.total(), planned.total())):
+                bar = ProgressBar(total=total, completed=made, width=BAR_WIDTH)
+                table.add_row(name, bar, f"{made} of {total}")
+            running = "; ".join(f"{job.message} ({now - job.began_s:.0f} s)" for job in jobs)
             return Group(
                 table,
                 Text(", ".join(self._facts(now)), style="bold red" if self.progress.failed else "bold"),
-                Text(words, style="dim", overflow="ellipsis", no_wrap=True),
+                Text(running and f"now: {running}", style="dim", overflow="ellipsis", no_wrap=True),
             )
+
+
+def _snakemakes_own(settings):
+    """Snakemake's own output, if an option asks for it; else None."""
+    asked = ("dryrun", "quiet", "verbose", "printshellcmds", "debug_dag", "stdout")
+    if not any(getattr(settings, name, None) for name in asked):
+        return None
+    filtered = ("quiet", "debug_dag", "verbose", "dryrun", "printshellcmds")
+    return ColorizingTextHandler(
+        nocolor=settings.nocolor,
+        stream=sys.stdout if settings.stdout else sys.stderr,
+        formatter=DefaultFormatter(settings.quiet, settings.show_failed_logs),
+        filter=DefaultFilter(*(getattr(settings, name) for name in filtered)),
+    )
+
+
+def _log_of(job):
+    return f"; its log: {job.log}" if job.log else ""
 
 
 def rough_time(seconds: float) -> str:
@@ -325,11 +332,3 @@ def last_lines(path: Path) -> list[str]:
     except OSError:
         return ["(there is no such file)"]
     return lines[-LOG_LINES:] or ["(it is empty)"]
-
-
-def register() -> list[str]:
-    """Make the display known to snakemake; returns the options of snakemake that choose it."""
-    from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
-
-    LoggerPluginRegistry().register_plugin(PLUGIN, sys.modules[__name__])
-    return [f"--logger={NAME}"]  # as one word: as two it would take the targets behind it, too

@@ -100,15 +100,20 @@ def provenance(args: argparse.Namespace) -> None:
 
 @family.verb(
     "copy the tables and pictures of a finished study, without its pours",
-    example="results --out results/published/mine",
+    example="results --out results/published/mine --keep dataset.csv miga/*.csv",
     out="results/published/mine",
     config=False,
-    options=[Option("results", help="folder of the finished study")],
+    options=[
+        Option("results", help="folder of the finished study"),
+        Option(
+            "--keep", nargs="+", required=True, metavar="PATTERN", help="paths below it, such as berry/*.csv"
+        ),
+    ],
 )
 def snapshot(args: argparse.Namespace) -> None:
     from repose.studies import snapshot
 
-    for path in snapshot.take(args.results, args.out):
+    for path in snapshot.take(args.results, args.out, args.keep):
         print(path)
 
 

@@ -5,18 +5,18 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from repose.core import places, provenance
 from repose.core.lock import joined_folder
 
 # Options that name no input. A parameter set of a table of samples is written into the results themselves; cards of
 # different engines may be compared.
-NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "rest", "cards")
+NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "rest", "cards", "keep")
 
 
 @contextmanager
-def stage(args: argparse.Namespace) -> Iterator[None]:
+def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> Iterator[None]:
     """Run a verb as a stage; where its configuration is that of a folder of results, hold the folder meanwhile.
 
     At the end it prints a message if the built-in crop stood in for the user's (`note_built_in_crop`). InputError for
@@ -31,7 +31,7 @@ def stage(args: argparse.Namespace) -> Iterator[None]:
 
     folder = Path(getattr(args, "config", None) or "").parent
     apparatus = getattr(args, "apparatus", None)
-    with joined_folder(folder), provenance.stage(args.verb, files_of(args), settings_of, apparatus):
+    with joined_folder(folder), provenance.stage(args.verb, files_of(args), settings_of, apparatus, runs):
         yield
     if getattr(args, "config", None) is not None:
         note_built_in_crop(args.config)

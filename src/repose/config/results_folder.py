@@ -10,7 +10,6 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from repose import apparatus
 from repose.core import ledger, places
 from repose.core.errors import InputError, raise_together
 from repose.core.ledger import LEDGER
@@ -28,25 +27,7 @@ def run_folder(test: str) -> str:
     return "heaps" if test == UNNAMED else f"{test}_runs"
 
 
-# First part of the paths that the rules write there.
-WRITTEN = (
-    *(
-        "card.json",
-        "config.json",
-        "dataset.csv",
-        "dataset_summary.json",
-        "report.html",
-        "runs.csv",
-        "snapshot.txt",
-    ),
-    *("benchmarks", "berry", "comparison", "design", "drum", *map(run_folder, apparatus.names())),
-    *("figures", "film", "joint_targets", "logs", "measure", "measurement_study", "miga", "network"),
-    *("noise", "pool", "posterior"),
-    *("refined", "response_surface", "responses", "sensitivity", "sequential", "shape"),
-    *("validation", "warm_up"),
-)
-NOT_RESULTS = ("benchmarks", "logs")  # written anew by every job
-RESULTS = tuple(name for name in WRITTEN if name not in NOT_RESULTS)
+WITHOUT_RESULTS = ("benchmarks", "logs")  # written anew by every job
 CHANGED = (
     *("content", "something else"),
     "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
@@ -73,32 +54,41 @@ def contradictions(results_dir: str) -> Faults:
 
 
 def existing_results(results_dir: str) -> Faults:
-    """Faults of the present content of the folder, as (key, what is allowed)."""
+    """Faults of the path as it is now, as (key, what is allowed)."""
     folder = Path(results_dir)
     if any(path.exists() and not path.is_dir() for path in (folder, *folder.parents)):
         yield "results_dir", "a folder; a file is in its way"
-    elif folder.is_dir() and not _is_a_study(folder):
-        there = [name for name in WRITTEN if (folder / name).exists()]
-        if there:
-            yield (
-                "results_dir",
-                f"a new folder, or the folder of a study; there is {there[0]}, which no study of repose wrote",
-            )
 
 
-def check_no_foreign_files(results_dir: str, is_result: Callable[[str], bool]) -> None:
+def check_no_foreign_files(
+    results_dir: str, has_name_of_ours: Callable[[str], bool], is_result: Callable[[str], bool]
+) -> None:
     """Raise InputError if a result was changed, or if a foreign file has the name of a result.
 
     A changed result would make its followers wrong, and snakemake would remove a file in the place of a result.
-    `is_result` takes a path. One InputError holds all faults.
+    `has_name_of_ours` takes the name of a file or folder in the folder of results, `is_result` a path; the rules know
+    both. One InputError holds all faults.
     """
+    if not os.path.isdir(results_dir):
+        return
+    names = sorted(filter(has_name_of_ours, os.listdir(results_dir)))
+    if names and not _is_a_study(Path(results_dir)):
+        allowed = (
+            f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
+        )
+        raise InputError("configuration", "results_dir", results_dir, allowed)
     faults: dict[str, tuple[str, str, str]] = {}
-    places: list[tuple[str, Sequence[str]]] = [(results_dir, WRITTEN)]
-    places += [(at, names) for part in RESULTS for at, _, names in os.walk(f"{results_dir}/{part}")]
-    for folder, names in places:
+    places: list[tuple[str, Sequence[str]]] = [(results_dir, names)]
+    places += [
+        (at, files)
+        for name in names
+        if name not in WITHOUT_RESULTS
+        for at, _, files in os.walk(f"{results_dir}/{name}")
+    ]
+    for folder, files in places:
         known = ledger.names(folder)
-        faults |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in names}
-        for path in (f"{folder}/{name}" for name in names if name not in known):
+        faults |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in files}
+        for path in (f"{folder}/{name}" for name in files if name not in known):
             # an empty file holds nothing to lose; snakemake makes such marks
             if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
                 faults[path] = FOREIGN

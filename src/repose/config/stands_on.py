@@ -12,12 +12,21 @@ from typing import Any
 from repose.apparatus import bench
 from repose.config.loader import FILES
 from repose.core import attached
-from repose.core.provenance import SIMULATING, hash_of, hash_of_file
+from repose.core.provenance import hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
 from repose.core.sources import engine_hash
 
 Config = Mapping[str, Any]
 
+
+def _keys(section, *names):
+    """Dotted keys of a section."""
+    return tuple(f"{section}.{name}" for name in names)
+
+
+_SEQUENTIAL = ("targets", "parameters", "design.seed", *_keys("sequential", "seeds", "tolerance_percent"))
+_SURFACE = ("targets", "parameters")
+_SOLUTIONS = _keys("miga", "solutions", "distance")
 KEYS = {
     "berry": ("berry",),
     "shape": ("berry",),
@@ -26,8 +35,38 @@ KEYS = {
     "miga": ("parameters", "targets", "miga"),
     "solutions": ("parameters", "targets", "validation.solutions"),
     "published_solutions": ("validation.published",),
-    "drum_tables": ("measure.mm_per_pixel", "drum.fit_share", "drum.depth_bin_mm"),
     "validate": ("parameters", "targets", "validation.published"),
+    "silhouette": ("measure",),
+    "measure_silhouette": ("measure",),
+    "drum_tables": ("measure.mm_per_pixel", *_keys("drum", "fit_share", "depth_bin_mm")),
+    "noise": ("targets",),
+    "posterior": ("parameters", "targets", "posterior"),
+    "sensitivity": ("parameters", "targets", "sensitivity"),
+    "sequential_start": ("parameters", "design.seed", "sequential.start_samples"),
+    "sequential_batch": (*_SEQUENTIAL, *_keys("sequential", "batch", "probability", "most_pours")),
+    "sequential_check": (*_SEQUENTIAL, "sequential.start_samples", *_SOLUTIONS),
+    "response_design": ("parameters", *_keys("response_surface", "screening_runs", "centres")),
+    "response_screening": (
+        *_SURFACE,
+        *_keys("response_surface", "significance", "most_factors", "surface", "steps"),
+    ),
+    "response_ascent": (*_SURFACE, *_keys("response_surface", "surface", "centres", "reach")),
+    "response_surface": (*_SURFACE, "response_surface.checks"),
+    "response_check": (
+        *_SURFACE,
+        *_keys("response_surface", "screening_runs", "centres", "surface"),
+        "design.seed",
+        *_SOLUTIONS,
+    ),
+    "refine_search": ("parameters", "targets", "miga", *_keys("refine", "reach", "tolerance_percent")),
+    "refine_propose": (
+        "parameters",
+        "targets",
+        "design.seed",
+        *_keys("refine", "seeds", "block", "neighbours", "neighbour_seeds", "reach"),
+    ),
+    "refine_judge": ("targets", *_keys("refine", "tolerance_percent", "standard_error_percent")),
+    "refine_tables": ("targets", "refine.rounds"),
 }
 # Names of the study and its folder, which no result depends on.
 NAMES = ("label", "results_dir")
@@ -101,8 +140,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
         if record is None or record.get("seed") is None:  # of a stage that reads no configuration
             continue
         now = hash_of(settings_of(config, record["verb"], record.get("apparatus")))
-        simulated = record["verb"] in SIMULATING
-        if record["settings"] != now or (simulated and record["engine"] != engine_hash()):
+        if record["settings"] != now or record["engine"] not in (None, engine_hash()):
             results.append(str(path))
     return results
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from repose import __version__
 from repose.core import attached
@@ -35,9 +35,6 @@ from repose.core.errors import InputError
 from repose.core.places import PACKAGE
 from repose.core.sources import engine_hash
 
-SIMULATING = ("pour", "heap", "drum", "shape_cell")
-# Files of these stages are rows of one table: they must have the same origin.
-RUNS = ("pour", "heap", "drum", "measure_runs")
 CPU_INFO = Path("/proc/cpuinfo")
 # With these set, numba compiles and numpy calculates as on another type of processor, with other last bits.
 FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
@@ -52,6 +49,7 @@ class _Stage:
     settings_of: Callable[[Mapping[str, Any], str | None], Any]
     config: Mapping[str, Any] | None = None
     record: dict[str, Any] | None = None
+    simulates: bool = False
 
 
 _stage: ContextVar[_Stage | None] = ContextVar("stage", default=None)
@@ -63,20 +61,21 @@ def stage(
     paths: Iterable[Path],
     settings_of: Callable[[Mapping[str, Any], str | None], Any],
     apparatus: str | None = None,
+    runs: Literal["", "made", "measured"] = "",
 ) -> Iterator[None]:
     """Write the record of a stage into every file that is written meanwhile.
 
     `paths` are its input files; InputError if they are of different origin. `settings_of` chooses from a configuration
-    the settings of the stage; it also gets the name of the bench test. `apparatus` None means the bench test of the
-    input files, if they are runs.
+    the settings of the stage; it also gets the name of the bench test. `runs` says whether its results are runs of a
+    bench test, which it makes by the simulator, or measures; `apparatus` None then means that of the input files.
     """
     inputs = [(path, attached.read(path)) for path in paths]
     refuse_mixture(inputs)
-    if verb in RUNS and apparatus is None:
+    if runs and apparatus is None:
         named = (record.get("apparatus") for _, record in inputs if record)
         apparatus = next(filter(None, named), None)
-    about = {"verb": verb} | ({"apparatus": apparatus} if apparatus else {})
-    token = _stage.set(_Stage(about, inputs, settings_of))
+    about = {"verb": verb} | ({"apparatus": apparatus} if runs else {})
+    token = _stage.set(_Stage(about, inputs, settings_of, simulates=runs == "made"))
     try:
         yield
     finally:
@@ -101,8 +100,7 @@ def current() -> dict[str, Any] | None:
 def _record(running):
     """The record of a stage."""
     engines = [record["engine"] for _, record in running.inputs if record and record.get("engine")]
-    simulates = running.about["verb"] in SIMULATING
-    engine = engine_hash() if simulates else next(iter(engines), None)
+    engine = engine_hash() if running.simulates else next(iter(engines), None)
     config, seed = running.config, None
     if config is not None:
         config, seed = running.settings_of(config, running.about.get("apparatus")), config["design"]["seed"]
@@ -129,8 +127,8 @@ def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> N
             raise InputError(
                 path, "provenance.engine", engine, f"{other}, as in {where}: results of one engine"
             )
-        if record["verb"] in RUNS:
-            kind = (record["verb"], record.get("apparatus"))
+        if "apparatus" in record:  # runs, which are rows of one table
+            kind = (record["verb"], record["apparatus"])
             origin, where = origins.setdefault(kind, (record["origin"], path))
             if origin != record["origin"]:
                 allowed = f"{origin}, as in {where}: runs of the same settings, berry and particle"

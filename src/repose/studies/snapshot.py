@@ -1,6 +1,7 @@
 """A snapshot of a finished study: its tables and pictures without the pours themselves."""
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from repose.core import ledger, provenance
@@ -8,59 +9,22 @@ from repose.core.attached import SIDECAR
 from repose.core.errors import InputError
 from repose.core.ledger import write_whole
 
-# Files that are kept, by folder of the results; logs, timings and positions of single pours stay behind.
-KEPT = {
-    ".": ("*.csv", "dataset_summary.json", "config.json", "report.html", "card.json"),
-    "berry": ("*.csv", "*.json"),
-    "design": ("*.csv",),
-    "network": ("*.csv", "*.json"),
-    "miga": ("*.csv", "*.json"),
-    "validation": ("*.csv",),
-    "measure": ("*.json", "*.png"),
-    "measurement_study": ("noise.csv", "correlation.csv", "pour_correlation.csv", "bias.csv"),
-    "figures": ("*.png",),
-    "film": ("*.gif",),
-    "shape": ("*.csv", "*.json", "*.png"),
-    "drum": ("*.csv", "*.gif"),
-    "responses/with_benches": ("*.csv", "*.json", "*.png"),
-    "refined": ("*.csv", "*.json", "*.png", "round_*/round.csv", "round_*/network/metrics.json"),
-    "response_surface": ("*.png", "*/*.csv", "*/*.json"),
-    "sequential": ("*.csv", "*.json", "*.png", "*/*.csv", "*/*.json"),
-    "noise": ("*.csv", "*.json", "*.png"),
-    "posterior": ("posterior.csv", "discrepancy.csv", "region.csv", "*.json", "*.png"),
-    "sensitivity": ("*.csv", "*.png"),
-    "responses": ("*.csv", "*.json", "*.png"),
-    "pool": ("*.csv", "*.json"),
-    "comparison": ("*.csv", "*.json", "*.png"),
-}
-# Folders that every study fills: the workflow makes them before a snapshot. The others are those of optional studies.
-CHAIN = (
-    ".",
-    "berry",
-    "design",
-    "network",
-    "miga",
-    "validation",
-    "measure",
-    "figures",
-    "film",
-    "drum",
-    "posterior",
-)
+SUFFIXES = (".csv", ".json", ".png", ".gif", ".html")  # tables and pictures, without positions and meshes
 LARGEST_FILE = 5_000_000  # bytes
 
 
 MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 
-def take(results_dir: str | Path, out: str | Path) -> list[Path]:
+def take(results_dir: str | Path, out: str | Path, patterns: Iterable[str]) -> list[Path]:
     """Copy tables and pictures of a study to a folder of its own, where they replace an earlier snapshot.
 
-    `out` must be new, empty, or an earlier snapshot without added files. Returns the copied files. InputError
-    if the study is not finished, a file is larger than `LARGEST_FILE`, or `out` holds any other file.
+    `patterns` of their paths below the folder of results come from the rules. `out` must be new, empty, or an earlier
+    snapshot without added files. Returns the copied files. InputError if the study is not finished, a file is larger
+    than `LARGEST_FILE`, or `out` holds any other file.
     """
     source, out = Path(results_dir), Path(out)
-    files = _kept(source, KEPT)
+    files = _kept(source, patterns)
     sidecars = (path.with_name(f"{path.name}{SIDECAR}") for path in files)
     files = list(dict.fromkeys([*files, *(path for path in sidecars if path.is_file())]))
     if not (source / "validation" / "table4.csv").is_file():
@@ -79,27 +43,23 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     return [out / name for name in names]
 
 
-def of_optional_studies(results_dir: str | Path) -> str:
-    """Hash of the optional studies' files in a snapshot, 16 hexadecimal digits.
+def of_optional_studies(results_dir: str | Path, patterns: Iterable[str], made: Iterable[str]) -> str:
+    """Hash of a snapshot's files outside the folders of `made`, the paths that every study makes, 16 digits.
 
     Another hash is a reason to take the snapshot anew.
     """
     source = Path(results_dir)
-    files = _kept(source, (folder for folder in KEPT if folder not in CHAIN))
+    folders = {Path(path).parent for path in made}
+    files = [path for path in _kept(source, patterns) if path.parent not in folders]
     return provenance.hash_of(
         {str(path.relative_to(source)): provenance.hash_of_file(path) for path in files}
     )
 
 
-def _kept(source, folders):
-    """Files of some folders of a study that a snapshot keeps; the records beside them follow their files."""
-    return [
-        path
-        for folder in folders
-        for pattern in KEPT[folder]
-        for path in sorted((source / folder).glob(pattern))
-        if not path.name.endswith(SIDECAR)
-    ]
+def _kept(source, patterns):
+    """Files of a study that a snapshot keeps; the records beside them follow their files."""
+    found = {path for pattern in patterns for path in source.glob(pattern) if path.is_file()}
+    return sorted(path for path in found if path.suffix in SUFFIXES)
 
 
 def _earlier(out):

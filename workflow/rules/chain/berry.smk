@@ -8,16 +8,11 @@ rule berry:
         berry=f"{RESULTS}/berry/berry.json",
     log:
         f"{RESULTS}/logs/berry.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/berry.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(150),
-        runtime=growing(10),
+        **needs(150),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=stands_on.settings_of(config, "berry"),
+        **of_stage("berry"),
     message:
         "Sizes and moduli of the measured berries"
     shell:

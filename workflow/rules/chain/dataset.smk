@@ -10,17 +10,12 @@ rule dataset:
         summary=f"{RESULTS}/dataset_summary.json",
     log:
         f"{RESULTS}/logs/dataset.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/dataset.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(150),
-        runtime=growing(10),
+        **needs(150),
     params:
-        config=CONFIG,
-        folder=folder,
+        **of_stage("dataset"),
         jobs=folders_of_jobs,
-        depends=STUDY.targets.names,
     message:
         "Table of all samples and their responses"
     shell:

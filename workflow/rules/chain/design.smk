@@ -4,16 +4,11 @@ rule design:
         comparison=f"{RESULTS}/design/comparison.csv",
     log:
         f"{RESULTS}/logs/design.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/design.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(400),
-        runtime=growing(60),
+        **needs(400, minutes=60),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=stands_on.settings_of(config, "design"),
+        **of_stage("design"),
     message:
         "Design of the virtual experiments"
     shell:

@@ -11,22 +11,17 @@ wildcard_constraints:
 
 rule drum_run:
     input:
+        **READY,
         samples=rules.solutions.output.solutions,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-        ready=ancient(rules.warm_up.output.ready),
     output:
         result=f"{RESULTS}/drum/drum_{{seed}}.json",
         frames=f"{RESULTS}/drum/drum_{{seed}}.npz",
     log:
         f"{RESULTS}/logs/drum/{{seed}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/drum/{{seed}}.tsv"
+    priority: 1
     retries: 1
-    threads: 1
     resources:
-        mem_mb=growing(400),
-        runtime=growing(MINUTES_OF_RUNS),
+        **needs(400, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         folder=folder,
@@ -42,10 +37,9 @@ rule drum_run:
 
 rule drum:
     input:
+        **GRAIN,
         runs=expand(rules.drum_run.output.result, seed=DRUM_SEEDS),
         frames=expand(rules.drum_run.output.frames, seed=DRUM_SEEDS),
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
     output:
         runs=f"{RESULTS}/drum/runs.csv",
         summary=f"{RESULTS}/drum/summary.csv",
@@ -53,16 +47,10 @@ rule drum:
         profile=f"{RESULTS}/drum/profile.csv",
     log:
         f"{RESULTS}/logs/drum.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/drum.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(350),
-        runtime=growing(10),
+        **needs(350),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=stands_on.settings_of(config, "drum_tables"),
+        **of_stage("drum_tables"),
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer"
     shell:
@@ -78,12 +66,8 @@ rule drum_film:
         f"{RESULTS}/drum/drum.gif",
     log:
         f"{RESULTS}/logs/drum_film.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/drum_film.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(450),
-        runtime=growing(20),
+        **needs(450, minutes=20),
     params:
         config=CONFIG,
         depends=sections("drum"),

@@ -7,21 +7,16 @@ FILM_SEED = pour_seeds(config["design"]["seed"], "validation", int(REPRESENTATIV
 
 rule measure:
     input:
+        **GRAIN,
         heap=f"{RESULTS}/validation/heaps/{REPRESENTATIVE}.npz",
-        particle=rules.shape.output.particle,
-        berry=rules.berry.output.berry,
     output:
         silhouette=f"{RESULTS}/measure/silhouette.png",
         overlay=f"{RESULTS}/measure/overlay.png",
         result=f"{RESULTS}/measure/measured.json",
     log:
         f"{RESULTS}/logs/measure.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/measure.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(300),
-        runtime=growing(10),
+        **needs(300),
     params:
         config=CONFIG,
         depends=sections("measure"),
@@ -36,19 +31,14 @@ rule measure:
 
 use rule pour as trajectory with:
     input:
+        **READY,
         samples=rules.solutions.output.solutions,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-        ready=ancient(rules.warm_up.output.ready),
     output:
         trajectory=f"{RESULTS}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz",
     log:
         f"{RESULTS}/logs/trajectory.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/trajectory.tsv"
     resources:
-        mem_mb=growing(350),
-        runtime=growing(MINUTES_OF_RUNS),
+        **needs(350, minutes=MINUTES_OF_RUNS),
     params:
         purpose="validation",
         sample=int(REPRESENTATIVE),
@@ -66,12 +56,8 @@ rule film:
         f"{RESULTS}/film/pour.gif",
     log:
         f"{RESULTS}/logs/film.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/film.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(450),
-        runtime=growing(20),
+        **needs(450, minutes=20),
     params:
         config=CONFIG,
     message:

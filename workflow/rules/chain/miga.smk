@@ -10,16 +10,11 @@ rule miga:
         summary=f"{RESULTS}/miga/summary.json",
     log:
         f"{RESULTS}/logs/miga.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/miga.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(30),
+        **needs(250, minutes=30),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=stands_on.settings_of(config, "miga"),
+        **of_stage("miga"),
     message:
         "Searching the parameters that give the target pile"
     shell:

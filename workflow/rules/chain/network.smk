@@ -9,16 +9,11 @@ rule network:
         starts=f"{RESULTS}/network/starts.csv",
     log:
         f"{RESULTS}/logs/network.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/network.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(200),
-        runtime=growing(60),
+        **needs(200, minutes=60),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=stands_on.settings_of(config, "network"),
+        **of_stage("network"),
     message:
         "Training the surrogate"
     shell:

@@ -1,5 +1,5 @@
 # Runs of the bench tests; runs of the funnel are heaps. A run that fails is a result with a status; only a crash ends
-# with an error and is tried once more.
+# with an error and is tried once more. They and what waits for them have priority over figures, for which nothing waits.
 SAMPLES = [f"{number:03d}" for number in range(1, config["design"]["samples"] + 1)]
 
 
@@ -10,22 +10,17 @@ wildcard_constraints:
 
 rule pour:
     input:
+        **READY,
         samples=rules.design.output.samples,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-        ready=ancient(rules.warm_up.output.ready),
     output:
         pours=f"{RESULTS}/{{runs}}/{{sample}}.pours.json",
         berries=f"{RESULTS}/{{runs}}/{{sample}}.npz",
     log:
         f"{RESULTS}/logs/{{runs}}/{{sample}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/{{runs}}/{{sample}}.tsv"
+    priority: 1
     retries: 1
-    threads: 1
     resources:
-        mem_mb=growing(350),
-        runtime=growing(MINUTES_OF_RUNS),
+        **needs(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         folder=folder,
@@ -45,20 +40,16 @@ rule pour:
 
 rule measure_runs:
     input:
+        **GRAIN,
         pours=rules.pour.output.pours,
         berries=rules.pour.output.berries,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
     output:
         result=f"{RESULTS}/{{runs}}/{{sample}}.json",
     log:
         f"{RESULTS}/logs/{{runs}}/{{sample}}_measured.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/{{runs}}/{{sample}}_measured.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(350),
-        runtime=growing(MINUTES_OF_RUNS),
+        **needs(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         folder=folder,

@@ -8,18 +8,17 @@ rule shape:
         comparison=f"{RESULTS}/berry/particles.csv",
     log:
         f"{RESULTS}/logs/shape.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/shape.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(550),
-        runtime=growing(10),
+        **needs(550),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=stands_on.settings_of(config, "shape"),
+        **of_stage("shape"),
     message:
         "Mesh and particle of the berry"
     shell:
         "python -m repose stage shape --config {params.config:q} --berry {input.berry:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
+
+
+# Grain of every simulation and measurement.
+GRAIN = {"berry": rules.berry.output.berry, "particle": rules.shape.output.particle}

@@ -18,16 +18,11 @@ rule solutions:
         solutions=f"{RESULTS}/validation/solutions.csv",
     log:
         f"{RESULTS}/logs/solutions.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/solutions.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(150),
-        runtime=growing(10),
+        **needs(150),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=config["validation"]["solutions"],
+        **of_stage("solutions"),
     message:
         "Choosing the solutions to simulate again"
     shell:
@@ -43,15 +38,10 @@ rule published_solutions:
         solutions=f"{RESULTS}/validation/published_solutions.csv",
     log:
         f"{RESULTS}/logs/published_solutions.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/published_solutions.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(150),
-        runtime=growing(10),
+        **needs(150),
     params:
-        config=CONFIG,
-        folder=folder,
+        **of_stage("published_solutions"),
     message:
         "Listing the published solutions"
     shell:
@@ -60,17 +50,13 @@ rule published_solutions:
 
 use rule pour as validation_pour with:
     input:
+        **READY,
         samples=solution_to_pour,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-        ready=ancient(rules.warm_up.output.ready),
     output:
         pours=f"{RESULTS}/validation/{{runs}}/{{sample}}.pours.json",
         berries=f"{RESULTS}/validation/{{runs}}/{{sample}}.npz",
     log:
         f"{RESULTS}/logs/validation/{{runs}}/{{sample}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/validation/{{runs}}/{{sample}}.tsv"
     params:
         purpose="validation",
         seeds=validation_seeds,
@@ -80,16 +66,13 @@ use rule pour as validation_pour with:
 
 use rule measure_runs as measure_validation_runs with:
     input:
+        **GRAIN,
         pours=rules.validation_pour.output.pours,
         berries=rules.validation_pour.output.berries,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
     output:
         result=f"{RESULTS}/validation/{{runs}}/{{sample}}.json",
     log:
         f"{RESULTS}/logs/validation/{{runs}}/{{sample}}_measured.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/validation/{{runs}}/{{sample}}_measured.tsv"
     message:
         "Measuring the runs of solution {wildcards.sample}"
 
@@ -109,18 +92,22 @@ rule validate:
         published=f"{RESULTS}/validation/published.csv",
     log:
         f"{RESULTS}/logs/validate.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/validate.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(150),
-        runtime=growing(10),
+        **needs(150),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=stands_on.settings_of(config, "validate"),
+        **of_stage("validate"),
     message:
         "Predicted beside simulated and published"
     shell:
         "python -m repose stage validate {input.jobs:q} --config {params.config:q} --solutions {input.solutions:q}"
         " --dataset {input.dataset:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+ANSWERS["published"] = Answer(
+    "validate",
+    rules.miga.output.feasible,
+    rules.miga.output.summary,
+    rules.validate.output.table4,
+    rules.validate.output.representative,
+    rules.dataset.output.dataset,
+)

@@ -4,18 +4,14 @@
 # would not look for the reasons that the runs behind it have of their own.
 rule warm_up:
     input:
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
+        **GRAIN,
     output:
         ready=touch(f"{RESULTS}/berry/engine_{source_hash()}_is_compiled"),
     log:
         f"{RESULTS}/logs/warm_up.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/warm_up.tsv"
-    threads: 1
+    priority: 1
     resources:
-        mem_mb=growing(1000),
-        runtime=growing(20),
+        **needs(1000, minutes=20),
     params:
         config=CONFIG,
     message:
@@ -23,3 +19,7 @@ rule warm_up:
     shell:
         "python -m repose stage warm_up --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q}"
         " > {log:q} 2>&1"
+
+
+# Inputs of every simulation besides its samples.
+READY = GRAIN | {"ready": ancient(rules.warm_up.output.ready)}

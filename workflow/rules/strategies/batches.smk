@@ -7,17 +7,13 @@ wildcard_constraints:
 
 use rule pour as batch_pour with:
     input:
+        **READY,
         samples=samples_of_batch,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-        ready=ancient(rules.warm_up.output.ready),
     output:
         pours=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.pours.json",
         berries=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.npz",
     log:
         f"{RESULTS}/logs/{{strategy}}/{{batch}}_{{runs}}_{{job}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_{{runs}}_{{job}}.tsv"
     wildcard_constraints:
         job=r"\d{3,5}",
     params:
@@ -30,16 +26,13 @@ use rule pour as batch_pour with:
 
 use rule measure_runs as measure_batch_runs with:
     input:
+        **GRAIN,
         pours=rules.batch_pour.output.pours,
         berries=rules.batch_pour.output.berries,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
     output:
         result=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.json",
     log:
         f"{RESULTS}/logs/{{strategy}}/{{batch}}_{{runs}}_{{job}}_measured.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_{{runs}}_{{job}}_measured.tsv"
     wildcard_constraints:
         job=r"\d{3,5}",
     message:
@@ -56,7 +49,5 @@ use rule dataset as batch_dataset with:
         summary=f"{RESULTS}/{{strategy}}/{{batch}}/dataset_summary.json",
     log:
         f"{RESULTS}/logs/{{strategy}}/{{batch}}_dataset.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_dataset.tsv"
     message:
         "Table of {wildcards.strategy}, {wildcards.batch}"

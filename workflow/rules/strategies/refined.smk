@@ -15,14 +15,10 @@ rule refine_data:
         summary=f"{REFINED}/round_{{round}}/data/dataset_summary.json",
     log:
         f"{RESULTS}/logs/refined/{{round}}_data.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_data.tsv"
     wildcard_constraints:
         round=r"[1-9]\d?",
-    threads: 1
     resources:
-        mem_mb=growing(300),
-        runtime=growing(10),
+        **needs(300),
     params:
         folder=folder,
         rounds=rounds_until,
@@ -44,8 +40,6 @@ use rule network as refine_network with:
         starts=f"{REFINED}/round_{{round}}/network/starts.csv",
     log:
         f"{RESULTS}/logs/refined/{{round}}_network.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_network.tsv"
     wildcard_constraints:
         round=r"[1-9]\d?",
     message:
@@ -64,24 +58,12 @@ rule refine_search:
         summary=f"{REFINED}/round_{{round}}/miga/summary.json",
     log:
         f"{RESULTS}/logs/refined/{{round}}_search.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_search.tsv"
     wildcard_constraints:
         round=r"[1-9]\d?",
-    threads: 1
     resources:
-        mem_mb=growing(300),
-        runtime=growing(30),
+        **needs(300, minutes=30),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections(
-            "parameters",
-            "targets",
-            "miga",
-            "refine.reach",
-            "refine.tolerance_percent",
-        ),
+        **of_stage("refine_search"),
     message:
         "Searching near the last proposal for round {wildcards.round}"
     shell:
@@ -97,26 +79,12 @@ rule refine_propose:
         proposal=f"{REFINED}/round_{{round}}/proposal.csv",
     log:
         f"{RESULTS}/logs/refined/{{round}}_propose.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_propose.tsv"
     wildcard_constraints:
         round=r"\d{1,2}",
-    threads: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(10),
+        **needs(250),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections(
-            "parameters",
-            "targets",
-            "design.seed",
-            *(
-                f"refine.{key}"
-                for key in ("seeds", "block", "neighbours", "neighbour_seeds", "reach")
-            ),
-        ),
+        **of_stage("refine_propose"),
     message:
         "Proposal of round {wildcards.round} and its neighbours"
     shell:
@@ -134,22 +102,12 @@ checkpoint refine_round:
         points=f"{REFINED}/round_{{round}}/round.csv",
     log:
         f"{RESULTS}/logs/refined/{{round}}_judge.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_judge.tsv"
     wildcard_constraints:
         round=r"\d{1,2}",
-    threads: 1
     resources:
-        mem_mb=growing(300),
-        runtime=growing(10),
+        **needs(300),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections(
-            "targets",
-            "refine.tolerance_percent",
-            "refine.standard_error_percent",
-        ),
+        **of_stage("refine_judge"),
     message:
         "Judging round {wildcards.round}"
     shell:
@@ -165,16 +123,10 @@ rule refine_tables:
         summary=f"{REFINED}/summary.json",
     log:
         f"{RESULTS}/logs/refine_tables.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/refine_tables.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(300),
-        runtime=growing(10),
+        **needs(300),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("targets", "refine.rounds"),
+        **of_stage("refine_tables"),
     message:
         "All rounds of the refinement"
     shell:
@@ -182,38 +134,16 @@ rule refine_tables:
         " > {log:q} 2>&1"
 
 
-rule draw_approach:
-    input:
-        rounds=rules.refine_tables.output.rounds,
-        summary=rules.refine_tables.output.summary,
-    output:
-        report(
-            f"{REFINED}/approach.png",
-            caption="../../report/approach.rst",
-            category="Figures",
-            labels={"figure": "The loop closed"},
-        ),
-    log:
-        f"{RESULTS}/logs/figures/approach.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/figures/approach.tsv"
-    threads: 1
-    resources:
-        mem_mb=growing(400),
-        runtime=growing(10),
-    params:
-        config=CONFIG,
-        depends=sections(
-            "small_run",
-            "targets",
-            "refine.tolerance_percent",
-            "refine.standard_error_percent",
-        ),
-    message:
-        "Drawing the approach to the targets"
-    shell:
-        "python -m repose figure approach --config {params.config:q} --out {output:q}"
-        " --input rounds={input.rounds:q} --input summary={input.summary:q} > {log:q} 2>&1"
+figure(
+    "approach",
+    "The loop closed",
+    "targets",
+    "refine.tolerance_percent",
+    "refine.standard_error_percent",
+    folder="refined",
+    rounds=rules.refine_tables.output.rounds,
+    summary=rules.refine_tables.output.summary,
+)
 
 
 # Every file by name, as in the method's chain: one that is lost is made again.
@@ -221,4 +151,4 @@ rule refined:
     input:
         files_of_rounds,
         rules.refine_tables.output,
-        rules.draw_approach.output,
+        FIGURES["approach"].path,

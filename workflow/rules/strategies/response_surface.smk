@@ -5,20 +5,10 @@ rule response_design:
         samples=f"{HABIT}/screening/samples.csv",
     log:
         f"{RESULTS}/logs/response_surface/design.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/response_surface/design.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(10),
+        **needs(250),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections(
-            "parameters",
-            "response_surface.screening_runs",
-            "response_surface.centres",
-        ),
+        **of_stage("response_design"),
     message:
         "Plackett-Burman design of the screening"
     shell:
@@ -37,16 +27,10 @@ checkpoint response_screening:
         kept=f"{HABIT}/screening/screening.json",
     log:
         f"{RESULTS}/logs/response_surface/screening.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/response_surface/screening.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(10),
+        **needs(250),
     params:
-        config=CONFIG,
-        folder=subpath(output.anova, parent=True),
-        depends=habit_sections("significance", "most_factors", "surface", "steps"),
+        **of_stage("response_screening", folder=subpath(output.anova, parent=True)),
     message:
         "Which parameters matter, and the path of steepest ascent"
     shell:
@@ -63,16 +47,10 @@ checkpoint response_ascent:
         path=f"{HABIT}/ascent/path.csv",
     log:
         f"{RESULTS}/logs/response_surface/ascent.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/response_surface/ascent.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(10),
+        **needs(250),
     params:
-        config=CONFIG,
-        folder=subpath(output.path, parent=True),
-        depends=habit_sections("surface", "centres", "reach"),
+        **of_stage("response_ascent", folder=subpath(output.path, parent=True)),
     message:
         "The best point of the path, and the design around it"
     shell:
@@ -93,16 +71,10 @@ checkpoint response_surface_fit:
         optimum=f"{HABIT}/surface/optimum.json",
     log:
         f"{RESULTS}/logs/response_surface/surface.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/response_surface/surface.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(10),
+        **needs(250),
     params:
-        config=CONFIG,
-        folder=subpath(output.anova, parent=True),
-        depends=habit_sections("checks"),
+        **of_stage("response_surface", folder=subpath(output.anova, parent=True)),
     message:
         "The surfaces, their analysis of variance and their optimum"
     shell:
@@ -129,18 +101,11 @@ rule response_check:
         summary=f"{HABIT}/check/summary.json",
     log:
         f"{RESULTS}/logs/response_surface/check.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/response_surface/check.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(10),
+        **needs(250),
     params:
-        config=CONFIG,
-        folder=folder,
+        **of_stage("response_check"),
         surface=subpath(input.samples, parent=True),
-        depends=habit_sections("screening_runs", "centres", "surface")
-        | sections("design.seed", "miga.solutions", "miga.distance"),
     message:
         "The optimum, simulated again, beside its prediction and the targets"
     shell:
@@ -148,7 +113,15 @@ rule response_check:
         " --surface {params.surface:q} --predictions {input.predictions:q} --optimum {input.optimum:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
-# Each figure: what it shows, and its inputs.
+ANSWERS["response_surface"] = Answer(
+    "response_check",
+    rules.response_check.output.solutions,
+    rules.response_check.output.summary,
+    rules.response_check.output.table4,
+    rules.response_check.output.representative,
+    f"{HABIT}/surface/dataset.csv",  # what the surfaces are fitted to
+)
+# Each figure: its title in the report, and its inputs.
 HABIT_FIGURES = {
     "pareto_screening": (
         "Pareto chart of the screening",
@@ -174,40 +147,15 @@ HABIT_FIGURES = {
         },
     ),
 }
-
-
-for figure, (shown, inputs) in HABIT_FIGURES.items():
-
-    rule:
-        name:
-            f"draw_{figure}"
-        input:
-            **inputs,
-        output:
-            report(
-                f"{HABIT}/{figure}.png",
-                caption=f"../../report/{figure}.rst",
-                category="Response surface",
-                labels={"figure": shown},
-            ),
-        log:
-            f"{RESULTS}/logs/figures/{figure}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/figures/{figure}.tsv"
-        threads: 1
-        resources:
-            mem_mb=growing(400),
-            runtime=growing(10),
-        params:
-            config=CONFIG,
-            name=figure,
-            inputs=[f"--input={key}={path}" for key, path in inputs.items()],
-            depends=sections("small_run", "targets"),
-        message:
-            f"Drawing {figure}"
-        shell:
-            "python -m repose figure {params.name:q} --config {params.config:q} --out {output:q} {params.inputs:q}"
-            " > {log:q} 2>&1"
+for name, (label, shown) in HABIT_FIGURES.items():
+    figure(
+        name,
+        label,
+        "targets",
+        folder="response_surface",
+        category="Response surface",
+        **shown,
+    )
 
 
 rule response_surface:
@@ -219,4 +167,4 @@ rule response_surface:
             table=("anova", "effects", "statistics"),
         ),
         f"{HABIT}/ascent/path.csv",
-        expand(f"{HABIT}/{{figure}}.png", figure=HABIT_FIGURES),
+        [FIGURES[name].path for name in HABIT_FIGURES],

@@ -5,16 +5,10 @@ rule sequential_start:
         samples=f"{SEQUENTIAL}/batch_0/samples.csv",
     log:
         f"{RESULTS}/logs/sequential/start.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sequential/start.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(400),
-        runtime=growing(10),
+        **needs(400),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("parameters", "design.seed", "sequential.start_samples"),
+        **of_stage("sequential_start"),
     message:
         "Parameter sets of the start"
     shell:
@@ -33,33 +27,13 @@ checkpoint sequential_batch:
         following=f"{SEQUENTIAL}/{{batch}}/next.csv",
     log:
         f"{RESULTS}/logs/sequential/{{batch}}_advice.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sequential/{{batch}}_advice.tsv"
     wildcard_constraints:
         batch=r"batch_\d{1,4}",
-    threads: 1
     resources:
-        mem_mb=growing(350),
-        runtime=growing(60),
+        **needs(350, minutes=60),
     params:
-        config=CONFIG,
-        folder=folder,
+        **of_stage("sequential_batch"),
         batches=batches_until,
-        depends=sections(
-            "targets",
-            "parameters",
-            "design.seed",
-            *(
-                f"sequential.{key}"
-                for key in (
-                    "seeds",
-                    "batch",
-                    "tolerance_percent",
-                    "probability",
-                    "most_pours",
-                )
-            ),
-        ),
     message:
         "What the pours up to {wildcards.batch} say, and where to pour next"
     shell:
@@ -83,26 +57,11 @@ rule sequential_check:
         summary=f"{SEQUENTIAL}/summary.json",
     log:
         f"{RESULTS}/logs/sequential/check.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sequential/check.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(350),
-        runtime=growing(10),
+        **needs(350),
     params:
-        config=CONFIG,
-        folder=folder,
+        **of_stage("sequential_check"),
         batches=lambda wildcards, input: list(map(os.path.dirname, input.advices)),
-        depends=sections(
-            "targets",
-            "parameters",
-            "design.seed",
-            "sequential.start_samples",
-            "sequential.seeds",
-            "sequential.tolerance_percent",
-            "miga.solutions",
-            "miga.distance",
-        ),
     message:
         "The answer, simulated again, beside its prediction and the targets"
     shell:
@@ -110,41 +69,28 @@ rule sequential_check:
         " --runs {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
-rule draw_sequential:
-    input:
-        batches=rules.sequential_check.output.batches,
-        check=rules.sequential_check.output.check,
-    output:
-        report(
-            f"{SEQUENTIAL}/sequential.png",
-            caption="../../report/sequential.rst",
-            category="Sequential",
-            labels={"figure": "Probability and prediction by pours"},
-        ),
-    log:
-        f"{RESULTS}/logs/figures/sequential.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/figures/sequential.tsv"
-    threads: 1
-    resources:
-        mem_mb=growing(400),
-        runtime=growing(10),
-    params:
-        config=CONFIG,
-        depends=sections(
-            "small_run",
-            "targets",
-            "sequential.tolerance_percent",
-            "sequential.probability",
-        ),
-    message:
-        "Drawing how the answer became certain"
-    shell:
-        "python -m repose figure sequential --config {params.config:q} --out {output:q}"
-        " --input batches={input.batches:q} --input check={input.check:q} > {log:q} 2>&1"
+ANSWERS["sequential"] = Answer(
+    "sequential_check",
+    rules.sequential_check.output.solutions,
+    rules.sequential_check.output.summary,
+    rules.sequential_check.output.table4,
+    rules.sequential_check.output.representative,
+    rules.sequential_check.output.dataset,
+)
+figure(
+    "sequential",
+    "Probability and prediction by pours",
+    "targets",
+    "sequential.tolerance_percent",
+    "sequential.probability",
+    folder="sequential",
+    category="Sequential",
+    batches=rules.sequential_check.output.batches,
+    check=rules.sequential_check.output.check,
+)
 
 
 rule sequential:
     input:
         rules.sequential_check.output,
-        rules.draw_sequential.output,
+        FIGURES["sequential"].path,

@@ -18,10 +18,3 @@ def habit_numbers(step):
     return pandas.read_csv(getattr(checkpoints, MAKERS[step]).get().output.samples)[
         "sample"
     ]
-
-
-def habit_sections(*keys):
-    """What an analysis depends on."""
-    return sections(
-        "targets", "parameters", *(f"response_surface.{key}" for key in keys)
-    )

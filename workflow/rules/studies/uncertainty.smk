@@ -8,16 +8,10 @@ rule noise_tables:
         summary=f"{RESULTS}/noise/noise.json",
     log:
         f"{RESULTS}/logs/noise.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/noise.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(200),
-        runtime=growing(10),
+        **needs(200),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("targets"),
+        **of_stage("noise"),
     message:
         "Noise of the runs within and between samples"
     shell:
@@ -40,16 +34,10 @@ rule posterior_tables:
         summary=f"{RESULTS}/posterior/posterior.json",
     log:
         f"{RESULTS}/logs/posterior.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/posterior.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(300),
-        runtime=growing(30),
+        **needs(300, minutes=30),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("parameters", "targets", "posterior"),
+        **of_stage("posterior"),
     message:
         "Posterior of the parameters given the physical measurements"
     shell:
@@ -66,16 +54,10 @@ rule sensitivity_tables:
         effects=f"{RESULTS}/sensitivity/main_effects.csv",
     log:
         f"{RESULTS}/logs/sensitivity.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sensitivity.tsv"
-    threads: 1
     resources:
-        mem_mb=growing(200),
-        runtime=growing(30),
+        **needs(200, minutes=30),
     params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("parameters", "targets", "sensitivity"),
+        **of_stage("sensitivity"),
     message:
         "Sobol indices and main effects on the surrogate"
     shell:
@@ -83,94 +65,67 @@ rule sensitivity_tables:
         " > {log:q} 2>&1"
 
 
-# Each figure: its folder, its name in the report, and its inputs.
+# Figures of each folder: title in the report, and inputs.
 UNCERTAINTY_FIGURES = {
-    "noise": (
-        "noise",
-        "Noise floor",
-        {
-            "runs": rules.dataset.output.runs,
-            "seeds": rules.noise_tables.output.seeds,
-            "noise": rules.noise_tables.output.summary,
-        },
-    ),
-    "corner": (
-        "posterior",
-        "Posterior",
-        {
-            "draws": rules.posterior_tables.output.draws,
-            "posterior": rules.posterior_tables.output.posterior,
-            "summary": rules.posterior_tables.output.summary,
-            "feasible": rules.miga.output.feasible,
-        },
-    ),
-    "intervals": (
-        "posterior",
-        "Credible intervals",
-        {"posterior": rules.posterior_tables.output.posterior},
-    ),
-    "discrepancy": (
-        "posterior",
-        "Discrepancy",
-        {"discrepancy": rules.posterior_tables.output.discrepancy},
-    ),
-    "region": (
-        "posterior",
-        "Region that is not excluded",
-        {
-            "region": rules.posterior_tables.output.region,
-            "summary": rules.posterior_tables.output.summary,
-        },
-    ),
-    "sobol": (
-        "sensitivity",
-        "Sobol indices",
-        {"sobol": rules.sensitivity_tables.output.sobol},
-    ),
-    "main_effects": (
-        "sensitivity",
-        "Main effects",
-        {
-            "effects": rules.sensitivity_tables.output.effects,
-            "sobol": rules.sensitivity_tables.output.sobol,
-            "dataset": rules.dataset.output.dataset,
-        },
-    ),
+    "noise": {
+        "noise": (
+            "Noise floor",
+            {
+                "runs": rules.dataset.output.runs,
+                "seeds": rules.noise_tables.output.seeds,
+                "noise": rules.noise_tables.output.summary,
+            },
+        ),
+    },
+    "posterior": {
+        "corner": (
+            "Posterior",
+            {
+                "draws": rules.posterior_tables.output.draws,
+                "posterior": rules.posterior_tables.output.posterior,
+                "summary": rules.posterior_tables.output.summary,
+                "feasible": rules.miga.output.feasible,
+            },
+        ),
+        "intervals": (
+            "Credible intervals",
+            {"posterior": rules.posterior_tables.output.posterior},
+        ),
+        "discrepancy": (
+            "Discrepancy",
+            {"discrepancy": rules.posterior_tables.output.discrepancy},
+        ),
+        "region": (
+            "Region that is not excluded",
+            {
+                "region": rules.posterior_tables.output.region,
+                "summary": rules.posterior_tables.output.summary,
+            },
+        ),
+    },
+    "sensitivity": {
+        "sobol": ("Sobol indices", {"sobol": rules.sensitivity_tables.output.sobol}),
+        "main_effects": (
+            "Main effects",
+            {
+                "effects": rules.sensitivity_tables.output.effects,
+                "sobol": rules.sensitivity_tables.output.sobol,
+                "dataset": rules.dataset.output.dataset,
+            },
+        ),
+    },
 }
-
-
-for figure, (where, label, shown) in UNCERTAINTY_FIGURES.items():
-
-    rule:
-        name:
-            f"draw_{figure}"
-        input:
+for where, figures_there in UNCERTAINTY_FIGURES.items():
+    for name, (label, shown) in figures_there.items():
+        figure(
+            name,
+            label,
+            "parameters",
+            "targets",
+            folder=where,
+            category="Uncertainty",
             **shown,
-        output:
-            report(
-                f"{RESULTS}/{where}/{figure}.png",
-                caption=f"../../report/{figure}.rst",
-                category="Uncertainty",
-                labels={"figure": label},
-            ),
-        log:
-            f"{RESULTS}/logs/figures/{figure}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/figures/{figure}.tsv"
-        threads: 1
-        resources:
-            mem_mb=growing(400),
-            runtime=growing(10),
-        params:
-            config=CONFIG,
-            figure=figure,
-            inputs=[f"--input={key}={path}" for key, path in shown.items()],
-            depends=sections("small_run", "parameters", "targets"),
-        message:
-            "Drawing {params.figure}"
-        shell:
-            "python -m repose figure {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output:q}"
-            " > {log:q} 2>&1"
+        )
 
 
 # The first lines name what the tables are made from, so that a lost file is made again.
@@ -178,7 +133,7 @@ rule noise:
     input:
         rules.dataset.output,
         rules.noise_tables.output,
-        rules.draw_noise.output,
+        [*drawn(*UNCERTAINTY_FIGURES["noise"]).values()],
 
 
 rule posterior:
@@ -187,10 +142,7 @@ rule posterior:
         rules.network.output,
         rules.miga.output,
         rules.posterior_tables.output,
-        rules.draw_corner.output,
-        rules.draw_intervals.output,
-        rules.draw_discrepancy.output,
-        rules.draw_region.output,
+        [*drawn(*UNCERTAINTY_FIGURES["posterior"]).values()],
 
 
 rule sensitivity:
@@ -198,8 +150,7 @@ rule sensitivity:
         rules.dataset.output,
         rules.network.output,
         rules.sensitivity_tables.output,
-        rules.draw_sobol.output,
-        rules.draw_main_effects.output,
+        [*drawn(*UNCERTAINTY_FIGURES["sensitivity"]).values()],
 
 
 rule uncertainty:
