@@ -58,7 +58,7 @@ GROUPS = {
     "your own simulator": ("design", "tell", "ask", "calibrate"),
     "one pile, one picture": ("heap", "figure", "film", "provenance"),
     "how sure the answer is": ("noise", "posterior", "sensitivity"),
-    "the simulator": ("verify", "bench"),
+    "the simulator": ("verify",),
 }
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)

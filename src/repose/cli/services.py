@@ -1,4 +1,4 @@
-"""Verbs around a study: speed, the verification suite, provenance, and the results that a repository keeps."""
+"""Verbs around a study: the verification suite, provenance, and the results that a repository keeps."""
 
 import argparse
 import json
@@ -6,11 +6,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.config.study import Study
-from repose.core import published
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,55 +18,30 @@ family = Family()
 
 
 @family.verb(
-    "measure the speed: microseconds per step and seconds per pour, "
-    "with a reference for the speed of the machine",
-    example="--json",
-    options=[JSON],
-)
-def bench(args: argparse.Namespace) -> None:
-    from repose.verification import speed
-
-    study = Study.load(args.config)
-    config = study.config
-    of_published = published.representative(config["validation"]["published"])
-    result = speed.run(config, {config["berry"]["particle"]: study.particle}, study.grain, of_published)
-    print(json.dumps(result, indent=1) if args.json else speed.message(result))
-
-
-@family.verb(
     "run the simulator's verification suite: compare its results with known answers",
     example="--out results/verification --case chung1",
     out="results/verification",
     options=[
         Option("--case", action="append", metavar="NAME", help="run this case; may be given several times"),
-        Option("--all", action="store_true", help="run the expensive cases too (convergence)"),
         Option("--hits", type=int, default=10_000, help="impacts of each kind in the energy cases (10000)"),
-        Option("--seeds", type=int, default=2, help="pours of each time step in the case convergence (2)"),
     ],
 )
 def verify(args: argparse.Namespace) -> int:
-    for option in ("hits", "seeds"):
-        if getattr(args, option) < 1:
-            raise InputError("command line", f"--{option}", getattr(args, option), "at least 1")
+    if args.hits < 1:
+        raise InputError("command line", "--hits", args.hits, "at least 1")
 
     from repose import verification
     from repose.apparatus.settings import SimulationSettings
-    from repose.verification import report
 
-    names = args.case or (list(verification.CASES) if args.all else None)
-    pile = None
-    study = Study.load(args.config)
-    laws = SimulationSettings.of(study.config).laws
+    laws = SimulationSettings.of(Study.load(args.config).config).laws
     print("laws: " + ", ".join(laws.values()), flush=True)
-    if names and set(names) & set(verification.EXPENSIVE):
-        berry_of, particle = berry_and_particle(study)
-        pile = (study.config, particle, berry_of)
-    effort = verification.Effort(hits=args.hits, seeds=args.seeds, pile=pile, laws=laws)
+    effort = verification.Effort(hits=args.hits, laws=laws)
     results = verification.run(
-        names, effort, lambda name, result: print(_case_line(name, result), flush=True)
+        args.case, effort, lambda name, result: print(_case_line(name, result), flush=True)
     )
-    report.write(results, args.out, laws)
-    print(f"{args.out}/index.html")
+    table = Path(args.out) / "verification.csv"
+    verification.write(results, table)
+    print(table)
     return 0 if all(result.passed for result in results.values()) else 1
 
 

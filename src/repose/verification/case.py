@@ -1,4 +1,4 @@
-"""The result of a case of the verification suite: numbers beside references, and the data of its plot."""
+"""The result of a case of the verification suite: numbers beside references."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -78,35 +78,12 @@ def reported(
 
 
 @dataclass(frozen=True)
-class Curve:
-    """A line of a plot; reference curves are drawn as lines, results as markers unless `line`."""
-
-    label: str  # in the legend
-    x: object  # (N,), in the units of the panel's labels
-    y: object  # (N,)
-    reference: bool = False  # whether the results are compared with this curve
-    line: bool = False  # whether a result is drawn as a line
-    error: object = None  # (N,), half lengths of the error bars of y; None: no bars
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One pair of axes."""
-
-    x_label: str  # with the unit
-    y_label: str  # with the unit
-    curves: tuple  # `Curve`s in the order of the legend
-    log_x: bool = False
-
-
-@dataclass(frozen=True)
 class Result:
-    """A case: its title, the two sides of the comparison, rows and the panels of its plot."""
+    """A case: its title, the two sides of the comparison, and its rows."""
 
     title: str
     compared: str  # both sides of the comparison, in words
     rows: list  # of `Row`
-    panels: list = field(default_factory=list)  # of `Panel`; empty: no plot
 
     @property
     def passed(self) -> bool:
@@ -120,8 +97,6 @@ class Effort:
 
     hits: int = 10_000  # impacts of each kind in the energy cases
     berries: int = 400  # in the poured packing
-    seeds: int = 2  # runs of each time step in the convergence case
-    pile: tuple | None = None  # (configuration, particle, moduli) of these runs; None: no runs
     laws: Mapping[str, Any] = field(default_factory=dict)  # force laws of every case, for `Simulation`
 
     @property

@@ -10,7 +10,7 @@ import numpy as np
 
 from repose.dem import Contact, Simulation
 
-from .case import DIGITISED, Curve, Effort, Panel, Result, close
+from .case import DIGITISED, Effort, Result, close
 from .hertz import Solid, hertz_of_pair, hertz_on_plane
 from .machine import STEPS_PER_CONTACT, frictionless, sphere_over_plane, spheres, steps_of_impact
 
@@ -21,6 +21,8 @@ MAGNESIUM_ALLOY = Solid("magnesium alloy", 40e9, 0.35, 1800.0)
 ALUMINIUM_OXIDE = Solid("aluminium oxide", 380e9, 0.23, 4000.0)
 CAST_IRON = Solid("cast iron", 100e9, 0.25, 7000.0)
 STILL = (0.0, 0.0, 0.0)
+# Of an elastic impact: name, unit, and SI units in one of these.
+QUANTITIES = (("peak force", "kN", 1e-3), ("largest overlap", "um", 1e6), ("contact time", "us", 1e6))
 
 
 def pair_history(
@@ -104,34 +106,18 @@ def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
 
 
 def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mapping) -> Result:
-    """Rows and plot of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
-    rows, force_curves, overlap_curves = [], [], []
+    """Rows of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
+    rows = []
     for solid, hertz, (time, overlap, force) in cases:
         result = (force.max(), overlap.max(), duration_of(time, overlap))
         exact = (hertz.force_n, hertz.overlap_m, hertz.duration_s)
-        names = ("peak force", "largest overlap", "contact time")
-        for name, scale, unit, ours, reference in zip(
-            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), result, exact, strict=True
-        ):
+        for (name, unit, scale), ours, reference in zip(QUANTITIES, result, exact, strict=True):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, scale * reference))
-        t, x, f = hertz.history(1.0)
-        force_curves += [
-            Curve(f"{solid.name}, Hertz", 1e6 * t, 1e-3 * f, reference=True),
-            Curve(f"{solid.name}, repose", 1e6 * time[::60], 1e-3 * force[::60]),
-        ]
-        overlap_curves += [
-            Curve(f"{solid.name}, Hertz", 1e6 * x, 1e-3 * f, reference=True),
-            Curve(f"{solid.name}, repose", 1e6 * overlap[::60], 1e-3 * force[::60]),
-        ]
-        for name, scale, unit, ours, value in zip(
-            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), result, published.get(solid.name, ()), strict=False
+        for (name, unit, scale), ours, value in zip(
+            QUANTITIES, result, published.get(solid.name, ()), strict=False
         ):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, value, DIGITISED))
-    panels = [
-        Panel("time (us)", "normal force (kN)", tuple(force_curves)),
-        Panel("overlap (um)", "normal force (kN)", tuple(overlap_curves)),
-    ]
-    return Result(title, compared, rows, panels)
+    return Result(title, compared, rows)
 
 
 def two_spheres(effort: Effort) -> Result:
@@ -174,36 +160,25 @@ def damped_impact(effort: Effort) -> Result:
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 3.
     """
     nominal = np.linspace(0.2, 1.0, 9)
-    rows, curves = [], [Curve("restitution out = in", nominal, nominal, reference=True)]
-    for solid in (ALUMINIUM_OXIDE, CAST_IRON):
-        left = np.array([_restitution(solid, e, **effort.laws) for e in nominal])
-        rows += [
-            close(f"{solid.name}: restitution at {e:.1f}", "", out, e)
-            for e, out in zip(nominal, left, strict=True)
-        ]
-        curves.append(Curve(f"{solid.name}, repose", nominal, left))
+    rows = [
+        close(f"{solid.name}: restitution at {e:.1f}", "", _restitution(solid, e, **effort.laws), e)
+        for solid in (ALUMINIUM_OXIDE, CAST_IRON)
+        for e in nominal
+    ]
     hertz = hertz_on_plane(ALUMINIUM_OXIDE, 0.0025, 3.9)
-    forces = []
     for e in (0.2, 0.6, 1.0):
-        t, _x, f = hertz.history(e, tension=effort.tension)
-        time, _overlap, force = plane_history(ALUMINIUM_OXIDE, 0.0025, 3.9, e, **effort.laws)
+        *_, f = hertz.history(e, tension=effort.tension)
+        *_, force = plane_history(ALUMINIUM_OXIDE, 0.0025, 3.9, e, **effort.laws)
         rows.append(
             close(
                 f"aluminium oxide: peak force at e {e:.1f}", "kN", 1e-3 * force.max(), 1e-3 * f.max(),
                 "damped Hertz equation, solved by scipy",
             )
         )  # fmt: skip
-        forces.append(Curve(f"e = {e:.1f}, equation", 1e6 * t, 1e-3 * f, reference=True))
-        forces.append(Curve(f"e = {e:.1f}, repose", 1e6 * time[::60], 1e-3 * force[::60]))
-    panels = [
-        Panel("restitution asked for", "restitution found", tuple(curves)),
-        Panel("time (us)", "normal force (kN)", tuple(forces)),
-    ]
     return Result(
         "Chung & Ooi 3: damped normal impact of a sphere on a rigid plane",
         "restitution; force over time of the damped law",
         rows,
-        panels,
     )
 
 

@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation, random_quaternion, time_steps
+from repose.dem import Clump, Contact, Plane, Shape, Simulation, random_quaternion, time_steps
 from repose.dem.rotations import rotation_matrices, rotation_matrix
 from repose.particle.build import make_particle
 from repose.particle.mesh_from_axes import berry_mesh
 
-from .case import Curve, Effort, Panel, Result, Row, close, reported
-from .machine import BERRY, BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, random_direction
+from .case import Effort, Result, Row, close, reported
+from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, random_direction, simulation_of, stiffer
 
 MASS_G = 1.25
 BARREL_M = ((7.399e-3, 0.94e-3, 0.94e-3), (3.171e-3, 4.745e-3, 4.0e-3))
@@ -137,34 +137,31 @@ def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, apart:
 def hits(
     shape: Shape | Clump,
     restitution: float,
-    stiffer: float,
+    times: float,
     on_plane: bool,
     count: int,
     seed: int = 3,
     **keywords: Any,
-) -> "Hits":
+) -> Hits:
     """Results of `count` isolated hits of two bodies, or of a body and a plane.
 
-    `shape` has the material "berry". `stiffer` multiplies the moduli of berry and PVC. `keywords` are those of
+    `shape` has the material "berry". `times` multiplies the moduli of berry and PVC. `keywords` are those of
     `Simulation`, such as its laws.
     """
     rng = np.random.default_rng(seed)
-    berry, wall = (Material(stiffer * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
     contact = Contact(restitution, 0.0, 0.0)
-    shapes: Any = {"body": shape}
     edge = SPACING_M * (count // LANE + 1)
 
     def made(step_s: float) -> Simulation:
-        return Simulation(
-            shapes,
-            {"berry": berry, "wall": wall},
-            {("berry", "berry"): contact, ("berry", "wall"): contact},
+        return simulation_of(
+            shape,
+            contact,
             step_s,
+            {"floor": Plane(FLOOR, UP, "wall")} if on_plane else {},
+            *stiffer(times),
             capacity=2 * count,
             lower=(-SPACING_M, -SPACING_M, -SPACING_M),
             upper=(edge, SPACING_M * LANE, SPACING_M),
-            walls={"floor": Plane(FLOOR, UP, "wall")} if on_plane else {},
-            gravity_m_s2=(0.0, 0.0, 0.0),
             **keywords,
         )
 
@@ -249,35 +246,23 @@ def restitution_of_hits(effort: Effort) -> Result:
     """Simulated for nominal restitution, of every particle: pairs and planes, stiff and as soft as a berry."""
     count = max(24, effort.hits // 100)
     rows: list[Row] = []
-    panels = []
-    for stiffer, limit in ((STIFFER, "stiff limit"), (1.0, "real softness")):
+    for times, limit in ((STIFFER, "stiff limit"), (1.0, "real softness")):
         for on_plane, partner in ((False, "pairs"), (True, "plane")):
-            curves = [Curve("found = asked", ASKED, ASKED, reference=True)]
             for name, shape in particles().items():
-                thrown = [hits(shape, e, stiffer, on_plane, count, **effort.laws) for e in ASKED]
-                means_of_hits = [of_one.restitution for of_one in thrown]
+                at = f"{limit}, {partner}, {name}"
+                thrown = [hits(shape, e, times, on_plane, count, **effort.laws) for e in ASKED]
                 rows += [
-                    _row(f"{limit}, {partner}, {name}: restitution at {e:.1f}", values, e, stiffer > 1.0)
-                    for e, values in zip(ASKED, means_of_hits, strict=True)
+                    _row(f"{at}: restitution at {e:.1f}", own.restitution, e, times > 1.0)
+                    for e, own in zip(ASKED, thrown, strict=True)
                 ]
                 if isinstance(shape, Clump):
-                    most = np.mean([of_one.contacts for of_one in thrown])
-                    rows.append(
-                        reported(
-                            f"{limit}, {partner}, {name}: most contacts at a time", "", most, CONTACTS_NOTE
-                        )
-                    )
-                means, spreads = np.nanmean(means_of_hits, axis=1), np.nanstd(means_of_hits, axis=1)
-                curves.append(Curve(name, np.array(ASKED), means, error=spreads))
-            panels.append(
-                Panel(f"restitution asked for ({limit}, {partner})", "restitution found", tuple(curves))
-            )
+                    most = np.mean([own.contacts for own in thrown])
+                    rows.append(reported(f"{at}: most contacts at a time", "", most, CONTACTS_NOTE))
     return Result(
         "Restitution of a hit",
         f"{count} random hits each, without friction and spin, {SPEEDS_M_S[0]:g} to {SPEEDS_M_S[1]:g} m/s; "
         "mean and standard deviation",
         rows,
-        panels,
     )
 
 
