@@ -3,8 +3,8 @@
     python benchmarks/speed.py [--config config/config.yaml] [--json]
 
 Times whole pours, and a settled pile, of a study's particle on one core. The reference kernel is a plain loop of
-dependent divisions and multiplications, the same work everywhere: the ratio of a time step to it compares engines across
-machines and moments.
+dependent divisions and multiplications, the same work everywhere: the ratio of a time step to it compares engines
+across machines and moments.
 """
 
 import argparse
