@@ -162,10 +162,7 @@ class Answer:
 
 
 def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
-    """The answer of a finished study, from its folder of results.
-
-    An InputError is raised before the calibration has been run.
-    """
+    """The answer of a finished study, from its folder of results."""
     folder, files = Path(config["results_dir"]), _files_of(strategy)
     return read_files(config, folder / files.summary, folder / files.check, strategy)
 

@@ -55,12 +55,7 @@ def make(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
-    """The card of a finished calibration.
-
-    `berry` is the content of the file of the verb ``berry``, `feasible` the parameter sets found by the search.
-    `posterior` holds intervals (`parameter`, `credible_low`, `credible_high`) and draws; without it intervals and
-    correlations come from the sets found.
-    """
+    """The card of a finished calibration; without a posterior, intervals and correlations come from the sets found."""
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
         "grain": _grain(config, berry, particle),
@@ -80,11 +75,7 @@ def assembled(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
-    """A card from its parts.
-
-    `about` holds the simulated grain, wall and laws, or the name of another simulator; `tests` the `definition` and the
-    `bench` of each response (`repose.chain.described.described`). `feasible` and `posterior` as in `make`.
-    """
+    """A card from its parts."""
     draws = feasible if posterior is None else posterior[1]
     ends = _ends(space, feasible, posterior)
     correlations = draws[list(space.free)].corr().fillna(0.0)
@@ -216,10 +207,7 @@ def run(
     files: Mapping[str, str | PathLike | None],
     out: str | PathLike,
 ) -> dict[str, Any]:
-    """Write the card of a finished calibration (`make`) and return it.
-
-    `files` has the paths `berry`, `particle`, `feasible`, and `posterior` and `draws`, or None for both.
-    """
+    """Write the card of a finished calibration (`make`) and return it."""
     from repose.particle.berry_files import SIZE_COLUMNS, read_berry
     from repose.particle.particle import Particle
 
@@ -258,10 +246,7 @@ def _validator():
 
 
 def check(card: Mapping[str, Any], source: object) -> None:
-    """Raise InputError, for all faults at once, if the content is not a card, or lacks a computable probability.
-
-    `source` names the file in the message.
-    """
+    """Raise InputError, for all faults at once, if the content is not a card, or lacks a computable probability."""
     faults = sorted(_validator().iter_errors(card), key=lambda error: list(map(str, error.absolute_path)))
     raise_together(
         InputError(
@@ -314,10 +299,7 @@ def require_one_study(
     source: str | PathLike,
     berry: Mapping[str, Any],
 ) -> None:
-    """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test.
-
-    `berry` is the content of the file of the verb ``berry``.
-    """
+    """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
     unlike = list(_differences_from(card, config, berry))
     if unlike:
         key, mine, expected = unlike[0]

@@ -12,12 +12,7 @@ GRAIN = "berry_height_mm"
 
 
 def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
-    """Definition of a response and settings of its bench test, with the units in the keys.
-
-    `definition` holds its `name` and `settings`, the keys that it reads; `bench` the keys of the bench test's section
-    that a run reads. `berry`, the result of the verb `berry`, gives the grain's height where the configuration has
-    none.
-    """
+    """Definition of a response and settings of its bench test, with the units in the keys."""
     from repose.measure.settings import MeasureSettings
 
     one, test = response, bench(response.apparatus)

@@ -20,10 +20,7 @@ def read_surrogate(
 def require_targets(
     model: Surrogate, path: object, targets: Targets, definitions: Definitions, source: object
 ) -> None:
-    """Refuse a surrogate with other responses than the targets, in another order, or with other definitions of them.
-
-    `definitions` belong to the study's responses; the InputError names `path` or `source`.
-    """
+    """Refuse a surrogate with other responses than the targets, in another order, or with other definitions of them."""
     if model.outputs != targets.names:
         allowed = f"the responses of the targets, {', '.join(targets.names)}"
         raise InputError(path, "outputs", list(model.outputs), allowed)

@@ -90,10 +90,7 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
 
 
 class Pose:
-    """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels.
-
-    Raises NoFlankError if the corners do not fit a flat sheet.
-    """
+    """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels."""
 
     def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]):
         self.camera, self.size = camera, size
@@ -154,9 +151,8 @@ def side_view(
 ) -> tuple[SideView, float]:
     """The upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
 
-    `axis_mm` lies along the sheet; None means the plane of the sheet itself, with its lower left corner as the
-    origin. `longest` is the longer side of the view in pixels, at most. `part` is left, right and top in mm from the
-    axis and the plate; None means all. Raises NoFlankError if the camera is tilted too far or does not see the plane.
+    `axis_mm` None means the plane of the sheet itself, with its lower left corner as the origin. `part` is left, right
+    and top in mm from the axis and the plate; None means all.
     """
     origin = np.array([axis_mm or 0.0, 0.0, 0.0])
     right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)

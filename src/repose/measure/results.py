@@ -19,10 +19,7 @@ class Angle:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Result of one picture.
-
-    `left_deg`, `right_deg`, `aor_deg` and `lines` follow the definition `response`.
-    """
+    """Result of one picture."""
 
     response: str  # the definition used as the angle of repose
     angles: dict  # `Angle` by definition

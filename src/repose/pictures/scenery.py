@@ -99,10 +99,7 @@ class Camera:
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
     def bands(self, multiple: int = 1) -> Iterator[slice]:
-        """Rows of the picture, band by band: work on a band needs little memory, however large the picture is.
-
-        The number of rows of a band is a multiple of `multiple`; the last band takes the rest.
-        """
+        """Rows of the picture, band by band: work on a band needs little memory, however large the picture is."""
         step = multiple * max(1, BAND_PIXELS // (multiple * self.width))
         for first in range(0, self.height, step):
             yield slice(first, first + step)
@@ -131,10 +128,7 @@ def look_at(
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:
-    """A `Camera` that sees all points from a direction.
-
-    `margin` is the size of the picture over the size of the points; the field of view is along the longer side.
-    """
+    """A `Camera` that sees all points from a direction."""
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
     right = np.array([-math.sin(az), math.cos(az), 0.0])
@@ -151,10 +145,7 @@ def look_at(
 def outline(
     centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()
 ) -> np.ndarray:
-    """Points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin.
-
-    `reach` is the largest bounding radius of a body in m.
-    """
+    """Points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin."""
     spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
     rings = [

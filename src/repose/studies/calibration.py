@@ -67,8 +67,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, found: Batch | Answer | None =
     """The parameters that meet the targets, and their certainty.
 
     `runs` come from `repose.strategies.runs.checked_runs`; they need not be those that the strategy asked for. Unless
-    `found` is the answer, it is the best that these runs give. A strategy without a model over the whole ranges gets a
-    kriging model of all runs for the posterior.
+    `found` is the answer, it is the best that these runs give.
     """
     space, targets, config = study.parameters, study.targets, study.config
     if not isinstance(found, Answer):
@@ -115,10 +114,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, found: Batch | Answer | None =
 
 
 def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
-    """Write the tables of a calibration and its material card; return the card.
-
-    The files are samples.csv, solutions.csv, posterior.csv, draws.csv, posterior.json, summary.json and card.json.
-    """
+    """Write the tables of a calibration and its material card; return the card."""
     out, study = Path(out_dir), found.study
     tables = {"samples": found.samples, "solutions": found.solutions}
     tables |= {"posterior": found.posterior.parameters, "draws": found.posterior.draws}

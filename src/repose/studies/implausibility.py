@@ -54,10 +54,8 @@ def curve(
 ) -> pd.DataFrame:
     """Information and intervals over the size of the discrepancy, a row for each size and correlation.
 
-    Columns: `discrepancy_percent`, `discrepancy_correlation`, `evidence` ("stated" or "shape study"),
-    `information_bits`, `effective_points`, and for each free parameter the ends of its 95 % interval and its bits.
-    Correlated rows exist only where a bench test gives several targets. `study` is the observation with the covariance
-    of a shape study; its row is the last, and its size the root mean square over the targets.
+    Correlated rows exist only where a bench test gives several targets. The row of a shape study is the last, and its
+    size the root mean square over the targets.
     """
     several = len(targets.apparatus) < len(targets)
     rows = [
@@ -108,21 +106,13 @@ def _marginal(name, points, k, weight, space, effective):
 
 
 def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Distance (n,) of the worst response from its measurement, in standard deviations (C97).
-
-    `mean` (k,) and `covariance` (k, k) come from `repose.studies.likelihood.observation`.
-    """
+    """Distance (n,) of the worst response from its measurement, in standard deviations (C97)."""
     variance = np.diagonal(points.covariance, axis1=1, axis2=2) + np.diagonal(covariance)
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
 def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
-    """Share of the prior that is not implausible, and the projections of this region on pairs of parameters.
-
-    A row for each cell of each pair: the parameters `x` and `y`, the middle of the cell in their quantiles of the
-    prior, the least implausibility in it, and the share of it that is not implausible. `implausible` (n,) is of
-    `implausibility`.
-    """
+    """Share of the prior that is not implausible, and the projections of this region on pairs of parameters."""
     kept = implausible < IMPLAUSIBLE
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
     tables = []

@@ -54,11 +54,7 @@ MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 
 def take(results_dir: str | Path, out: str | Path) -> list[Path]:
-    """Copy tables and pictures of a study to a folder of its own, where they replace an earlier snapshot.
-
-    `out` must be new, empty, or an earlier snapshot without added files. Returns the copied files. InputError
-    if the study is not finished, a file is larger than `LARGEST_FILE`, or `out` holds any other file.
-    """
+    """Copy tables and pictures of a study to a folder of its own, where they replace an earlier snapshot."""
     source, out = Path(results_dir), Path(out)
     files = _kept(source, KEPT)
     sidecars = (path.with_name(f"{path.name}{SIDECAR}") for path in files)
@@ -80,10 +76,7 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
 
 
 def of_optional_studies(results_dir: str | Path) -> str:
-    """Hash of the optional studies' files in a snapshot, 16 hexadecimal digits.
-
-    Another hash is a reason to take the snapshot anew.
-    """
+    """Hash of the optional studies' files in a snapshot, 16 hexadecimal digits."""
     source = Path(results_dir)
     files = _kept(source, (folder for folder in KEPT if folder not in CHAIN))
     return provenance.hash_of(

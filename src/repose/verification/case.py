@@ -42,11 +42,7 @@ def close(
     scale: float | None = None,
     known: str = "",
 ) -> Row:
-    """A result that has to agree with a reference.
-
-    The deviation is the difference over `scale`, by default over the reference. The default tolerance is 0.3 % for a
-    closed form and 2.5 % for a digitised value. `known` is the reason for an expected miss, which is not a failure.
-    """
+    """A result that has to agree with a reference; an expected miss, with its reason `known`, is not a failure."""
     if tolerance is None:
         tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
     deviation = abs(result - reference) / abs(scale or reference)

@@ -77,11 +77,7 @@ def sliding_hits(effort: Effort) -> Result:
 
 
 def loop_work(forward: bool, **laws: Any) -> float:
-    """Work [J] of a floor on an immovable body, over a closed path without slip.
-
-    Forward the floor rises to a small overlap, slides, rises further, slides back and sinks. The reverse path exchanges
-    the heights of the two slides.
-    """
+    """Work [J] of a floor on an immovable body, over a closed path without slip."""
     shape = Shape.ellipsoid(BERRY_M, HEAVY * BERRY_DENSITY, "berry")
     contact = Contact(1.0, 100.0, 0.0)
     top = BERRY_M[2]

@@ -91,11 +91,7 @@ def pair_hits(
     step: float = STEP,
     **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of isolated pairs of ellipsoids after a collision, over the energy before.
-
-    Returns the largest ratio of ten looks and the last one, each (pairs,). `axes` are semi-axes in m, `step` is in s. A
-    pair that still touches at the end holds elastic energy and is left out.
-    """
+    """Energy over that before a collision of isolated pairs of ellipsoids: the largest of ten looks, and the last."""
     n = LANE * LANE
     edge = LANE * SPACING
     simulation = berry_simulation(
@@ -130,10 +126,7 @@ def pair_hits(
 def funnel_hits(
     rng: np.random.Generator, contact: Contact, kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of a berry thrown at a funnel from inside, over the energy before.
-
-    Returns the largest ratio of ten looks and the last one, each (1,). `kind` is "cone", "rim" or "tube".
-    """
+    """The same as `pair_hits` of a berry thrown at a funnel from inside; `kind` is "cone", "rim" or "tube"."""
     funnel = TUBED if kind == "tube" else FUNNEL
     simulation = berry_simulation(
         contact,

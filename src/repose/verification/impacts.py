@@ -28,11 +28,7 @@ QUANTITIES = (("peak force", "kN", 1e-3), ("largest overlap", "um", 1e6), ("cont
 def pair_history(
     solid: Solid, radius_m: float, speed_m_s: float, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Elastic head-on impact of two equal spheres, each with half the speed of approach.
-
-    Returns time since the contact began [s], overlap [m] and normal force [N] at the time steps in contact, each
-    (steps,).
-    """
+    """Time [s], overlap [m] and normal force [N] in an elastic head-on impact of two equal spheres, in contact."""
     hertz = hertz_of_pair(solid, radius_m, speed_m_s)
     step = hertz.duration_s / STEPS_PER_CONTACT
     reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
@@ -79,10 +75,7 @@ def plane_history(
 def _history(
     simulation: Simulation, step: float, mass: float, steps: int, look: Callable[[], tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time, overlap and m dv/dt of the steps in contact; `look` returns overlap and velocity now.
-
-    Time 0 is where the overlap begins, between two steps.
-    """
+    """Time since the overlap began, overlap and m dv/dt in contact; `look` returns overlap and velocity now."""
     overlap, speed = np.empty(steps), np.empty(steps)
     for k in range(steps):
         simulation.run_steps(1)
@@ -97,10 +90,7 @@ def _history(
 
 
 def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
-    """Contact time [s] from the time and overlap of `pair_history`.
-
-    The overlap at the last step in contact is extrapolated to zero with its last speed.
-    """
+    """Contact time [s]: the overlap at the last step in contact is extrapolated to zero with its last speed."""
     step = time[1] - time[0]
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
 
@@ -121,10 +111,7 @@ def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mappi
 
 
 def two_spheres(effort: Effort) -> Result:
-    """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 1.
-    """
+    """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic."""
     cases = [
         (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0, **effort.laws))
         for solid in (GLASS, LIMESTONE)
@@ -138,10 +125,7 @@ def two_spheres(effort: Effort) -> Result:
 
 
 def sphere_on_plane(effort: Effort) -> Result:
-    """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 2.
-    """
+    """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic."""
     cases = [
         (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2, **effort.laws))
         for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY)
@@ -155,10 +139,7 @@ def sphere_on_plane(effort: Effort) -> Result:
 
 
 def damped_impact(effort: Effort) -> Result:
-    """Test 3: simulated for nominal restitution, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 3.
-    """
+    """Test 3: simulated for nominal restitution, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s."""
     nominal = np.linspace(0.2, 1.0, 9)
     rows = [
         close(f"{solid.name}: restitution at {e:.1f}", "", _restitution(solid, e, **effort.laws), e)

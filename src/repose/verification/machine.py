@@ -28,10 +28,7 @@ def sphere_over_plane(
     spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
     **laws: Any,
 ) -> tuple[Simulation, int]:
-    """A sphere just above a rigid plane, without gravity, and the number of steps until it has surely left.
-
-    The z component of `velocity_m_s` is negative.
-    """
+    """A sphere just above a rigid plane, without gravity, and the number of steps until it has surely left."""
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
     step = hertz.duration_s / STEPS_PER_CONTACT
     box = 4.0 * radius_m
@@ -102,8 +99,7 @@ def simulation_of(
 ) -> Simulation:
     """An empty simulation of bodies of one shape, named "body", between walls; without gravity unless asked for.
 
-    The shape has the material "berry", the walls have the material "wall". `keywords` are those of `Simulation`; the
-    box reaches 0.1 m to each side by default, and holds one body.
+    The materials are named "berry" and "wall"; by default the box holds one body and reaches 0.1 m to each side.
     """
     keywords.setdefault("capacity", 1)
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))

@@ -66,8 +66,7 @@ def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str =
     """Size of the change of spin [rad/s] in gross sliding, by the law that the engine solves.
 
     It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
-    elastic part of the damped impact's force where the contact may pull, all of it where it may not. `hertz` is the
-    elastic impact of the same sphere on the plane.
+    elastic part of the damped impact's force where the contact may pull, all of it where it may not.
     """
     time, overlap, force = hertz.history(contact.restitution, 4000, tension)
     if tension == "keep":
@@ -85,11 +84,7 @@ def sliding_rows(
     before: tuple[float, float],
     tension: str = "keep",
 ) -> list[Row]:
-    """Rows of gross sliding: change of velocity judged by rigid bodies, change of spin by `sliding_spin`.
-
-    The spin also stands beside rigid bodies, where the deviation is known. `after` and `before` are tangential velocity
-    [m/s] and spin [rad/s] after and before the impact. `at` begins the name of each row.
-    """
+    """Rows of gross sliding: change of velocity beside rigid bodies, of spin beside the law and rigid bodies."""
     rigid = sliding_impulse(contact, hertz.speed)
     velocity, spin = after
     sign = math.copysign(1.0, velocity - before[0])
@@ -102,10 +97,7 @@ def sliding_rows(
 
 
 def angles(effort: Effort) -> Result:
-    """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 4.
-    """
+    """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal."""
     contact, radius, speed = Contact(0.98, 0.092, 0.0), 0.0025, 3.9
     spring = effort.laws.get("contact_law", "hertz_mindlin")
     rows = []
@@ -143,12 +135,7 @@ SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 def equation_of_hit(
     solid: Solid, hertz: Hertz, contact: Contact, tangential_m_s: float, spring: str, tension: str
 ) -> float:
-    """Tangential velocity [m/s] of a sphere after a hit on the rigid plane, by the equations of its spring.
-
-    In small steps, with the force of the spring itself: S_t times its path, or grown by S_t times the path of the step,
-    and lowered with the contact circle. `hertz` is the elastic impact of the same sphere; `tangential_m_s` is before
-    the impact; `spring` is the contact law.
-    """
+    """Tangential velocity [m/s] of a sphere after a hit on the rigid plane, by its spring in small steps."""
     young, shear = effective_moduli(solid.material, rigid(solid.material))
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
     mass, step = hertz.mass, hertz.duration_s / 20_000
@@ -176,10 +163,7 @@ def equation_of_hit(
 
 
 def tangential_speeds(effort: Effort) -> Result:
-    """Test 5: radius 10 um, normal 5 m/s, tangential 13.5 and 25 m/s, e 1, mu 0.3; steel and polyethylene.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 5.
-    """
+    """Test 5: radius 10 um, normal 5 m/s, tangential 13.5 and 25 m/s, e 1, mu 0.3; steel and polyethylene."""
     contact, radius, normal = Contact(1.0, 0.3, 0.0), 1e-5, 5.0
     rows = []
     for solid in (STEEL, POLYETHYLENE):

@@ -87,13 +87,7 @@ def hexagonal_packing(effort: Effort) -> Result:
 
 
 def poured_packing(effort: Effort) -> Result:
-    """Berries poured into boxes, with friction and without: solid fraction and coordination number of the core.
-
-    The numbers are means over `BOXES` boxes.
-
-    Schaller (2012), and Delaney, Hilton and Cleary (2011), for berries with friction; Donev et al. (2004),
-    Science 303, 990, for berries without.
-    """
+    """Berries poured into boxes, with friction and without: solid fraction and coordination number of the cores."""
     rows = []
     cases = (
         ("mu 0.6", Contact(0.1, 0.6, 0.05), FRICTIONAL, SOURCES[0]),
@@ -171,11 +165,7 @@ def _top(simulation: Simulation) -> float:
 def solid_fraction_profile(
     simulation: Simulation, side: float, points: int = 900
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the volume that berries fill, over the height: middles of the slices [m] and shares, each (slices,).
-
-    It is the share of random points inside a berry, in slices 4 mm thick with `points` each. Points within `MARGIN` of
-    a side wall are left out. The box reaches from 0 to `side` in m.
-    """
+    """Middles [m] of slices 4 mm thick, and the share of random points in each that lie inside a berry."""
     rng = np.random.default_rng(31)
     heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)
     margin = MARGIN
@@ -194,10 +184,7 @@ def solid_fraction_profile(
 
 
 def coordination(simulation: Simulation, side: float, top: float) -> float:
-    """Mean number of touching neighbours of the berries in the core, `MARGIN` away from the walls and the top.
-
-    The box reaches from 0 to `side`, its filling up to `top`, in m.
-    """
+    """Mean number of touching neighbours of the berries in the core, `MARGIN` away from the walls and the top."""
     x, y, z = simulation.positions.T
     margin = MARGIN
     core = (x > margin) & (x < side - margin) & (y > margin) & (y < side - margin)

@@ -19,10 +19,7 @@ ELLIPTIC_NOTE = "the engine takes R* = sqrt(R1 R2) in the law of spheres; Hertz'
 
 
 def resting_overlap(mass: float, radius: float, material: Material) -> float:
-    """Overlap [m] that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3).
-
-    `mass` is in kg; `radius` is the radius of curvature R* in m.
-    """
+    """Overlap [m] that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3)."""
     young, _ = effective_moduli(material, PVC)
     return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(radius))) ** (2.0 / 3.0)
 

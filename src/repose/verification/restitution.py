@@ -96,8 +96,7 @@ def first_touch(
     """Distance [m] at which two bodies touch, the second at offset + distance * direction.
 
     Spheres touch in closed form. Convex bodies overlap at a distance s as long as (offset + s d) . n < h(n) for all n,
-    h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0. `turn_a` and `turn_b`
-    are rotations (3, 3) from body to world; `direction` is a unit vector (3,).
+    h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0.
     """
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
@@ -143,11 +142,7 @@ def hits(
     seed: int = 3,
     **keywords: Any,
 ) -> Hits:
-    """Results of `count` isolated hits of two bodies, or of a body and a plane.
-
-    `shape` has the material "berry". `times` multiplies the moduli of berry and PVC. `keywords` are those of
-    `Simulation`, such as its laws.
-    """
+    """Results of `count` isolated hits of two bodies, or of a body and a plane."""
     rng = np.random.default_rng(seed)
     contact = Contact(restitution, 0.0, 0.0)
     edge = SPACING_M * (count // LANE + 1)

@@ -57,10 +57,7 @@ def _sliding_rows(solid: Solid, spin: float, after: tuple[float, float], effort:
 
 
 def plane_spins(effort: Effort) -> Result:
-    """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 6 to 21 rad/s; aluminium and nylon.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 6.
-    """
+    """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 6 to 21 rad/s; aluminium and nylon."""
     rows = []
     for solid in SOLIDS:
         for spin in SLIDING:
@@ -77,8 +74,6 @@ def equal_spheres(effort: Effort) -> Result:
 
     With one sense of rotation, as vectors, the surfaces move against each other and the contact point stays: each
     sphere is one on a plane of its own. With opposite vectors the surfaces move together and nothing is exchanged.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 7.
     """
     rows = []
     for solid in SOLIDS:
@@ -96,10 +91,7 @@ def equal_spheres(effort: Effort) -> Result:
 
 
 def unequal_spheres(effort: Effort) -> Result:
-    """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 8.
-    """
+    """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again."""
     rows = []
     source = "test 6, same simulator"
     for solid in SOLIDS:

@@ -23,10 +23,7 @@ DEPTH = ("share", "above: optical depth, the share of a cell that is not implaus
 
 
 def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each pair of free parameters: minimum implausibility below the diagonal, optical depth above it.
-
-    Inputs: ``region`` and ``summary`` of the verb posterior.
-    """
+    """Each pair of free parameters: minimum implausibility below the diagonal, optical depth above it."""
     table = read_table(inputs["region"], COLUMNS)
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
     space = ParameterSpace.of(config["parameters"])
