@@ -8,19 +8,20 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from functools import cache
+from functools import cache, reduce
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from repose.apparatus import bench
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.answer import Answer, Check, nearness
-from repose.chain.described import described
 from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.responses import Response, derived
 from repose.core.targets import Target, Targets
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ TENSION = {
     "keep": "the damped force may pull at the end of an impact",
     "release": "the force never pulls, damped so that the restitution is as set",
 }
+CHOSEN = "measure.response"  # names the definition of a response that has several
+BERRY_HEIGHT = "berry_height_mm"
 CONFIG = "config.json"  # the configuration of a study, beside its card
 AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
@@ -119,6 +122,32 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
     words = {**CONTACT_LAWS[settings.contact_law].words, **ROLLING_LAWS[settings.rolling_law].words}
     sentences = {direction: text.format(limit=limit) for direction, text in words.items()}
     return sentences | {"end of an impact": TENSION[settings.tension]}
+
+
+def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
+    """Definition of a response and settings of its bench test, with the units in the keys."""
+    from repose.measure.settings import MeasureSettings
+
+    test = bench(response.apparatus)
+    section, others = config[test.name], ("seeds", *test.measured_by)
+    if CHOSEN in response.definition:
+        own = {other.name: other for other in test.responses}
+        response = own[derived(response.name, value_of(config, CHOSEN))]
+    settings = {key.rpartition(".")[2]: value_of(config, key) for key in response.definition}
+    if BERRY_HEIGHT in settings:
+        height = MeasureSettings.of(config["measure"], berry).berry_height_mm
+        settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
+    return {
+        "definition": {"name": response.label, "settings": settings},
+        "bench": {
+            key: section[key] for key in test.settings.model_fields if key in section and key not in others
+        },
+    }
+
+
+def value_of(config: Mapping[str, Any], key: str) -> Any:
+    """Value of a dotted key."""
+    return reduce(lambda section, name: section[name], key.split("."), config)
 
 
 def _ends(space, feasible, posterior):

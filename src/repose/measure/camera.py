@@ -21,7 +21,6 @@ LARGEST_FOCAL_ERROR = 0.05
 LARGEST_MISS = 1.5e-3  # of the longer side: distance of a corner from its place on a flat sheet
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
-LARGEST_SIDE_PX = 1600  # of the side view
 BELOW_MM = 3.0  # shown below the plate
 
 

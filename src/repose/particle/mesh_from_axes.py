@@ -106,10 +106,3 @@ def berry_mesh(
         raise InputError(source, "mass_g", mass_g, allowed)
     shape = brentq(lambda s: _mesh(axes, s, *details).volume - volume, *SHAPE_LIMITS, xtol=1e-12)
     return _mesh(axes, shape, *details), shape
-
-
-def fullness(shape: float) -> float:
-    """Share of its bounding box that a smooth body fills, V / (L W T), in closed form; no taper, no wrinkles."""
-    m, k = profile_exponents(shape)
-    beta = math.gamma(1 / m) * math.gamma(2 * k + 1) / math.gamma(1 / m + 2 * k + 1)
-    return math.pi / 4 * beta / m

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from repose.apparatus.funnel import Funnel
 from repose.dem import Simulation
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
 from repose.dem.walls import Cone, Mesh
+from repose.pictures.backdrop import DrumInside
 
 FIELD_OF_VIEW_DEG = 24.0
 BAND_PIXELS = 65_536  # per band: the temporary arrays of a band take tens of MB
@@ -47,22 +48,6 @@ class Panel:
         return normal / np.linalg.norm(normal)
 
 
-class Backdrop(Protocol):
-    """A surface behind all bodies, such as `repose.pictures.backdrop.DrumInside`."""
-
-    def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depth (H, W) in m along the view, infinite for a ray that misses the surface, and unit normal (H, W, 3).
-
-        `rays` (H, W, 3) start at the eye and are scaled to unit depth along the view.
-        """
-
-    def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
-        """Colours (M, 3) of places on the surface: red, green and blue, 0 to 1 or a little above.
-
-        `normal` comes from `meet`; `lit` and `sky` (M,) are the shares of light and sky that reach the places.
-        """
-
-
 @dataclass(frozen=True)
 class Setting:
     """Scenery around the bodies."""
@@ -70,7 +55,7 @@ class Setting:
     plate_m: float | None = 0.0  # height of an endless plate; None means no plate
     panels: tuple[Panel, ...] = ()  # opaque
     frusta: tuple[Frustum, ...] = ()  # translucent
-    backdrop: Backdrop | None = None  # behind all of them
+    backdrop: DrumInside | None = None  # behind all of them
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from repose.pictures import raster
+from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Bodies
-from repose.pictures.scenery import Backdrop, Camera, Frustum, Setting
+from repose.pictures.scenery import Camera, Frustum, Setting
 from repose.pictures.view import View
 
 BACKGROUND = np.array([0.975, 0.977, 0.980])
@@ -126,7 +127,7 @@ def _paint_flat(
     lit: np.ndarray,
     sky: np.ndarray,
     frame: np.ndarray,
-    backdrop: Backdrop | None,
+    backdrop: DrumInside | None,
 ) -> None:
     """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
     if view.plate.any():

@@ -61,10 +61,10 @@ def within_correlation(
         ok = usable(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
             first, second = targets.names[i], targets.names[j]
-            found = residual_correlation(ok[first], ok[second], ok["sample"])
-            matrix[i, j] = matrix[j, i] = found[0]
+            correlation = residual_correlation(ok[first], ok[second], ok["sample"])
+            matrix[i, j] = matrix[j, i] = correlation[0]
             names = ("value", "low", "high", "degrees_of_freedom")
-            pairs[f"{first}, {second}"] = dict(zip(names, found, strict=True))
+            pairs[f"{first}, {second}"] = dict(zip(names, correlation, strict=True))
     return matrix, pairs
 
 

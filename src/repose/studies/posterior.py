@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import train
-from repose.chain.trained import require_targets
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
@@ -128,7 +127,7 @@ def run(
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
     model = train.restore(*(files[key] for key in ("network", "predictions", "dataset")))
-    require_targets(model, files["network"], targets, definitions or {}, source)
+    train.require_targets(model, files["network"], targets, definitions or {}, source)
     support = Support.of_dataset(files["dataset"], space)
     feasible = read_table(files["feasible"], PARAMETERS)[list(PARAMETERS)]
     runs = noise.read_runs(files["runs"], targets)

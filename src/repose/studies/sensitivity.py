@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.chain.trained import read_surrogate
+from repose.chain.train import read_surrogate
 from repose.core.errors import InputError
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
@@ -94,11 +94,11 @@ def analyse(
     def respond(values):
         return model.predict(space.complete(values))
 
-    found = indices(
+    table = indices(
         respond, space.low, space.high, settings["samples"], settings["resamples"], settings["seed"]
     )
     rows = [
-        {"response": response, "parameter": name} | {key: value[i, k] for key, value in found.items()}
+        {"response": response, "parameter": name} | {key: value[i, k] for key, value in table.items()}
         for i, response in enumerate(targets.names)
         for k, name in enumerate(space.free)
     ]

@@ -115,22 +115,22 @@ def first_touch(
     return float(distance(_deepest(distance, direction)[None])[0])
 
 
-def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, apart: np.ndarray) -> Place:
-    """The place where two bodies that just touch do so; `apart` (3,) is from the first centre to the second [m]."""
+def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, between: np.ndarray) -> Place:
+    """The place where two bodies that just touch do so; `between` (3,) is from the first centre to the second [m]."""
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
-        between = b[None, :, :3] + apart - a[:, None, :3]
-        lengths = np.linalg.norm(between, axis=-1)
+        ways = b[None, :, :3] + between - a[:, None, :3]
+        lengths = np.linalg.norm(ways, axis=-1)
         i, j = np.unravel_index(np.argmin(lengths - a[:, None, 3] - b[None, :, 3]), lengths.shape)
-        normal = between[i, j] / lengths[i, j]
+        normal = ways[i, j] / lengths[i, j]
         arm = a[i, :3] + a[i, 3] * normal
     else:
         normal = _deepest(
-            lambda n: shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ apart,
-            apart / np.linalg.norm(apart),
+            lambda n: shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ between,
+            between / np.linalg.norm(between),
         )
         arm = turn_a @ shape.support_point(normal @ turn_a)
-    return Place(normal, arm, arm - apart)
+    return Place(normal, arm, arm - between)
 
 
 def hits(
