@@ -20,6 +20,7 @@ from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
 from repose.particle.mesh import (
     MM,
+    Body,
     body_of,
     ellipsoid_mesh,
     load_mesh,
@@ -74,21 +75,16 @@ def fit_particle(
     volume, second_moments = support_fit.volume_integrals(semi_axes)
     tolerance = VOLUME_TOLERANCE * (2 if kind == "ellipsoid" else 1)
     _check_fit(deviation.max() / radius, volume / (mesh.volume * MM**3), tolerance, source)
-    body = body_of(mesh, density_kg_m3)
     return Particle(
         kind="ellipsoid" if len(semi_axes) == 1 else "smooth",
         semi_axes_m=semi_axes,
-        density_kg_m3=float(density_kg_m3),
         volume_m3=volume,
         mass_kg=density_kg_m3 * volume,
         inertia_kg_m2=density_kg_m3 * (second_moments.sum() - second_moments),
         bounding_radius_m=support_fit.bounding_radius(semi_axes),
         deviation_max_m=float(deviation.max()),
         deviation_rms_m=float(np.sqrt(np.mean(deviation**2))),
-        mesh_volume_m3=body.volume_m3,
-        stl=str(stl),
-        mesh_inertia_kg_m2=body.inertia_kg_m2,
-        mesh_axes_m=body.axes_m,
+        **_origin(body_of(mesh, density_kg_m3), density_kg_m3, stl),
     )
 
 
@@ -113,19 +109,26 @@ def make_particle(
     return Particle(
         kind="multisphere",
         semi_axes_m=np.zeros((0, 3)),
-        density_kg_m3=float(density_kg_m3),
         volume_m3=packing.volume_m3,
         mass_kg=body.mass_kg,
         inertia_kg_m2=body.inertia_kg_m2,
         bounding_radius_m=float((np.linalg.norm(centres, axis=1) + radii).max()),
         deviation_max_m=packing.deviation_max_m,
         deviation_rms_m=packing.deviation_rms_m,
-        mesh_volume_m3=body.volume_m3,
-        stl=str(stl),
         spheres_m=packing.spheres_m,
-        mesh_inertia_kg_m2=body.inertia_kg_m2,
-        mesh_axes_m=body.axes_m,
+        **_origin(body, density_kg_m3, stl),
     )
+
+
+def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
+    """What a particle keeps of its mesh."""
+    return {
+        "density_kg_m3": float(density_kg_m3),
+        "stl": str(stl),
+        "mesh_volume_m3": body.volume_m3,
+        "mesh_inertia_kg_m2": body.inertia_kg_m2,
+        "mesh_axes_m": body.axes_m,
+    }
 
 
 def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ from scipy.stats import qmc
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 from repose.studies.likelihood import log_likelihood
-from repose.studies.sampler import BINS
+from repose.studies.sampler import BINS, bits_of_shares
 from repose.surrogate.base import Surrogate
 
 CREDIBLE = 0.95
@@ -98,11 +98,7 @@ def _marginal(name, points, k, weight, space, effective):
     edge[:, k] = ends
     low, high = (space.low[k] + (space.high[k] - space.low[k]) * space.from_prior(edge)[:, k]).tolist()
     share = np.bincount(np.minimum((quantile * BINS).astype(int), BINS - 1), weight, BINS)
-    filled = share[share > 0]
-    # a histogram of so many bins looks informative by chance
-    excess = (len(filled) - 1) / (2 * effective * math.log(2))
-    bits = max(0.0, float(filled @ np.log2(filled * BINS)) - excess)
-    return {f"{name}_low": low, f"{name}_high": high, f"{name}_bits": bits}
+    return {f"{name}_low": low, f"{name}_high": high, f"{name}_bits": bits_of_shares(share, effective)}
 
 
 def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -81,7 +81,11 @@ def information_bits(draws: np.ndarray, effective: float) -> float:
     It is the divergence of a histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2
     effective ln 2), is subtracted (Miller 1955, Note on the bias of information estimates).
     """
-    share = np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws)
+    return bits_of_shares(np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws), effective)
+
+
+def bits_of_shares(share: np.ndarray, effective: float) -> float:
+    """`information_bits` of a histogram: the share of the draws in each of the BINS."""
     filled = share[share > 0]
     excess = (len(filled) - 1) / (2 * effective * math.log(2))
     return max(0.0, float(filled @ np.log2(filled * BINS)) - excess)
