@@ -101,12 +101,13 @@ def simulation_of(
 
     The materials are named "berry" and "wall"; by default the box holds one body and reaches 0.1 m to each side.
     """
+    shapes: Any = {"body": shape}
     keywords.setdefault("capacity", 1)
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
     keywords.setdefault("lower", (-0.1, -0.1, -0.1))
     keywords.setdefault("upper", (0.1, 0.1, 0.1))
     return Simulation(
-        {"body": shape},
+        shapes,
         {"berry": material, "wall": wall},
         {("berry", "berry"): contact, ("berry", "wall"): contact},
         step_s,
