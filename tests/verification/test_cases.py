@@ -24,7 +24,7 @@ CHEAP = ("chung3", "chung4", "chung5", "chung6", "rolling", "slope", "rest")
 
 
 @functools.cache
-def result_of(name, laws="default"):
+def rows_of(name, laws="default"):
     return verification.CASES[name](dataclasses.replace(REDUCED, laws=LAWS[laws]))
 
 
@@ -51,21 +51,15 @@ DEVIATING = {
 
 @pytest.mark.parametrize(("name", "laws"), NAMES)
 def test_case_meets_its_references(name, laws):
-    result = result_of(name, laws)
-    assert result.rows
-    missed = [
-        (row.quantity, row.result, row.reference, row.deviation) for row in result.rows if not row.passed
-    ]
+    rows = rows_of(name, laws)
+    assert rows
+    missed = [(row.quantity, row.result, row.reference, row.deviation) for row in rows if not row.passed]
     assert not missed
 
 
 @pytest.mark.parametrize(("name", "laws"), NAMES)
 def test_what_deviates_is_what_is_known_to(name, laws):
-    found = {
-        row.quantity.split(": ")[1]: row.deviation
-        for row in result_of(name, laws).rows
-        if row.status == KNOWN
-    }
+    found = {row.quantity.split(": ")[1]: row.deviation for row in rows_of(name, laws) if row.status == KNOWN}
     assert found == DEVIATING.get((name, laws), {})
 
 
@@ -79,7 +73,7 @@ def test_no_case_goes_without_the_laws_of_a_study():
 @pytest.mark.parametrize("laws", LAWS)
 def test_equal_spins_of_sliding_hits_lose_what_rigid_bodies_lose(laws):
     """Test 6 again, against the numbers of rigid bodies by hand: mu (1 + e) V is 0.4 * 1.5 * 0.2."""
-    rows = {row.quantity: row.result for row in result_of("chung6", laws).rows if row.unit == "m/s"}
+    rows = {row.quantity: row.result for row in rows_of("chung6", laws) if row.unit == "m/s"}
     assert len(rows) == 6
     for found in rows.values():
         assert found == pytest.approx(0.12, rel=3e-3)

@@ -12,7 +12,7 @@ from repose.config.study import Study
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
-    from repose.verification.case import Result
+    from repose.verification.case import Row
 
 family = Family()
 
@@ -37,20 +37,18 @@ def verify(args: argparse.Namespace) -> int:
     print("laws: " + ", ".join(laws.values()), flush=True)
     effort = verification.Effort(hits=args.hits, laws=laws)
     results = verification.run(
-        args.case, effort, lambda name, result: print(_case_line(name, result), flush=True)
+        args.case, effort, lambda name, rows: print(_case_line(name, rows), flush=True)
     )
     table = Path(args.out) / "verification.csv"
     verification.write(results, table)
     print(table)
-    return 0 if all(result.passed for result in results.values()) else 1
+    return 0 if all(row.passed for rows in results.values() for row in rows) else 1
 
 
-def _case_line(name: str, result: "Result") -> str:
+def _case_line(name: str, rows: "list[Row]") -> str:
     """One case in words."""
-    missed = [row for row in result.rows if not row.passed]
-    words = (
-        f"{len(missed)} of {len(result.rows)} numbers miss" if missed else f"{len(result.rows)} numbers, good"
-    )
+    missed = [row for row in rows if not row.passed]
+    words = f"{len(missed)} of {len(rows)} numbers miss" if missed else f"{len(rows)} numbers, good"
     return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
 
 

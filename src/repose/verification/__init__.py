@@ -22,9 +22,9 @@ from . import (
     rotation,
     spinning,
 )
-from .case import FULL, Effort, Result, Row
+from .case import FULL, Effort, Row
 
-# Every case by name: a function of an `Effort` that returns a `case.Result`.
+# Every case by name: a function of an `Effort` that returns its rows.
 CASES = {
     "chung1": impacts.two_spheres,
     "chung2": impacts.sphere_on_plane,
@@ -55,11 +55,11 @@ __all__ = ["CASES", "FULL", "Effort", "run", "write"]
 def run(
     names: Iterable[str] | None = None,
     effort: Effort = FULL,
-    report: Callable[[str, Result], Any] | None = None,
-) -> dict[str, Result]:
+    report: Callable[[str, list[Row]], Any] | None = None,
+) -> dict[str, list[Row]]:
     """Run cases of the verification suite, by default all; an unknown name raises InputError.
 
-    `report` is called with the name and the `Result` of each case as it ends.
+    `report` is called with the name and the rows of each case as it ends.
     """
     chosen = list(names or CASES)
     for name in chosen:
@@ -73,12 +73,12 @@ def run(
     return results
 
 
-def write(results: Mapping[str, Result], path: str | Path) -> None:
+def write(results: Mapping[str, list[Row]], path: str | Path) -> None:
     """Write all rows of all cases as a table."""
     lines = io.StringIO(newline="")
     writer = csv.writer(lines)
     writer.writerow(["case", *(field.name for field in fields(Row))])
-    for name, result in results.items():
-        for row in result.rows:
+    for name, rows in results.items():
+        for row in rows:
             writer.writerow([name, *("" if value is None else value for value in astuple(row))])
     write_text(path, lines.getvalue())

@@ -1,4 +1,4 @@
-"""The result of a case of the verification suite: numbers beside references."""
+"""The rows of a case of the verification suite: numbers beside references."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -71,20 +71,6 @@ def reported(
     if isinstance(reference, float) and reference != 0.0:
         deviation = abs(result - reference) / abs(reference)
     return Row(quantity, unit, reference, source, result, deviation, None, REPORTED, note)
-
-
-@dataclass(frozen=True)
-class Result:
-    """A case: its title, the two sides of the comparison, and its rows."""
-
-    title: str
-    compared: str  # both sides of the comparison, in words
-    rows: list  # of `Row`
-
-    @property
-    def passed(self) -> bool:
-        """Whether no row misses."""
-        return all(row.passed for row in self.rows)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from repose.dem import Clump, Contact, Motion, Plane, Shape, Simulation, time_steps
 
-from .case import CLOSED, Effort, Result, at_most, close, reported
+from .case import CLOSED, Effort, Row, at_most, close, reported
 from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, simulation_of, steps_of_impact, stiffer
 from .oblique import sliding_impulse
 from .restitution import STIFFER, particles
@@ -61,7 +61,7 @@ def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
     return along - float(simulation.velocities[0, 0])
 
 
-def sliding_hits(effort: Effort) -> Result:
+def sliding_hits(effort: Effort) -> list[Row]:
     """A body that slides through a hit loses mu (1 + e) V: sphere, smooth body and clumps, e from .05 to .9."""
     rows = []
     for name, body in particles().items():
@@ -69,11 +69,7 @@ def sliding_hits(effort: Effort) -> Result:
             contact = Contact(e, FRICTION, 0.0)
             share = sliding_loss(body, contact, **effort.laws) / sliding_impulse(contact, NORMAL_M_S)
             rows.append(close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", share, 1.0))
-    return Result(
-        "Coulomb's law over a sliding hit",
-        f"stiff bodies on a floor, mu {FRICTION:g}, {NORMAL_M_S:g} m/s along the normal",
-        rows,
-    )
+    return rows
 
 
 def loop_work(forward: bool, **laws: Any) -> float:
@@ -101,7 +97,7 @@ def loop_work(forward: bool, **laws: Any) -> float:
     return work
 
 
-def closed_loop(effort: Effort) -> Result:
+def closed_loop(effort: Effort) -> list[Row]:
     """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload."""
     rows = []
     for way, forward in (
@@ -114,9 +110,4 @@ def closed_loop(effort: Effort) -> Result:
             rows.append(reported(name, "uJ", gained, SPRING_NOTE, "none", CLOSED))
         else:
             rows.append(at_most(name, "uJ", gained, 0.02, CLOSED + ": a path gives none"))
-    return Result(
-        "A closed path of a contact",
-        f"a soft berry, no slip: overlap {1e3 * LOW_M:g} mm, slide {1e3 * SLIDE_M:g} mm, "
-        f"pressed {1e3 * DEEPER_M:g} mm deeper",
-        rows,
-    )
+    return rows

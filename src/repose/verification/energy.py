@@ -12,7 +12,7 @@ import numpy as np
 from repose.apparatus.funnel import Funnel
 from repose.dem import Contact, Cylinder, Simulation, random_quaternion
 
-from .case import Effort, Result, at_most, close, reported
+from .case import Effort, Row, at_most, close, reported
 from .machine import BERRY_M, berry_simulation, frictionless, random_direction
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
@@ -27,7 +27,7 @@ MUCH = 1.05  # throws with a larger energy ratio are counted
 SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them lie in a row
 
 
-def cloud_momentum(effort: Effort) -> Result:
+def cloud_momentum(effort: Effort) -> list[Row]:
     """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum."""
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
@@ -71,7 +71,7 @@ def cloud_momentum(effort: Effort) -> Result:
         for name, worst in zip(names, np.max(drifts, axis=0), strict=True)
     ]
     rows.append(at_most("kinetic energy left", "", left / energy, 0.9, "the berries have collided"))
-    return Result("Momentum of a colliding cloud", "64 free berries, drift of the totals", rows)
+    return rows
 
 
 def _ratios(simulation: Simulation, checks: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -181,7 +181,7 @@ KINDS: dict[str, Any] = {
 }
 
 
-def energy_of_hits(effort: Effort) -> Result:
+def energy_of_hits(effort: Effort) -> list[Row]:
     """No impact with e below 1 and without rolling friction leaves with more energy than it came with."""
     rows = []
     for kind, throw in KINDS.items():
@@ -198,14 +198,10 @@ def energy_of_hits(effort: Effort) -> Result:
         rows.append(
             at_most(f"{kind}: energy over that before, {note}", "", most.max(), 1.0 + CREATED, "no energy")
         )
-    return Result(
-        "Energy of random hits",
-        "berries, e 0.1 to 0.6, mu 0.2 to 0.8, no rolling friction; kinetic energy at ten looks",
-        rows,
-    )
+    return rows
 
 
-def elastic_impacts(effort: Effort) -> Result:
+def elastic_impacts(effort: Effort) -> list[Row]:
     """Deviation from a conservative force: e = 1 and no friction; pairs, spheres as a control, and a funnel."""
     bodies = (
         ("berries", BERRY_M, STEP),
@@ -236,8 +232,4 @@ def elastic_impacts(effort: Effort) -> Result:
         gain, share = 100.0 * (ends.max() - 1.0), 100.0 * float(np.mean(ends > MUCH))
         rows.append(reported(f"berries at the {kind}: largest gain of energy", "%", gain, WALL_NOTE))
         rows.append(reported(f"berries at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE))
-    return Result(
-        "Elastic impacts of berries: the known exception",
-        "kinetic energy after over before, e = 1, mu = 0; exactly 0 for a conservative force",
-        rows,
-    )
+    return rows

@@ -10,7 +10,7 @@ import numpy as np
 
 from repose.dem import Contact, Simulation
 
-from .case import DIGITISED, Effort, Result, close
+from .case import DIGITISED, Effort, Row, close
 from .hertz import Solid, hertz_of_pair, hertz_on_plane
 from .machine import STEPS_PER_CONTACT, frictionless, sphere_over_plane, spheres, steps_of_impact
 
@@ -95,7 +95,7 @@ def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
 
 
-def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mapping) -> Result:
+def _elastic(cases: Sequence[tuple], published: Mapping) -> list[Row]:
     """Rows of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
     rows = []
     for solid, hertz, (time, overlap, force) in cases:
@@ -107,38 +107,28 @@ def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mappi
             QUANTITIES, result, published.get(solid.name, ()), strict=False
         ):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, value, DIGITISED))
-    return Result(title, compared, rows)
+    return rows
 
 
-def two_spheres(effort: Effort) -> Result:
+def two_spheres(effort: Effort) -> list[Row]:
     """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic."""
     cases = [
         (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0, **effort.laws))
         for solid in (GLASS, LIMESTONE)
     ]
-    return _elastic(
-        "Chung & Ooi 1: elastic normal impact of two equal spheres",
-        "force over time and over overlap; the law of Hertz",
-        cases,
-        {"glass": (10.70, 274.0, 40.3)},
-    )
+    return _elastic(cases, {"glass": (10.70, 274.0, 40.3)})
 
 
-def sphere_on_plane(effort: Effort) -> Result:
+def sphere_on_plane(effort: Effort) -> list[Row]:
     """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic."""
     cases = [
         (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2, **effort.laws))
         for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY)
     ]
-    return _elastic(
-        "Chung & Ooi 2: elastic normal impact of a sphere on a rigid plane",
-        "force over time and over overlap; the law of Hertz",
-        cases,
-        {"aluminium alloy": (11.37, 49.7, 731.0)},
-    )
+    return _elastic(cases, {"aluminium alloy": (11.37, 49.7, 731.0)})
 
 
-def damped_impact(effort: Effort) -> Result:
+def damped_impact(effort: Effort) -> list[Row]:
     """Test 3: simulated for nominal restitution, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s."""
     nominal = np.linspace(0.2, 1.0, 9)
     rows = [
@@ -156,11 +146,7 @@ def damped_impact(effort: Effort) -> Result:
                 "damped Hertz equation, solved by scipy",
             )
         )  # fmt: skip
-    return Result(
-        "Chung & Ooi 3: damped normal impact of a sphere on a rigid plane",
-        "restitution; force over time of the damped law",
-        rows,
-    )
+    return rows
 
 
 def _restitution(solid: Solid, restitution: float, **laws: Any) -> float:

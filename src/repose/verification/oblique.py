@@ -18,7 +18,7 @@ from repose.dem import Contact
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
-from .case import DIGITISED, Effort, Result, Row, close
+from .case import DIGITISED, Effort, Row, close
 from .hertz import Hertz, Solid, hertz_on_plane, rigid
 from .impacts import ALUMINIUM_OXIDE, STILL
 from .machine import sphere_over_plane
@@ -96,7 +96,7 @@ def sliding_rows(
     ]
 
 
-def angles(effort: Effort) -> Result:
+def angles(effort: Effort) -> list[Row]:
     """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal."""
     contact, radius, speed = Contact(0.98, 0.092, 0.0), 0.0025, 3.9
     spring = effort.laws.get("contact_law", "hertz_mindlin")
@@ -122,11 +122,7 @@ def angles(effort: Effort) -> Result:
                 close(f"{angle} deg: tangential restitution", "", kept, of_kept, DIGITISED, known=known),
                 close(f"{angle} deg: spin", "rad/s", spin, of_spin, DIGITISED, known=known),
             ]
-    return Result(
-        "Chung & Ooi 4: oblique impact on a rigid plane at 3.9 m/s, angle from the normal",
-        "tangential restitution and spin; total speed 3.9 m/s",
-        rows,
-    )
+    return rows
 
 
 SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
@@ -162,7 +158,7 @@ def equation_of_hit(
             return along
 
 
-def tangential_speeds(effort: Effort) -> Result:
+def tangential_speeds(effort: Effort) -> list[Row]:
     """Test 5: radius 10 um, normal 5 m/s, tangential 13.5 and 25 m/s, e 1, mu 0.3; steel and polyethylene."""
     contact, radius, normal = Contact(1.0, 0.3, 0.0), 1e-5, 5.0
     rows = []
@@ -172,8 +168,4 @@ def tangential_speeds(effort: Effort) -> Result:
             v, w = impact(solid, radius, contact, (u, 0.0, -normal), STILL, **effort.laws)
             at, result = f"{solid.name}, {u:g} m/s", (v[0], w[1])
             rows += sliding_rows(at, contact, hertz, radius, result, (u, 0.0), effort.tension)
-    return Result(
-        "Chung & Ooi 5: oblique impact of small elastic spheres, tangential velocity varied",
-        "tangential velocity and spin in gross sliding",
-        rows,
-    )
+    return rows

@@ -9,7 +9,7 @@ import numpy as np
 from repose.dem import Contact, Material, Plane, Shape, Simulation, random_quaternion, rotation_matrix
 from repose.dem.materials import effective_moduli
 
-from .case import Effort, Result, at_most, close, within
+from .case import Effort, Row, at_most, close, within
 from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, berry_simulation, frictionless, simulation_of
 
 GRAVITY = 9.81
@@ -32,7 +32,7 @@ SOURCES = (
 )
 
 
-def hexagonal_packing(effort: Effort) -> Result:
+def hexagonal_packing(effort: Effort) -> list[Row]:
     """Rows of spheres without friction between a floor and walls settle into their lattice and stay."""
     rows_of, columns = 6, 8
     shape = Shape.sphere(RADIUS, BERRY_DENSITY, "berry")
@@ -81,12 +81,10 @@ def hexagonal_packing(effort: Effort) -> Result:
         ),
         at_most("kinetic energy", "J", simulation.kinetic_energies().sum(), 1e-20, "at rest"),
     ]  # fmt: skip
-    return Result(
-        "A hexagonal packing stays at rest", "47 equal spheres without friction between walls", rows
-    )
+    return rows
 
 
-def poured_packing(effort: Effort) -> Result:
+def poured_packing(effort: Effort) -> list[Row]:
     """Berries poured into boxes, with friction and without: solid fraction and coordination number of the cores."""
     rows = []
     cases = (
@@ -116,12 +114,7 @@ def poured_packing(effort: Effort) -> Result:
                 "nearly at rest",
             )
         )
-    return Result(
-        "Berries poured into a box",
-        f"{BOXES} boxes of {effort.berries} ellipsoids of 21.1 x 11.4 x 9.9 mm, thirty times stiffer; "
-        "core: away from walls and top",
-        rows,
-    )
+    return rows
 
 
 def _pour(n: int, contact: Contact, seed: int, laws: Mapping[str, Any]) -> tuple[Simulation, float]:

@@ -10,7 +10,7 @@ from scipy.special import ellipe, ellipk
 from repose.dem import Contact, Material, Plane
 from repose.dem.materials import effective_moduli
 
-from .case import Effort, Result, close, reported
+from .case import Effort, Row, close, reported
 from .machine import BERRY, BERRY_M, FLOOR, PVC, UP, berry_simulation
 
 GRAVITY = 9.81
@@ -46,7 +46,7 @@ def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float
     return 1.5 * mass * GRAVITY / (math.pi * a * b * young) * b * ellipk(m)
 
 
-def berry_at_rest(effort: Effort) -> Result:
+def berry_at_rest(effort: Effort) -> list[Row]:
     """A berry lies on a plate, each of its axes vertical in turn, at the overlap of its curvature."""
     quarter = math.sqrt(0.5)
     turns = {
@@ -79,7 +79,7 @@ def berry_at_rest(effort: Effort) -> Result:
                 "closed form, elliptic Hertz contact",
             )
         )  # fmt: skip
-    return Result("A berry at rest on a plate", "overlap under its own weight", rows)
+    return rows
 
 
 def rocking_period(a: float, c: float) -> float:
@@ -92,18 +92,14 @@ def rocking_period(a: float, c: float) -> float:
     return 2.0 * math.pi * math.sqrt(((a * a + c * c) / 5.0 + c * c) / (GRAVITY * (a * a / c - c)))
 
 
-def rocking(effort: Effort) -> Result:
+def rocking(effort: Effort) -> list[Row]:
     """A berry tilted by a degree from its flat rest rocks with the theoretical period, about either level axis."""
     rows = []
     for name, level, about in (("about the middle axis", 0, 1), ("about the long axis", 1, 0)):
         period = rocking_period(BERRY_M[level], BERRY_M[2])
         time, tilt = _rocking_history(level, about, 3.0 * period, effort.laws)
         rows.append(close(f"period {name}", "s", period_of(time, tilt), period))
-    return Result(
-        "A berry rocks on a plane",
-        "period of small oscillations; a berry a thousand times stiffer, so that it hardly sinks in",
-        rows,
-    )
+    return rows
 
 
 def _rocking_history(level: int, about: int, duration_s: float, laws: Mapping[str, Any]) -> np.ndarray:

@@ -21,7 +21,7 @@ from repose.dem.rotations import rotation_matrices, rotation_matrix
 from repose.particle.build import make_particle
 from repose.particle.mesh_from_axes import berry_mesh
 
-from .case import Effort, Result, Row, close, reported
+from .case import Effort, Row, close, reported
 from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, random_direction, simulation_of, stiffer
 
 MASS_G = 1.25
@@ -60,7 +60,7 @@ def particles() -> dict[str, Shape | Clump]:
 
 
 class Hits(NamedTuple):
-    """Results of hits."""
+    """Restitution of hits, and their contacts."""
 
     restitution: np.ndarray  # (count,), NaN for bodies that had not parted after `LONGEST` contact times
     contacts: np.ndarray  # (count,), most contacts at any look
@@ -142,7 +142,7 @@ def hits(
     seed: int = 3,
     **keywords: Any,
 ) -> Hits:
-    """Results of `count` isolated hits of two bodies, or of a body and a plane."""
+    """Restitution and contacts of `count` isolated hits of two bodies, or of a body and a plane."""
     rng = np.random.default_rng(seed)
     contact = Contact(restitution, 0.0, 0.0)
     edge = SPACING_M * (count // LANE + 1)
@@ -237,7 +237,7 @@ def _approach(simulation, k, on_plane):
     return (point_a - velocities[b] - np.cross(turning[b], place.arm_b)) @ place.normal
 
 
-def restitution_of_hits(effort: Effort) -> Result:
+def restitution_of_hits(effort: Effort) -> list[Row]:
     """Simulated for nominal restitution, of every particle: pairs and planes, stiff and as soft as a berry."""
     count = max(24, effort.hits // 100)
     rows: list[Row] = []
@@ -253,12 +253,7 @@ def restitution_of_hits(effort: Effort) -> Result:
                 if isinstance(shape, Clump):
                     most = np.mean([own.contacts for own in thrown])
                     rows.append(reported(f"{at}: most contacts at a time", "", most, CONTACTS_NOTE))
-    return Result(
-        "Restitution of a hit",
-        f"{count} random hits each, without friction and spin, {SPEEDS_M_S[0]:g} to {SPEEDS_M_S[1]:g} m/s; "
-        "mean and standard deviation",
-        rows,
-    )
+    return rows
 
 
 def _row(quantity: str, values: np.ndarray, nominal: float, judged: bool) -> Row:

@@ -7,7 +7,7 @@ import numpy as np
 
 from repose.dem import Contact, Plane, Shape, Simulation
 
-from .case import Effort, Result, close
+from .case import Effort, Row, close
 from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, berry_simulation, simulation_of
 from .resting import GRAVITY, STIFF, resting_overlap
 
@@ -45,7 +45,7 @@ def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
     return np.array(rows).T
 
 
-def slip_to_roll(effort: Effort) -> Result:
+def slip_to_roll(effort: Effort) -> list[Row]:
     """A sphere that begins sliding ends rolling with 5/7 of its speed, and a rolling one is slowed by 5/7 mu_r g."""
     start, friction = 0.5, 0.4
     time, speed, rim = _track(
@@ -66,11 +66,7 @@ def slip_to_roll(effort: Effort) -> Result:
     t, v, _ = _track(simulation, 20000, 500)
     slope = 5.0 / 7.0 * rolling * GRAVITY
     rows.append(close("deceleration by the rolling torque", "m/s2", (v[0] - v[-1]) / (t[-1] - t[0]), slope))
-    return Result(
-        "Slipping to rolling, and rolling resistance",
-        "a sphere of radius 6 mm on a plane: u = 5/7 u0; mu g; 5/7 mu_r g",
-        rows,
-    )
+    return rows
 
 
 def slope_acceleration(angle_deg: float, friction: float, **laws: Any) -> float:
@@ -93,7 +89,7 @@ def slope_acceleration(angle_deg: float, friction: float, **laws: Any) -> float:
     return (simulation.velocities[0, 0] - before) / 0.1
 
 
-def coulomb_slope(effort: Effort) -> Result:
+def coulomb_slope(effort: Effort) -> list[Row]:
     """A berry on a slope sticks below the angle of friction and slides above it."""
     friction = 0.5
     limit = math.degrees(math.atan(friction))
@@ -102,4 +98,4 @@ def coulomb_slope(effort: Effort) -> Result:
         a, slope = slope_acceleration(angle, friction, **effort.laws), np.radians(angle)
         exact = float(max(GRAVITY * (np.sin(slope) - friction * np.cos(slope)), 0.0))
         rows.append(close(f"acceleration at {angle:.2f} deg", "m/s2", a, exact, scale=max(exact, 0.1)))
-    return Result("Coulomb's slope", "acceleration of a berry, mu 0.5, that is kept from rolling", rows)
+    return rows

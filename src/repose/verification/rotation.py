@@ -7,7 +7,7 @@ from scipy.special import ellipj, ellipk
 
 from repose.dem import rotation_matrix
 
-from .case import Effort, Result, close
+from .case import Effort, Row, close
 from .machine import berry_simulation, frictionless
 
 
@@ -33,7 +33,7 @@ def euler_solution(
     return np.array([first * cn, second * sn, third * dn]), 4.0 * ellipk(modulus) / rate
 
 
-def free_rotation(effort: Effort) -> Result:
+def free_rotation(effort: Effort) -> list[Row]:
     """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations predict."""
     step, every, first, third = 2e-5, 50, 8.0, 25.0
     simulation = berry_simulation(frictionless(), step, **effort.laws)
@@ -61,8 +61,4 @@ def free_rotation(effort: Effort) -> Result:
             tolerance=1e-5, scale=1.0,
         ),
     ]  # fmt: skip
-    return Result(
-        "Free rotation of a berry",
-        f"angular velocity in the body frame over two periods; time step {step:g} s",
-        rows,
-    )
+    return rows

@@ -7,7 +7,7 @@ from typing import Any
 
 from repose.dem import Contact
 
-from .case import Effort, Result, Row, close
+from .case import Effort, Row, close
 from .hertz import Solid, hertz_on_plane
 from .machine import STEPS_PER_CONTACT, spheres, steps_of_impact
 from .oblique import impact, sliding_rows
@@ -56,20 +56,16 @@ def _sliding_rows(solid: Solid, spin: float, after: tuple[float, float], effort:
     return sliding_rows(at, CONTACT, hertz, RADIUS, after, (0.0, spin), effort.tension)
 
 
-def plane_spins(effort: Effort) -> Result:
+def plane_spins(effort: Effort) -> list[Row]:
     """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 6 to 21 rad/s; aluminium and nylon."""
     rows = []
     for solid in SOLIDS:
         for spin in SLIDING:
             rows += _sliding_rows(solid, spin, _on_plane(solid, spin, **effort.laws), effort)
-    return Result(
-        "Chung & Ooi 6: normal impact of a spinning sphere on a rigid plane",
-        "tangential velocity and spin in gross sliding",
-        rows,
-    )
+    return rows
 
 
-def equal_spheres(effort: Effort) -> Result:
+def equal_spheres(effort: Effort) -> list[Row]:
     """Test 7: two equal spheres of test 6's materials, each 0.2 m/s, spins of the same and of opposite sense.
 
     With one sense of rotation, as vectors, the surfaces move against each other and the contact point stays: each
@@ -83,14 +79,10 @@ def equal_spheres(effort: Effort) -> Result:
         at, moved = f"{solid.name}: tangential velocity, opposite spin vectors", max(abs(slow), abs(fast))
         rows.append(close(at, "m/s", moved, 0.0, scale=0.12))
         rows.append(close(f"{solid.name}: spin, opposite spin vectors", "rad/s", w, 21.0))
-    return Result(
-        "Chung & Ooi 7: impact of two equal spinning spheres",
-        "tangential velocity and spin in gross sliding; none exchanged when the surfaces move together",
-        rows,
-    )
+    return rows
 
 
-def unequal_spheres(effort: Effort) -> Result:
+def unequal_spheres(effort: Effort) -> list[Row]:
     """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again."""
     rows = []
     source = "test 6, same simulator"
@@ -101,8 +93,4 @@ def unequal_spheres(effort: Effort) -> Result:
             plane_v, plane_w = _on_plane(solid, spin, **effort.laws)
             rows.append(close(f"{at}: tangential velocity", "m/s", v, plane_v, source))
             rows.append(close(f"{at}: spin", "rad/s", w, plane_w, source, scale=max(abs(plane_w), spin)))
-    return Result(
-        "Chung & Ooi 8: impact of a spinning sphere on a large, stiff and heavy one",
-        "tangential velocity and spin beside those of test 6",
-        rows,
-    )
+    return rows
