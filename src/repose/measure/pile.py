@@ -145,17 +145,16 @@ def measure_pile(
     """
     settings = with_berry_height(settings or MeasureSettings(), particle)
     height_m, views = pile_views(centres_m, quaternions, particle, settings, members, scales)
-    left, right, aor = ({name: np.full(settings.views, np.nan) for name in DEFINITIONS} for _ in range(3))
+    aor = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
     height = np.full(settings.views, np.nan)
     reasons: dict[str, str] = {}
     for view, pile in enumerate(views):
         seen = measure_segmented(pile, settings)
         height[view] = seen.height_mm
         for name, angle in seen.angles.items():
-            left[name][view], right[name][view] = angle.left_deg, angle.right_deg
             aor[name][view] = angle.aor_deg
         reasons = seen.reasons | reasons
-    return PileResult(settings.response, 1e3 * height_m, height, left, right, aor, reasons)
+    return PileResult(settings.response, 1e3 * height_m, height, aor, reasons)
 
 
 def pile_views(
