@@ -24,7 +24,7 @@ NEEDED = {
     "heap": ["--sample", "1"],
     "drum": ["--sample", "1"],
     **{verb: [OWN] for verb in ("ask", "tell", "calibrate")},
-    "verify": ["--case", "convergence"],  # the only case that reads a configuration
+    "verify": ["--case", "chung1"],
 }
 INPUTS_OF_A_FIGURE = ("predictions", "dataset")
 
@@ -151,7 +151,6 @@ BAD_VALUES = (
         for value in ("-1", "nan", "1e6", "x")
     ),
     *(["verify", f"--hits={value}"] for value in ("0", "-5", "x")),
-    *(["verify", f"--seeds={value}"] for value in ("0", "-5", "x")),
     *(["verify", "--case=no_such_case"], ["verify", "--case="]),
     *(["figure", name] for name in ("", "figure99", "../figure02", "figure02 ")),
     *(["figure", "figure02", f"--input={value}"] for value in ("sizes", "=a", "sizes=", "other=a", "")),

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from repose.chain import answer, card
+from repose.chain.card import described
 from repose.chain.chance import PERCENT
-from repose.chain.described import described
 from repose.cli import main
 from repose.config.study import Study
 from repose.core.errors import InputError

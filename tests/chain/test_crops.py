@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from repose.chain import card
-from repose.chain.described import described
+from repose.chain.card import described
 from repose.cli import main
 from repose.config import loader
 from repose.config.study import Study

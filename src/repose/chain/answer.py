@@ -4,13 +4,13 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from repose.chain.chance import PERCENT
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_rows
 from repose.core.parameters import LABELS, PARAMETERS, check_value
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 
 # Remedy by strategy, if only the prediction meets the targets.
 ADVICE = {
@@ -41,6 +41,15 @@ class Check:
     sd: float  # standard deviation of the physical repetitions
     low: float  # of the target range
     high: float
+
+    @classmethod
+    def of(
+        cls, target: Target, simulated: float | None, standard_error: float | None, runs: int, status: str
+    ) -> Self:
+        """The check of a target."""
+        response, unit = target.name, target.response.unit
+        ends = {"measured": target.value, "sd": target.sd, "low": target.low, "high": target.high}
+        return cls(response, unit, simulated, standard_error, runs, status, **ends)
 
     @property
     def met(self) -> bool:
@@ -198,10 +207,7 @@ def probability_in_words(within: Mapping[float, float | None]) -> str:
 def _check(target, row, source):
     """A row of representative.csv with its target."""
     simulated, error, runs = (_number(row, key, source) for key in ("simulated", "simulated_se", "n_seeds"))
-    return Check(
-        *(target.name, target.response.unit, simulated, error, int(runs or 0), row["status"]),
-        *(target.value, target.sd, target.low, target.high),
-    )
+    return Check.of(target, simulated, error, int(runs or 0), row["status"])
 
 
 def _number(row, key, source):

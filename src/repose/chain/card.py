@@ -8,19 +8,20 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from functools import cache
+from functools import cache, reduce
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from repose.apparatus import bench
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.answer import Answer, Check, nearness
-from repose.chain.described import described
 from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.responses import Response, derived
 from repose.core.targets import Target, Targets
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ TENSION = {
     "keep": "the damped force may pull at the end of an impact",
     "release": "the force never pulls, damped so that the restitution is as set",
 }
+CHOSEN = "measure.response"  # names the definition of a response that has several
+BERRY_HEIGHT = "berry_height_mm"
 CONFIG = "config.json"  # the configuration of a study, beside its card
 AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
@@ -55,12 +58,7 @@ def make(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
-    """The card of a finished calibration.
-
-    `berry` is the content of the file of the verb ``berry``, `feasible` the parameter sets found by the search.
-    `posterior` holds intervals (`parameter`, `credible_low`, `credible_high`) and draws; without it intervals and
-    correlations come from the sets found.
-    """
+    """The card of a finished calibration; without a posterior, intervals and correlations come from the sets found."""
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
         "grain": _grain(config, berry, particle),
@@ -80,11 +78,7 @@ def assembled(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
-    """A card from its parts.
-
-    `about` holds the simulated grain, wall and laws, or the name of another simulator; `tests` the `definition` and the
-    `bench` of each response (`repose.chain.described.described`). `feasible` and `posterior` as in `make`.
-    """
+    """A card from its parts."""
     draws = feasible if posterior is None else posterior[1]
     ends = _ends(space, feasible, posterior)
     correlations = draws[list(space.free)].corr().fillna(0.0)
@@ -129,6 +123,32 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
     words = {**CONTACT_LAWS[settings.contact_law].words, **ROLLING_LAWS[settings.rolling_law].words}
     sentences = {direction: text.format(limit=limit) for direction, text in words.items()}
     return sentences | {"end of an impact": TENSION[settings.tension]}
+
+
+def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
+    """Definition of a response and settings of its bench test, with the units in the keys."""
+    from repose.measure.settings import MeasureSettings
+
+    test = bench(response.apparatus)
+    section, others = config[test.name], ("seeds", *test.measured_by)
+    if CHOSEN in response.definition:
+        own = {other.name: other for other in test.responses}
+        response = own[derived(response.name, value_of(config, CHOSEN))]
+    settings = {key.rpartition(".")[2]: value_of(config, key) for key in response.definition}
+    if BERRY_HEIGHT in settings:
+        height = MeasureSettings.of(config["measure"], berry).berry_height_mm
+        settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
+    return {
+        "definition": {"name": response.label, "settings": settings},
+        "bench": {
+            key: section[key] for key in test.settings.model_fields if key in section and key not in others
+        },
+    }
+
+
+def value_of(config: Mapping[str, Any], key: str) -> Any:
+    """Value of a dotted key."""
+    return reduce(lambda section, name: section[name], key.split("."), config)
 
 
 def _ends(space, feasible, posterior):
@@ -217,10 +237,7 @@ def run(
     files: Mapping[str, str | PathLike | None],
     out: str | PathLike,
 ) -> dict[str, Any]:
-    """Write the card of a finished calibration (`make`) and return it.
-
-    `files` has the paths `berry`, `particle`, `feasible`, and `posterior` and `draws`, or None for both.
-    """
+    """Write the card of a finished calibration (`make`) and return it."""
     from repose.particle.berry_files import SIZE_COLUMNS, read_berry
     from repose.particle.particle import Particle
 
@@ -259,10 +276,7 @@ def _validator():
 
 
 def check(card: Mapping[str, Any], source: object) -> None:
-    """Raise InputError, for all faults at once, if the content is not a card, or lacks a computable probability.
-
-    `source` names the file in the message.
-    """
+    """Raise InputError, for all faults at once, if the content is not a card, or lacks a computable probability."""
     faults = sorted(_validator().iter_errors(card), key=lambda error: list(map(str, error.absolute_path)))
     raise_together(
         InputError(
@@ -315,10 +329,7 @@ def require_one_study(
     source: str | PathLike,
     berry: Mapping[str, Any],
 ) -> None:
-    """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test.
-
-    `berry` is the content of the file of the verb ``berry``.
-    """
+    """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
     unlike = list(_differences_from(card, config, berry))
     if unlike:
         key, mine, expected = unlike[0]

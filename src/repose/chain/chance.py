@@ -18,9 +18,7 @@ def chance_of_meeting(
     """Probability that the simulator's own mean meets the target, for each target and for `all` together.
 
     A few runs give the mean with an error. Without prior knowledge the mean, given the runs, has a multivariate t
-    distribution about the runs' mean, with n - 1 degrees of freedom. Bench tests are independent of each other. `runs`
-    has the measured runs of each bench test. With `percent` a target is met within that many percent of its aim,
-    otherwise inside its range. None where fewer than two runs gave the response.
+    distribution about the runs' mean, with n - 1 degrees of freedom. None where fewer than two runs gave the response.
     """
     random = np.random.default_rng(SEED)
     chances: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))

@@ -35,9 +35,7 @@ def assemble(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The dataset (a row for each sample) and the single runs (a row for each run) of a study.
 
-    `jobs` has the job of each sample by bench test (`read_jobs`). The dataset has the parameters, `status`, `reason`,
-    `n_seeds`, then means and standard errors, the targets first. A sample is ok if it is ok in every bench
-    test; `n_seeds` is then the smallest number of ok runs. With several bench tests the runs have a column `apparatus`.
+    A sample is ok if it is ok in every bench test; `n_seeds` is then the smallest number of ok runs.
     """
     summaries = [
         _merged({name: summarise(jobs[name][sample]["runs"], name, targets) for name in targets.apparatus})
@@ -102,11 +100,7 @@ def run(
     out_dir: str | os.PathLike,
     prefix: str = "",
 ) -> dict[str, Any]:
-    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary (`counts`, with `definitions`).
-
-    The job files, one for each sample and bench test, may come in any order. A file that is missing, corrupt, of
-    another sample or of other parameters raises InputError. `prefix` stands before the three names.
-    """
+    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary (`counts`, with `definitions`)."""
     samples = read_samples(samples_csv)
     dataset, runs = assemble(samples, read_jobs(job_json_paths, samples, targets), targets)
     summary = counts(dataset, runs) | {"definitions": definitions}
@@ -133,10 +127,7 @@ def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
 def read_jobs(
     paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets
 ) -> dict[str, dict[int, Job]]:
-    """Jobs by bench test, then by sample, checked against the table of samples.
-
-    InputError for a bad file, another sample, other parameters, or if a sample and bench test has two files or none.
-    """
+    """Jobs by bench test, then by sample, checked against the table of samples."""
     expected = samples.set_index("sample")[list(PARAMETERS)]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
     source: dict[tuple[str, int], object] = {}
@@ -165,11 +156,7 @@ def read_jobs(
 
 
 def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
-    """A job and the name of its bench test.
-
-    InputError if the file is not a job of a bench test of the targets, a run has an unknown status, or an ok run has no
-    finite number for a target.
-    """
+    """A job and the name of its bench test."""
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)
     if apparatus not in targets.apparatus:

@@ -83,10 +83,7 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 
 def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
-    """First points (n, d) of a scrambled Sobol sequence.
-
-    A longer sequence of the same seed begins with a shorter one.
-    """
+    """First points (n, d) of a scrambled Sobol sequence; a longer one of the same seed begins with them."""
     from scipy.stats import qmc
 
     _check_size(n, d)
@@ -95,10 +92,7 @@ def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 
 def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """Quality of designs, by method: `method`, `samples`, `min_distance`, `phi_p`, `centred_discrepancy`.
-
-    phi_p has the power 16; the centred discrepancy follows Hickernell (1998), squared as in scipy.
-    """
+    """Quality of designs, by method: `method`, `samples`, `min_distance`, `phi_p`, `centred_discrepancy`."""
     from scipy.stats import qmc
 
     rows = [
@@ -118,8 +112,7 @@ def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple
     """The parameter sets of a study (`sample` from 1, and the six parameters), and the table of `compare`.
 
     The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
-    prior, which is applied in the search and in the posterior. A fixed parameter is a column with one value. `method`
-    is "lhsdesign" or "optimal". InputError if the contact law cannot take a value of the space.
+    prior, which is applied in the search and in the posterior.
     """
     if not _is_integer(samples) or samples < 2:
         raise InputError("design", "samples", samples, "an integer of at least 2")

@@ -105,9 +105,7 @@ def evolve(
     """Enhanced stochastic evolution on `repose.chain.design.phi_p` with p = 2^(doublings + 1).
 
     Each round goes through the columns, takes the best of a few random exchanges and accepts it against a random share
-    of a threshold. The results are the design of smallest phi_p, and that of the largest minimum distance at the end of
-    a round; both (n, d), as `start` is a Latin hypercube (n, d) in the unit cube (Jin, Chen and Sudjianto 2005, J.
-    Stat. Plan. Inference 134:268).
+    of a threshold. The results are the design of smallest phi_p, and that of the largest minimum distance.
     """
     n, d = start.shape
     points = start.copy()

@@ -51,10 +51,9 @@ def invert(
 ) -> Inversion:
     """Search the free parameters for predicted responses that meet the targets.
 
-    `settings` is the section `miga`. The result has the best distinct feasible solutions, filled up with the nearest
-    others to at least 10 if any is feasible; otherwise those of least objective. The representative is the set of least
-    expected loss, or of least objective. Among sets that meet the targets equally well, those near the means of the
-    priors come first. With a support, solutions beyond the samples get a warning.
+    The result has the best distinct feasible solutions, filled up with the nearest others to at least 10 if any is
+    feasible; otherwise those of least objective. Among sets that meet the targets equally well, those near the means of
+    the priors come first.
     """
     for target in targets:
         if not target.low <= target.aim <= target.high:
@@ -110,12 +109,7 @@ def run(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary.
-
-    If the surrogate knows its errors, the summary has the errors of the representative. A surrogate with other
-    responses or other definitions raises InputError; `source` names the file of the definitions in its message.
-    Without `table3_csv` there are no published intervals.
-    """
+    """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary."""
     surrogate = load(surrogate_json, targets.names)
     require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
@@ -154,11 +148,7 @@ def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[
 def intervals(
     solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None
 ) -> pd.DataFrame:
-    """Table 3: interval and dispersion of each parameter over the solutions.
-
-    Columns `variable`, `low`, `high`, `dispersion_percent` (width of the interval over width of the range; 0 for a
-    fixed parameter), and with a published table its three values as `published_*`.
-    """
+    """Table 3: interval and dispersion (its width over the range's) of each parameter, beside the published ones."""
     range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
     rows = []
     for name in space.names:

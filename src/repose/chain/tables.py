@@ -20,11 +20,7 @@ AGREEMENT = 1e-6
 
 
 def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The table of samples with its parameters, status, responses and errors.
-
-    InputError if rows are missing (by the summary, if it lies beside), a sample is there twice, a parameter is beyond
-    the contact law, or an ok sample lacks a response or has one beyond the response's limits.
-    """
+    """The table of samples with its parameters, status, responses and errors."""
     dataset = read_table(
         dataset_csv, ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors)
     )
@@ -40,11 +36,7 @@ def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFra
 def read_runs(
     runs_csv: str | os.PathLike, targets: Targets, dataset: pd.DataFrame, dataset_csv: str | os.PathLike
 ) -> pd.DataFrame:
-    """The table of single runs of a table of samples.
-
-    InputError if a run is there twice, an ok run lacks a response or has one beyond its limits, or if samples, numbers
-    of ok runs, means or standard errors differ from the table of samples.
-    """
+    """The table of single runs of a table of samples."""
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     several = "apparatus" in runs
     _refuse_twice(runs, ["sample", "seed", *(["apparatus"] if several else [])], runs_csv)

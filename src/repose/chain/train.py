@@ -30,11 +30,7 @@ FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 me
 
 @dataclass(frozen=True)
 class Training:
-    """Result of `train`.
-
-    `predictions` has a row for each usable sample: its part, its responses, their predictions by the training part,
-    and, if the model was fitted to all samples, the predictions of that fit.
-    """
+    """Result of `train`; predictions are by the training part, and by the fit to all samples if there is one."""
 
     model: Surrogate  # of all usable samples, or of the training part: `Surrogate.of_all_samples`
     metrics: dict[str, Any]  # numbers of samples, R2 and RMSE by response and part, the surrogate's report
@@ -56,10 +52,7 @@ class Replicates:
 
     @classmethod
     def of(cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets) -> Self | None:
-        """The replicates of some samples; None if the scatter of a bench test has no full rank.
-
-        `runs` has a column `apparatus` if there are several bench tests.
-        """
+        """The replicates of some samples; None if the scatter of a bench test has no full rank."""
         ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
         covariance, freedom = np.zeros((len(targets), len(targets))), 0.0
         weights = []
@@ -92,9 +85,8 @@ def train(
 ) -> Training:
     """Train a surrogate on the usable samples of a study; at least 12, or InputError.
 
-    `dataset` and `runs` are those of `repose.chain.dataset`. `settings` is the section `network` with `surrogate`
-    (default "network"), `seed`, `split` (three shares) and `replicates` (default False): whether the runs of each
-    sample give the noise, see `Replicates`. `source` names the dataset in messages, `names` are the parameters.
+    `settings` is the section `network` with `surrogate` (default "network"), `seed`, `split` (three shares) and
+    `replicates` (default False): whether the runs of each sample give the noise, see `Replicates`.
     """
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
@@ -142,10 +134,7 @@ def run(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics.
-
-    A dataset with other definitions raises InputError; `source` names the file of the definitions in its message.
-    """
+    """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics."""
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     of_dataset, summary_json = read_definitions(dataset_csv)
@@ -185,10 +174,7 @@ def restore(
     predictions_csv: str | os.PathLike,
     dataset_csv: str | os.PathLike,
 ) -> Surrogate:
-    """The trained surrogate; InputError if its files are not of one training.
-
-    `dataset_csv` is the file that `run` read, the others are files that it wrote.
-    """
+    """The trained surrogate; InputError if its files are not of one training."""
     model = load(surrogate_json)
     predicted = [response(name, surrogate_json).predicted for name in model.outputs]
     predictions = read_table(predictions_csv, ("sample", "split", *predicted))
@@ -208,6 +194,25 @@ def restore(
             predictions_csv, "predictions", "others", f"those of {surrogate_json} on {dataset_csv}"
         )
     return model
+
+
+def read_surrogate(
+    surrogate_json: str | os.PathLike, targets: Targets, definitions: Definitions, source: object
+) -> Surrogate:
+    """Read the surrogate of the verb network and check it by `require_targets`."""
+    model = load(surrogate_json)
+    require_targets(model, surrogate_json, targets, definitions, source)
+    return model
+
+
+def require_targets(
+    model: Surrogate, path: object, targets: Targets, definitions: Definitions, source: object
+) -> None:
+    """Refuse a surrogate with other responses than the targets, in another order, or with other definitions of them."""
+    if model.outputs != targets.names:
+        allowed = f"the responses of the targets, {', '.join(targets.names)}"
+        raise InputError(path, "outputs", list(model.outputs), allowed)
+    require_same_definitions(model.definitions, path, definitions, source)
 
 
 def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:

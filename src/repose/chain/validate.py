@@ -40,10 +40,8 @@ def solutions_to_simulate(
 ) -> pd.DataFrame:
     """The solutions to simulate again: `count` own solutions besides the representative, and the published solutions.
 
-    Columns: `sample` (own solutions from 1, the representative first; published ones from 101), `origin` ("miga" or
-    "published"), `solution` (its name there), `role` ("representative", "least objective" or "spread"), the
-    six parameters, and predictions, for published solutions by the published network. Published solutions are
-    left out if they have none of the targets, or if `published` is None.
+    Own solutions are numbered from 1, the representative first, published ones from 101. Those are left out if they
+    have none of the targets.
     """
     columns = [*SOLUTION, *targets.predicted]
     own = select_for_validation(feasible, count, space)
@@ -63,7 +61,7 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
     """The representative solution, the one of least objective, and others that are spread over the cloud.
 
     Each next solution is the farthest, in normalised parameters, from those already chosen (Gonzalez 1985). They are
-    feasible as long as there are enough. The result has a column `role`, and fewer rows if there are too few solutions.
+    feasible as long as there are enough.
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
@@ -90,13 +88,7 @@ def validate(
     published: pd.DataFrame | None = None,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Prediction, simulation and the physical measurement side by side.
-
-    `table4`: own solutions. `representative`: that solution against the physical measurement, a row for each response,
-    with the probabilities that all are met within 1 % and 2 %. `published`: the published solutions in this engine,
-    perhaps no rows. A failed solution keeps its row, with its status and without numbers. With a support, `warning`
-    marks solutions beyond the samples.
-    """
+    """Prediction, simulation and the physical measurement side by side."""
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
     simulated = simulated.rename(
         columns={response.name: response.simulated for response in targets.responses}
@@ -160,10 +152,7 @@ def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
 def with_chances(
     table: pd.DataFrame, runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
 ) -> pd.DataFrame:
-    """The table of `against_physical` with the probabilities that all targets are met within 1 % and 2 %.
-
-    The new columns are empty if fewer than two runs could be measured.
-    """
+    """The table of `against_physical` with the probabilities that all targets are met within 1 % and 2 %."""
     chances = {
         f"within_{percent:g}_percent": chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT
     }
@@ -173,10 +162,7 @@ def with_chances(
 def compared_with_published(
     rows: pd.DataFrame, published: pd.DataFrame | None, responses: Iterable[Response]
 ) -> pd.DataFrame:
-    """The published solutions: published and own simulation, its standard error, and own minus published.
-
-    Only responses of the published table are compared.
-    """
+    """The published solutions: published and own simulation, its standard error, and own minus published."""
     table = rows[["sample", "solution", *PARAMETERS]].copy()
     if published is not None:
         reference = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])

@@ -117,7 +117,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> int:
     found = calibration.calibrate(study, read_runs(args.runs, study))
     calibration.write(found, args.out)
     own.write(found, Path(args.out) / "report.html")
-    print(calibration.in_words(found))
+    print(calibration.describe(found))
     _warn(found.summary["warning"])
     print(f"Tables, material card and report: {args.out}")
     return 0 if found.summary["feasible"] else NOT_FEASIBLE

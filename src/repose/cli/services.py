@@ -1,4 +1,4 @@
-"""Verbs around a study: speed, the verification suite, provenance, and the results that a repository keeps."""
+"""Verbs around a study: the verification suite, provenance, and the results that a repository keeps."""
 
 import argparse
 import json
@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.core import published
@@ -14,7 +13,7 @@ from repose.core.errors import InputError
 
 if TYPE_CHECKING:
     from repose.config.study import Study
-    from repose.verification.case import Result
+    from repose.verification.case import Row
 
 family = Family()
 
@@ -40,42 +39,32 @@ def bench(args: argparse.Namespace, study: "Study") -> None:
     out="results/verification",
     options=[
         Option("--case", action="append", metavar="NAME", help="run this case; may be given several times"),
-        Option("--all", action="store_true", help="run the expensive cases too (convergence)"),
         Option("--hits", type=int, default=10_000, help="impacts of each kind in the energy cases (10000)"),
-        Option("--seeds", type=int, default=2, help="pours of each time step in the case convergence (2)"),
     ],
 )
 def verify(args: argparse.Namespace, study: "Study") -> int:
-    for option in ("hits", "seeds"):
-        if getattr(args, option) < 1:
-            raise InputError("command line", f"--{option}", getattr(args, option), "at least 1")
+    if args.hits < 1:
+        raise InputError("command line", "--hits", args.hits, "at least 1")
 
     from repose import verification
     from repose.apparatus.settings import SimulationSettings
-    from repose.verification import report
 
-    names = args.case or (list(verification.CASES) if args.all else None)
-    pile = None
     laws = SimulationSettings.of(study.config).laws
     print("laws: " + ", ".join(laws.values()), flush=True)
-    if names and set(names) & set(verification.EXPENSIVE):
-        berry_of, particle = berry_and_particle(study)
-        pile = (study.config, particle, berry_of)
-    effort = verification.Effort(hits=args.hits, seeds=args.seeds, pile=pile, laws=laws)
+    effort = verification.Effort(hits=args.hits, laws=laws)
     results = verification.run(
-        names, effort, lambda name, result: print(_case_line(name, result), flush=True)
+        args.case, effort, lambda name, rows: print(_case_line(name, rows), flush=True)
     )
-    report.write(results, args.out, laws)
-    print(f"{args.out}/index.html")
-    return 0 if all(result.passed for result in results.values()) else 1
+    table = Path(args.out) / "verification.csv"
+    verification.write(results, table)
+    print(table)
+    return 0 if all(row.passed for rows in results.values() for row in rows) else 1
 
 
-def _case_line(name: str, result: "Result") -> str:
+def _case_line(name: str, rows: "list[Row]") -> str:
     """One case in words."""
-    missed = [row for row in result.rows if not row.passed]
-    words = (
-        f"{len(missed)} of {len(result.rows)} numbers miss" if missed else f"{len(result.rows)} numbers, good"
-    )
+    missed = [row for row in rows if not row.passed]
+    words = f"{len(missed)} of {len(rows)} numbers miss" if missed else f"{len(rows)} numbers, good"
     return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
 
 

@@ -25,10 +25,7 @@ def pure_error(model: Model) -> tuple[float, int]:
 
 
 def anova(model: Model) -> pd.DataFrame:
-    """The ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by.
-
-    Rows: block (if any), model, each term, residual, lack of fit and pure error (if runs were repeated), total.
-    """
+    """The ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by."""
     ols, first = model.ols, 1 + model.block_columns
     residual, df_residual = float(ols.ssr), int(ols.df_resid)
     total = float(ols.centered_tss)

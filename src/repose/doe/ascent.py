@@ -5,10 +5,7 @@ from numpy.typing import ArrayLike
 
 
 def direction(slopes: ArrayLike) -> np.ndarray:
-    """Unit vector (k,) of steepest ascent, from the slopes (k,) of a first-order model in coded units.
-
-    ValueError if no factor has an effect.
-    """
+    """Unit vector (k,) of steepest ascent, from the slopes (k,) of a first-order model in coded units."""
     slopes = np.asarray(slopes, dtype=float)
     length = np.linalg.norm(slopes)
     if not length > 0:
@@ -19,20 +16,15 @@ def direction(slopes: ArrayLike) -> np.ndarray:
 def towards(slopes: ArrayLike, missing: ArrayLike, scale: ArrayLike) -> np.ndarray:
     """Unit vector (k,) along which several responses come nearest to their targets fastest, in coded units.
 
-    It is the steepest descent of the sum of the squared relative misses at the centre. With one response it is the
-    steepest ascent, or descent if the response is too large. `slopes` are (responses, k), `missing` is target minus
-    response at the centre, `scale` the target over the root of its weight. ValueError if the centre meets the targets,
-    or no factor moves it towards them.
+    It is the steepest descent of the sum of the squared relative misses at the centre. `slopes` are (responses, k),
+    `missing` is target minus response at the centre, `scale` the target over the root of its weight.
     """
     slopes, scale = np.atleast_2d(np.asarray(slopes, dtype=float)), np.asarray(scale, dtype=float)
     return direction((np.asarray(missing, dtype=float) / scale**2) @ slopes)
 
 
 def path(along: ArrayLike, steps: int, largest: float = 1.0) -> np.ndarray:
-    """Points (steps + 1, k) at equal distances along a direction in coded units, the centre first.
-
-    `largest` is the coded value of the fastest factor at the last step.
-    """
+    """Points (steps + 1, k) at equal distances along a direction in coded units, the centre first."""
     if steps < 1:
         raise ValueError(f"{steps} steps; allowed: at least 1")
     along = np.asarray(along, dtype=float)

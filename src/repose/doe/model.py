@@ -13,10 +13,7 @@ ORDERS = ("linear", "interaction", "quadratic")
 
 
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
-    """Terms of a model besides its constant: single factors, then products of two, then squares.
-
-    `order` is one of `ORDERS`; each has the terms of the previous order.
-    """
+    """Terms of a model besides its constant: single factors, then products of two, then squares."""
     if order not in ORDERS:
         raise ValueError(f"order {order!r}; allowed: {', '.join(ORDERS)}")
     groups: list[list[Term]] = [
@@ -91,11 +88,7 @@ def fit(
     order: str | Sequence[Term],
     blocks: ArrayLike | None = None,
 ) -> Model:
-    """Fit a polynomial to runs (n, k) in coded units.
-
-    `order` is one of `ORDERS`, or the terms themselves. With `blocks`, the number (n,) of each run's block, each block
-    has a mean of its own. ValueError if a value is not finite, or the runs do not determine the terms.
-    """
+    """Fit a polynomial to runs (n, k) in coded units."""
     coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
     if coded.ndim != 2 or coded.shape != (len(response), len(factors)):
         raise ValueError(f"runs of shape {coded.shape}; allowed: {(len(response), len(factors))}")

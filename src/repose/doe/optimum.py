@@ -44,8 +44,7 @@ def optimum(
     """The point of the cube from -1 to 1 at which the models, one for each response, come nearest to their targets.
 
     Few targets and many factors leave a whole curve or surface of such points. Of these, the point nearest to the
-    centre is taken: there the models are best known. `scale` is the target over the root of its weight; `low` and
-    `high` are the ranges, for the desirability. Arrays are (responses,).
+    centre is taken: there the models are best known. `scale` is the target over the root of its weight.
     """
     from scipy import optimize
 

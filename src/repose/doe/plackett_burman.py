@@ -19,10 +19,9 @@ GENERATORS = {
 def plackett_burman(factors: int, runs: int | None = None) -> np.ndarray:
     """A Plackett-Burman design (runs, factors) of -1 and 1.
 
-    Each row is the previous one, moved by a place to the right; the last row has all factors low. Columns without a
-    factor are left out: they are the dummy factors from which the analysis estimates the error. `runs` is a key of
-    `GENERATORS`; None means the smallest that leaves at least three degrees of freedom for the error. Plackett and
-    Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325.
+    Plackett and Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325. Columns without
+    a factor are left out: they are the dummy factors from which the analysis estimates the error, with at least three
+    degrees of freedom unless `runs` is given.
     """
     if runs is None:
         large = [number for number in GENERATORS if number >= factors + 4]

@@ -91,8 +91,7 @@ def make(
     """The export of a study: `config` is whole, `particle` a multisphere, `berry` from the file of the verb ``berry``.
 
     The advised time step is half of the longest step that this engine allows the clump, at most half of the study's own
-    and at most a fifth of the Rayleigh time of the smallest sphere. InputError if the particle has no spheres, the
-    contact law is not Hertz and Mindlin's, or the rolling law no budget.
+    and at most a fifth of the Rayleigh time of the smallest sphere.
     """
     settings, section = SimulationSettings.of(config), config["funnel"]
     if not particle.is_clump:
@@ -172,10 +171,7 @@ def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: floa
 
 
 def surface_means(spheres_m: np.ndarray, points: int = 2000) -> tuple[float, float]:
-    """Mean radius and mean distance from the centre [m] over the free surface of a clump, by area.
-
-    `spheres_m` (M, 4) has centres and radii; `points` lie on each sphere.
-    """
+    """Mean radius and mean distance from the centre [m] over the free surface of a clump, by area."""
     directions = sphere_directions(points)
     areas = radii = distances = 0.0
     for x, y, z, radius in spheres_m:

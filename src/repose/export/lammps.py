@@ -5,13 +5,11 @@ import math
 from repose.export.job import Job, Pair
 from repose.export.laws import (
     damped_alone,
-    differences,
     equivalent_restitution,
     limited_friction,
     rolled,
     rolling_coefficient,
     rolling_stiffness,
-    skin_m,
     undamped_tangent,
 )
 from repose.export.template import filled
@@ -23,35 +21,22 @@ SPRINGS = {"hertz_mindlin": "mindlin", "hertz_mindlin_rescaled": "mindlin_rescal
 
 def deck(job: Job) -> dict[str, str]:
     """The files of a LAMMPS run by name: in.pour, grain.mol."""
-    half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
-    steps, cone = job.steps(job.duration_s), job.funnel.cone_line()
-    on_wall = contact_keywords(job, job.on_wall)
+    cone, on_wall = job.funnel.cone_line(), contact_keywords(job, job.on_wall)
     low, high = (_on_line(cone, place) for place in (cone.first, cone.last))
     text = filled(
         "lammps.in",
-        head=differences(job, "# ", _differences(job)),
+        job,
+        "# ",
+        _differences(job),
         seed=job.seed,
-        half=half,
-        below=job.bounding_radius_m,
-        top=job.factory_height_m + 4.0 * job.bounding_radius_m,
-        skin=skin_m(job),
         law_gg=contact_keywords(job, job.grains),
         law_gp=on_wall,
-        time_step=job.time_step_s,
-        gravity=job.gravity_m_s2,
         cone_low_radius=low[0],
         cone_high_radius=high[0],
         cone_low=low[1],
         cone_high=high[1],
         tube=_tube(job, on_wall),
-        factory_radius=job.factory_radius_m,
-        factory_low=job.factory_height_m - 1e-4,
-        factory_high=job.factory_height_m + 1e-4,
-        count=job.count,
-        every=job.steps(1.0 / job.rate_per_s),
         near=2.0 * float(job.spheres_m[:, 3].max()),
-        thermo=max(1, steps // 20),
-        steps=steps,
     )
     return {"in.pour": text, "grain.mol": molecule(job)}
 

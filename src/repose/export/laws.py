@@ -46,10 +46,7 @@ def skin_m(job: Job) -> float:
 
 
 def differences(job: Job, comment: str, lines: list[str]) -> str:
-    """Head of a deck as comment lines: the study, and the differences from it.
-
-    `comment` begins a line; `lines` state how the program differs.
-    """
+    """Head of a deck as comment lines: the study, and the differences from it."""
     return "\n".join(comment + line for line in _head(job, lines))
 
 
@@ -72,10 +69,7 @@ def _head(job: Job, lines: list[str]) -> Iterator[str]:
 
 
 def limited_friction(job: Job, rescales: bool = False) -> list[str]:
-    """Notes if the program limits friction by the whole normal force, or does not rescale the tangential spring.
-
-    With `rescales` the program's spring is that of the study.
-    """
+    """Notes if the program limits friction by the whole normal force, or does not rescale the tangential spring."""
     notes = []
     if COULOMB[job.tension] != "total":
         notes.append("Coulomb's limit takes the damped normal force, in the study its elastic part")

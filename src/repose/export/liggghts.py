@@ -5,12 +5,10 @@ import math
 from repose.export.job import Job
 from repose.export.laws import (
     damped_alone,
-    differences,
     equivalent_restitution,
     limited_friction,
     rolled,
     rolling_coefficient,
-    skin_m,
     undamped_tangent,
 )
 from repose.export.surface import AROUND, stl
@@ -22,44 +20,20 @@ LEAST_RESTITUTION = 0.05
 
 def deck(job: Job) -> dict[str, str]:
     """The files of a LIGGGHTS run by name: in.pour, clump.txt, funnel.stl."""
-    half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
-    steps = job.steps(job.duration_s)
     text = filled(
         "liggghts.in",
-        head=differences(job, "# ", _differences(job)),
+        job,
+        "# ",
+        _differences(job),
         seed=prime(job.seed),
-        half=half,
-        below=job.bounding_radius_m,
-        top=job.factory_height_m + 4.0 * job.bounding_radius_m,
-        skin=skin_m(job),
-        young_grain=job.grain.elastic_modulus_pa,
-        young_wall=job.wall.elastic_modulus_pa,
-        poisson_grain=job.grain.poisson_ratio,
-        poisson_wall=job.wall.poisson_ratio,
         e_gg=equivalent_restitution(job.grains, LEAST_RESTITUTION),
         e_gp=equivalent_restitution(job.on_wall, LEAST_RESTITUTION),
-        mus_gg=job.grains.static_friction,
-        mus_gp=job.on_wall.static_friction,
         mur_gg=rolling_coefficient(job, job.grains),
         mur_gp=rolling_coefficient(job, job.on_wall),
         fold=1.1 * 360.0 / AROUND,
         limit_force="off" if job.tension == "keep" else "on",
-        time_step=job.time_step_s,
-        gravity=job.gravity_m_s2,
-        density=job.density_kg_m3,
         spheres=len(job.spheres_m),
-        mass=job.mass_kg,
-        ixx=float(job.inertia_kg_m2[0]),
-        iyy=float(job.inertia_kg_m2[1]),
-        izz=float(job.inertia_kg_m2[2]),
-        factory_radius=job.factory_radius_m,
-        factory_low=job.factory_height_m - 1e-4,
-        factory_high=job.factory_height_m + 1e-4,
-        count=job.count,
         rate=float(job.rate_per_s),
-        every=job.steps(1.0 / job.rate_per_s),
-        thermo=max(1, steps // 20),
-        steps=steps,
     )
     clump = "".join(" ".join(f"{value:.9g}" for value in sphere) + "\n" for sphere in job.spheres_m)
     return {"in.pour": text, "clump.txt": clump, "funnel.stl": stl(job.funnel)}

@@ -13,10 +13,7 @@ LONGEST_ROW_M = 0.024
 
 
 def profile(funnel: Funnel) -> np.ndarray:
-    """Line (N, 2) of r, z [m] from the funnel's inlet to the underside of the outlet's rounded edge.
-
-    The points of the round edges lie on them.
-    """
+    """Line (N, 2) of r, z [m] from the funnel's inlet to the underside of the outlet's rounded edge."""
     slope, edge = math.radians(funnel.cone_angle_deg), funnel.rim_radius_m
     core = 0.5 * funnel.outlet_diameter_m + edge
     neck, outlet = funnel.neck_height_m, funnel.outlet_height_m
@@ -43,10 +40,7 @@ def _divided(points):
 
 
 def triangles(funnel: Funnel) -> np.ndarray:
-    """Triangles (T, 3, 3) of the funnel's surface: corners [m], counterclockwise seen from the axis.
-
-    The corners lie on the surface of revolution.
-    """
+    """Triangles (T, 3, 3) of the funnel's surface: corners [m], counterclockwise seen from the axis."""
     line = profile(funnel)
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
     rings = np.stack(

@@ -7,11 +7,9 @@ import numpy as np
 from repose.export.job import Job
 from repose.export.laws import (
     damped_alone,
-    differences,
     limited_friction,
     rolled,
     rolling_stiffness,
-    skin_m,
     undamped_tangent,
 )
 from repose.export.surface import AROUND, profile
@@ -28,27 +26,15 @@ def deck(job: Job) -> dict[str, str]:
     }
     text = filled(
         "yade.py.txt",
-        head=differences(job, "# ", _differences(job)),
+        job,
+        "# ",
+        _differences(job),
         seed=job.seed,
-        count=job.count,
-        every=job.steps(1.0 / job.rate_per_s),
-        steps=job.steps(job.duration_s),
-        factory_radius=job.factory_radius_m,
-        factory_height=job.factory_height_m,
-        reach=job.bounding_radius_m,
         spheres=_listed(job.spheres_m),
         masses=_listed(weights * job.mass_kg),
         inertia=_listed(inertia),
-        mass=job.mass_kg,
-        young_grain=job.grain.elastic_modulus_pa,
-        young_wall=job.wall.elastic_modulus_pa,
-        poisson_grain=job.grain.poisson_ratio,
-        poisson_wall=job.wall.poisson_ratio,
-        density=job.density_kg_m3,
         damping_gg=damping["gg"],
         damping_gp=damping["gp"],
-        mus_gg=job.grains.static_friction,
-        mus_gp=job.on_wall.static_friction,
         eta=job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
         krot=rolling_stiffness(job.grains),
         moment_gp=job.on_wall.rolling_friction * job.lever_m,
@@ -56,9 +42,6 @@ def deck(job: Job) -> dict[str, str]:
         profile=_listed(profile(job.funnel)),
         around=AROUND,
         plate_side=4.0 * max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m),
-        skin=skin_m(job),
-        gravity=job.gravity_m_s2,
-        time_step=job.time_step_s,
     )
     return {"pour.py": text}
 

@@ -48,10 +48,7 @@ Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
 
 
 def flank(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
-    """Definition "flank": the regression of height on distance between two heights (section 2.3 of the paper).
-
-    Raises NoFlankError, as the other definitions do, if the line in the band does not rise towards the crest.
-    """
+    """Definition "flank": the regression of height on distance between two heights (section 2.3 of the paper)."""
     return fitted(*points_between(profile, low, high, rule), low, high)
 
 
@@ -88,8 +85,7 @@ def window_slopes(
 ) -> np.ndarray:
     """Slope (windows,) of the regression line of the points in each window of heights; NaN if too few, or a wall.
 
-    Both ends belong to the window. The slopes come from sums accumulated over the points in order of height, so that
-    all windows cost one pass.
+    Sums accumulated over the points in order of height let all windows cost one pass.
     """
     order = np.argsort(height, kind="stable")
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
@@ -106,10 +102,7 @@ def window_slopes(
 
 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """The regression line of height on distance, drawn from height `low` to height `high`.
-
-    Raises NoFlankError if there are too few points, if they stand above each other, or if the line does not rise.
-    """
+    """The regression line of height on distance, drawn from height `low` to height `high`."""
     spread = distance - distance.mean() if distance.size else distance
     if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
         raise NoFlankError(WALL)
@@ -122,11 +115,7 @@ def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) ->
 
 
 def secant(profile: np.ndarray, berry: float) -> Line:
-    """One side of the definition "secant": from the outermost place one berry high, on the plate, to the crest.
-
-    The angle is atan(H / W) with W the half width, the distance of that place from the crest's column. A pile's
-    secant is not the mean of its two sides: see `secant_of_pile`.
-    """
+    """One side of the definition "secant": from the outermost place one berry high, on the plate, to the crest."""
     crest, height = profile.size - 1, float(profile[-1])
     if not 0 < berry < height:
         raise NoFlankError("the pile is not higher than one berry")
@@ -157,12 +146,7 @@ def measure_sides(
     berry: float | None,
     rule: str,
 ) -> Measured:
-    """All definitions on both sides of a pile; `profile` goes from foot to foot, `crest` is its highest column.
-
-    The first dictionary holds (angle in degrees, left line, right line) of each measured definition, the second the
-    reason for each missing one. `fit_from` and `fit_to` are fractions of the height or "berry". `berry` is in pixels;
-    None means unknown.
-    """
+    """Angle [deg], left and right line of a pile by definition, and the reasons for missing definitions."""
     height = float(profile[crest])
     sides = profile[: crest + 1], profile[crest:][::-1]
     measured, reasons = {}, {}

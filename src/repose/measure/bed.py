@@ -44,11 +44,10 @@ def measure_surface(
     fit_share: float,
     scales: np.ndarray | None = None,
 ) -> Surface:
-    """Surface of berries in a drum of inner radius `radius_m`.
+    """Surface of berries in a drum of inner radius `radius_m`, by the upper edge of their silhouette.
 
-    The edge is the edge of the silhouette: in each pixel column the highest point of any berry. The line is the
-    least-squares line through the middle `fit_share` of the edge's width, so that berries lifted along the wall do
-    not count. Raises ValueError if the bed is too narrow. `scales` (N,) are sizes relative to the particle.
+    The line goes through the middle `fit_share` of the edge's width, so that berries lifted along the wall do not
+    count.
     """
     lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
     image = silhouette.silhouette(
@@ -92,10 +91,7 @@ def relative_energy(
     frame_rad_s: np.ndarray,
     scales: np.ndarray | float = 1.0,
 ) -> float:
-    """Mean kinetic energy of a berry [J], translation and rotation, in a frame that turns about the origin.
-
-    All arrays are in the world frame; `turning_rad_s` (N, 3) and `frame_rad_s` (3,) are angular velocities.
-    """
+    """Mean kinetic energy of a berry [J], translation and rotation, in a frame that turns about the origin."""
     drift = velocities_m_s - np.cross(frame_rad_s, centres_m)
     turn = rotation_matrices(quaternions)
     spin = np.einsum("nij,ni->nj", turn, turning_rad_s - frame_rad_s)
@@ -109,10 +105,8 @@ def find_slip(
 ) -> Slip | None:
     """First slip in a record (T,) of the bed's angle and its energy in the drum's frame; None without a slip.
 
-    A slip is found when the angle has fallen by `drop_deg` below the highest so far. It began at that highest angle,
-    and ends when the energy is below `calm_energy_j` again, or with the record. The angle is of the centre of mass
-    and not of the surface: a few rolling berries change the surface's by more than a degree, and the centre's not at
-    all.
+    The angle is of the centre of mass and not of the surface: a few rolling berries change the surface's by more than a
+    degree, and the centre's not at all.
     """
     bed = np.asarray(bed_deg, float)
     if not len(bed):
@@ -129,11 +123,7 @@ def find_slip(
 def slip_displacement(
     before_m: np.ndarray, after_m: np.ndarray, turned_rad: float, surface: Surface
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Depth of each berry below the surface before the slip, and its motion down along the surface, both in m.
-
-    The motion is relative to the drum, which turned by `turned_rad` in between. NaN outside the fitted part of the
-    surface.
-    """
+    """Depth of each berry below the surface before the slip, and its motion down along the surface, both in m."""
     (x0, z0), (x1, _) = surface.line_m
     slope = math.radians(surface.angle_deg)
     along, up = np.array([math.cos(slope), math.sin(slope)]), np.array([-math.sin(slope), math.cos(slope)])
@@ -145,10 +135,7 @@ def slip_displacement(
 
 
 def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
-    """Motion of the berries by depth, from `slip_displacement`, one row per bin.
-
-    Columns: middle of the bin, mean motion, its standard deviation (all in m) and number of berries.
-    """
+    """Motion of the berries by depth, from `slip_displacement`, one row per bin."""
     known = np.isfinite(depth_m)
     bins = np.floor(depth_m[known] / bin_m).astype(int)
     rows = []

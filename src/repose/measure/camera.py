@@ -21,7 +21,6 @@ LARGEST_FOCAL_ERROR = 0.05
 LARGEST_MISS = 1.5e-3  # of the longer side: distance of a corner from its place on a flat sheet
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
-LARGEST_SIDE_PX = 1600  # of the side view
 BELOW_MM = 3.0  # shown below the plate
 
 
@@ -90,10 +89,7 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
 
 
 class Pose:
-    """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels.
-
-    Raises NoFlankError if the corners do not fit a flat sheet.
-    """
+    """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels."""
 
     def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]):
         self.camera, self.size = camera, size
@@ -154,9 +150,8 @@ def side_view(
 ) -> tuple[SideView, float]:
     """The upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
 
-    `axis_mm` lies along the sheet; None means the plane of the sheet itself, with its lower left corner as the
-    origin. `longest` is the longer side of the view in pixels, at most. `part` is left, right and top in mm from the
-    axis and the plate; None means all. Raises NoFlankError if the camera is tilted too far or does not see the plane.
+    `axis_mm` None means the plane of the sheet itself, with its lower left corner as the origin. `part` is left, right
+    and top in mm from the axis and the plate; None means all.
     """
     origin = np.array([axis_mm or 0.0, 0.0, 0.0])
     right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)

@@ -57,10 +57,7 @@ def process_panels(
     *,
     base_row: float | None = None,
 ) -> dict[str, np.ndarray]:
-    """The pictures of the method's steps, in order: ``grey``, ``binary``, ``edge`` and ``boundary``, the overlay.
-
-    Arguments and errors are those of `repose.measure.pile.measure_image`.
-    """
+    """The pictures of the method's steps, in order: ``grey``, ``binary``, ``edge`` and ``boundary``, the overlay."""
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
     pile = segment(image, settings.largest_pile_only, base_row)
     measurement = with_response(measure_segmented(pile, settings))

@@ -34,11 +34,7 @@ NOTHING = "nothing that stands on the plate differs from its background, or the 
 
 
 def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
-    """Find the pile in a coarse view of the whole photograph: a mask (H, W), 1 in the pile.
-
-    `hidden` is True outside the photograph and on the sheet, `base_row` is the row of the plate. Raises NoFlankError
-    if no pile is found.
-    """
+    """Find the pile in a coarse view of the whole photograph: a mask (H, W), 1 in the pile."""
     above = math.ceil(base_row)
     colours = _fill(features(image), hidden)[:above]
     behind = _background(colours, hidden[:above])
@@ -57,10 +53,7 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
 def refine(
     image: np.ndarray, hidden: np.ndarray, base_row: float, coarse: np.ndarray, berry_px: float
 ) -> Segmentation:
-    """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), right to half a grain.
-
-    The contrast of the result is the mask, softened by a pixel. Raises NoFlankError if no pile is left.
-    """
+    """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), right to half a grain."""
     above = math.ceil(base_row)
     colours, coarse = _fill(features(image), hidden)[:above], coarse[:above]
     reach = max(4, round(0.4 * berry_px))
@@ -80,10 +73,7 @@ def refine(
 
 
 def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach_px: float) -> float:
-    """Share, 0 to 1, of a pile's upper boundary at which the colours of both sides hardly differ.
-
-    The colours are means over `reach_px` from the boundary.
-    """
+    """Share, 0 to 1, of a pile's upper boundary at which the colours of both sides hardly differ."""
     rows = len(pile.mask)
     colours = _fill(features(image), hidden)[:rows]
     reach = max(3, round(reach_px))

@@ -44,10 +44,7 @@ LEVELS = 200  # heights at which the silhouette's width is taken for the volume
 
 
 def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
-    """Further responses that an experimenter could measure on the same pile, in the registry's order.
-
-    ``aor_deg`` is left out; `definition` (`measure.response`) is left out, too, if ``aor_deg`` is a target.
-    """
+    """Further responses that an experimenter could measure on the same pile, in the registry's order."""
     targeted = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
         targeted.add(MEAN_KEYS[definition])
@@ -55,10 +52,7 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
 
 
 def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:
-    """Half the width of silhouettes in mm at heights over the plate, mean over the views.
-
-    `profiles` come from `pile.profile_of`, (W,) in pixels. A view that is lower than a level counts as 0 there.
-    """
+    """Half the width of silhouettes in mm at heights over the plate, mean over the views."""
     levels = np.asarray(levels_mm, dtype=float) / mm_per_pixel
     total = np.zeros(len(levels))
     for profile in profiles:
@@ -76,10 +70,7 @@ def of_profile(
     berry_mm: float,
     berries_mm3: float,
 ) -> dict[str, float]:
-    """The four responses of the mean silhouette by name; `berries_mm3` is the volume of all berries in the pile.
-
-    Raises NoFlankError if half of the pile's height is not above a berry.
-    """
+    """The four responses of the mean silhouette by name; `berries_mm3` is the volume of all berries in the pile."""
     if not HALF * height_mm > berry_mm:
         raise NoFlankError(f"half of {height_mm:.1f} mm is not above a berry, {berry_mm:.1f} mm")
     marks = np.array([berry_mm, HALF * height_mm, UPPER * height_mm])
@@ -95,10 +86,7 @@ def of_profile(
 
 
 def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) -> dict[str, float]:
-    """``radius_90_mm`` and ``loose_percent`` of the berries over the plate, whose radius is `on_plate_mm`.
-
-    Raises NoFlankError if no berry lies on the plate.
-    """
+    """``radius_90_mm`` and ``loose_percent`` of the berries over the plate, whose radius is `on_plate_mm`."""
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
     if not there.any():
@@ -110,11 +98,7 @@ def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) ->
 def of_pour(
     arrays: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings, plate_mm: float
 ) -> dict[str, float]:
-    """All responses of `MEASURED` of one pour, by name.
-
-    `arrays` holds ``position``, ``quaternion``, ``in_pile`` and, for berries of several sizes, ``scale``; `plate_mm`
-    is the plate's diameter. Raises NoFlankError if there is no pile.
-    """
+    """All responses of `MEASURED` of one pour, by name."""
     settings = pile.with_berry_height(settings, particle)
     assert settings.berry_height_mm is not None
     centres, members = arrays["position"].astype(float), arrays["in_pile"]

@@ -85,11 +85,7 @@ def cameras(
 def measure_all(
     paths: Sequence[Path], how: MeasureSettings, scale: Scale, lens: Sequence[Path] = ()
 ) -> list[Photograph]:
-    """Measure photographs; `lens` are photographs of the sheet alone, by the same camera.
-
-    A bad photograph is refused in its result. Raises InputError if a file is not a picture or a photograph of the lens
-    shows no sheet.
-    """
+    """Measure photographs; `lens` are photographs of the sheet alone, by the same camera."""
     if scale.mm_per_pixel is not None:
         return [measure_plain(path, how, scale) for path in paths]
     seen, by_size = cameras([*paths, *lens], scale.square_mm)
@@ -155,10 +151,7 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
 
 
 def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
-    """Measure a photograph without a sheet, or a silhouette; `scale` has `mm_per_pixel`.
-
-    Raises InputError if the file is not a picture, or `base_row` does not lie in it.
-    """
+    """Measure a photograph without a sheet, or a silhouette; `scale` has `mm_per_pixel`."""
     image, times = load(path)
     image, base = _levelled(image, scale.level_deg, scale.base_row and scale.base_row / times)
     assert scale.mm_per_pixel is not None

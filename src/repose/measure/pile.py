@@ -60,11 +60,7 @@ def measure_image(
     *,
     base_row: float | None = None,
 ) -> Measurement:
-    """Measure the pile in a side view (section 2.3): a photograph, BGR, or a silhouette.
-
-    `mm_per_pixel` replaces the settings'. `base_row` is the row of the plate; None means the pile's lowest row.
-    Raises NoFlankError if the pile is cut off at its top or upside down, or the response cannot be measured.
-    """
+    """Measure the pile in a side view (section 2.3): a photograph, BGR, or a silhouette."""
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
     pile = segment(image, settings.largest_pile_only, base_row)
     require_upright(pile.mask)
@@ -144,23 +140,21 @@ def measure_pile(
 ) -> PileResult:
     """Measure simulated bodies on the plate z = 0 from `settings.views` sides; `quaternions` (N, 4) are w, x, y, z.
 
-    `members` marks the largest cluster in contact, used if `settings.largest_pile_only`; None means the largest
-    connected part of each silhouette, which cannot exclude a loose berry in front of the pile. `scales` (N,) are
-    sizes relative to the particle. Raises NoFlankError if there is no pile.
+    `members` marks the largest cluster in contact; None means the largest connected part of each silhouette, which
+    cannot exclude a loose berry in front of the pile.
     """
     settings = with_berry_height(settings or MeasureSettings(), particle)
     height_m, views = pile_views(centres_m, quaternions, particle, settings, members, scales)
-    left, right, aor = ({name: np.full(settings.views, np.nan) for name in DEFINITIONS} for _ in range(3))
+    aor = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
     height = np.full(settings.views, np.nan)
     reasons: dict[str, str] = {}
     for view, pile in enumerate(views):
         seen = measure_segmented(pile, settings)
         height[view] = seen.height_mm
         for name, angle in seen.angles.items():
-            left[name][view], right[name][view] = angle.left_deg, angle.right_deg
             aor[name][view] = angle.aor_deg
         reasons = seen.reasons | reasons
-    return PileResult(settings.response, 1e3 * height_m, height, left, right, aor, reasons)
+    return PileResult(settings.response, 1e3 * height_m, height, aor, reasons)
 
 
 def pile_views(
@@ -171,10 +165,7 @@ def pile_views(
     members: np.ndarray | None = None,
     scales: np.ndarray | None = None,
 ) -> tuple[float, Iterator[Segmentation]]:
-    """Height of the highest point in m, and an iterator over the views; arguments as in `measure_pile`.
-
-    The settings must have the height of a berry. Raises NoFlankError if there is no pile.
-    """
+    """Height of the highest point in m, and an iterator over the views; arguments as in `measure_pile`."""
     kept = np.ones(len(centres_m), bool)
     if members is not None and settings.largest_pile_only:
         kept = np.asarray(members, bool)

@@ -32,27 +32,18 @@ def levels_between(low: float, high: float) -> np.ndarray:
 
 
 def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Columns at which a profile rises through some heights, by linear interpolation.
-
-    `index` (levels,) is the first column at or above each height, from 1.
-    """
+    """Columns at which a profile rises through some heights, by linear interpolation."""
     before, after = profile[index - 1], profile[index]
     return index - (after - heights) / (after - before)
 
 
 def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Column, between pixels, at which the profile first reaches each height, from the foot inwards.
-
-    The heights lie above the first height of the profile and at most at its largest.
-    """
+    """Column, between pixels, at which the profile first reaches each height, from the foot inwards."""
     return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
 
 
 def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Column, between pixels, at which the profile last rises through each height, from the foot inwards.
-
-    The heights lie above the first height of the profile and at most at its last.
-    """
+    """Column, between pixels, at which the profile last rises through each height, from the foot inwards."""
     never_lower = np.minimum.accumulate(profile[::-1])[::-1]
     return crossing(profile, np.searchsorted(never_lower, heights), heights)
 
@@ -79,10 +70,7 @@ FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": po
 
 
 def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
-    """Points of one side inside a band, by a rule of `FLANK_RULES`: distances and heights in pixels.
-
-    Raises NoFlankError if the band is too thin, or the foot is not seen.
-    """
+    """Points of one side inside a band, by a rule of `FLANK_RULES`: distances and heights in pixels."""
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
     if profile[0] >= low:

@@ -19,10 +19,7 @@ class Angle:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Result of one picture.
-
-    `left_deg`, `right_deg`, `aor_deg` and `lines` follow the definition `response`.
-    """
+    """Result of one picture."""
 
     response: str  # the definition used as the angle of repose
     angles: dict  # `Angle` by definition
@@ -70,9 +67,7 @@ class PileResult:
     response: str  # the definition used as the angle of repose
     height_mm: float  # exact, from the bodies themselves
     view_height_mm: np.ndarray  # (V,), of the silhouettes
-    left: dict  # degrees (V,) by definition, NaN if not measured; likewise `right` and `aor`
-    right: dict
-    aor: dict
+    aor: dict  # degrees (V,) by definition, NaN if not measured
     reasons: dict  # by definition: the reason in the first view without it
 
     def mean_deg(self, name: str) -> float | None:
@@ -84,16 +79,6 @@ class PileResult:
     def aor_deg(self) -> float | None:
         """The angle of repose; None if the response could not be measured."""
         return self.mean_deg(self.response)
-
-    @property
-    def left_deg(self) -> np.ndarray:
-        """Angles of the left side in each view by the response's definition, (V,)."""
-        return self.left[self.response]
-
-    @property
-    def right_deg(self) -> np.ndarray:
-        """Angles of the right side in each view by the response's definition, (V,)."""
-        return self.right[self.response]
 
     def record(self) -> dict[str, float | None]:
         """All responses of the pile by name; None if not measured."""

@@ -21,12 +21,7 @@ def pile_responses(
     plate_mm: float,
     further: Iterable[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Responses of a pile by name, and the reasons for missing ones.
-
-    An angle is None if more than half of the views lack it. `arrays` holds ``position`` (N, 3) [m], ``quaternion``
-    (N, 4), ``in_pile`` (N,) and, for berries of several sizes, ``scale`` (N,); `plate_mm` is the plate's diameter.
-    `further` names responses of `repose.measure.further_responses` to add.
-    """
+    """Responses of a pile by name, and the reasons for missing ones."""
     responses: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     try:
@@ -62,10 +57,7 @@ def side_view(
     settings: pile.MeasureSettings,
     azimuth_deg: float = 0.0,
 ) -> np.ndarray:
-    """Silhouette (H, W) of a pour's pile, the plate at its lower border; `arrays` as in `pile_responses`.
-
-    Without `settings.largest_pile_only` it shows all berries.
-    """
+    """Silhouette (H, W) of a pour's pile, the plate at its lower border; `arrays` as in `pile_responses`."""
     kept = arrays["in_pile"] if settings.largest_pile_only else np.ones(len(arrays["position"]), bool)
     sizes = {"scales": arrays["scale"][kept]} if "scale" in arrays else {}
     bodies = arrays["position"][kept], arrays["quaternion"][kept], particle

@@ -36,11 +36,7 @@ def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
 def pour_arrays(
     arrays: dict[str, np.ndarray], seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
-    """Arrays of one pour by name, such as ``position``, from arrays with the keys NAME_SEED.
-
-    The pour must have the arrays `kinds`, else InputError; it may have more, such as ``scale``. `source` is the file
-    named in the error.
-    """
+    """Arrays of one pour by name, such as ``position``, from arrays with the keys NAME_SEED."""
     ending = f"_{seed}"
     selected = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
     for kind in kinds:

@@ -106,10 +106,7 @@ def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
 
 
 def background_contrast(image: np.ndarray) -> np.ndarray:
-    """Distance (H, W) in tones from the background surface that is fitted to the border strip.
-
-    In a coloured picture it is the root of the sum of squares over the channels.
-    """
+    """Distance (H, W) in tones from the background surface that is fitted to the border strip."""
     rows, columns = image.shape[:2]
     y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
     where = border(image.shape)
@@ -166,10 +163,7 @@ def plate_row(mask: np.ndarray) -> float | None:
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """The pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area.
-
-    Raises NoFlankError if the mask is empty.
-    """
+    """The pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area."""
     contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     if not contours:
         raise NoFlankError("the picture shows no pile above its base")

@@ -23,10 +23,7 @@ Extent = tuple[float, float, float]
 
 
 class ConvexBody(Protocol):
-    """A body by its support points.
-
-    A body that is made of spheres also has `spheres_m`, (M, 4): centre and radius in m.
-    """
+    """A body by its support points; one made of spheres also has `spheres_m`, (M, 4): centre and radius in m."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Points (..., 3) in m at which tangent planes touch the body; `n` are unit normals in the body's frame."""
@@ -44,9 +41,8 @@ def outlines(
     """Outline polygons of bodies in orthographic side views: (views, N, OUTLINE_DIRECTIONS, 2), (u, z) in m.
 
     The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the curve of
-    its support points in the directions of the picture plane, so each vertex is exact. A body of M spheres
-    (`particle.spheres_m`) has M outlines, a circle each. `inset_m` moves the outlines inwards. `quaternions` are w,
-    x, y, z, from the body to the world; `scales` (N,) are sizes relative to the particle.
+    its support points in the directions of the picture plane, so each vertex is exact. `inset_m` moves the outlines
+    inwards.
     """
     azimuth = np.radians(np.asarray(azimuths_deg, dtype=float))
     right = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
@@ -131,9 +127,6 @@ def silhouette(
     extent: Extent | None = None,
     scales: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Exact orthographic side view (H, W) of bodies on the plate z = 0, the pile dark on a light background.
-
-    `extent` is left, right and top in m; None means all bodies and a margin. The lower border is the plate.
-    """
+    """Exact orthographic side view (H, W) of bodies on the plate z = 0, the pile dark on a light background."""
     polygons = outlines(centres_m, quaternions, particle, [azimuth_deg], mm_per_pixel * 0.5e-3, scales)[0]
     return paint(polygons, mm_per_pixel, extent or frame(polygons, mm_per_pixel))

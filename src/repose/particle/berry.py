@@ -32,20 +32,13 @@ def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
 def elastic_modulus(
     force_n: Numbers, length_m: Numbers, breadth_m: Numbers, width_1_m: Numbers, width_2_m: Numbers
 ) -> Numbers:
-    """Elastic modulus E [Pa]: stress over strain in the loading direction W (Eq. 2).
-
-    The section is the ellipse across the load, pi / 4 * length * breadth. `width_1_m` and `width_2_m` are the extents
-    along the load, before and after.
-    """
+    """Elastic modulus E [Pa]: stress over strain in the loading direction W (Eq. 2)."""
     section = math.pi / 4 * length_m * breadth_m
     return force_n / section / ((width_1_m - width_2_m) / width_1_m)
 
 
 def poisson_ratio(length_1: Numbers, length_2: Numbers, width_1: Numbers, width_2: Numbers) -> Numbers:
-    """Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3).
-
-    The extents before (1) and after (2) are in one unit.
-    """
+    """Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3)."""
     return np.abs(((length_2 - length_1) / length_1) / ((width_2 - width_1) / width_1))
 
 
@@ -74,11 +67,7 @@ def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
-    """Statistics of the sizes (`read_sizes`) beside the published values (Table 1), a row for each dimension.
-
-    `dimension`, `unit`, `n`, `maximum`, `minimum`, `mean`, `sd` (n - 1), then `published_*` and `difference_*`
-    (measured minus published); empty without a published value.
-    """
+    """Statistics of the sizes (`read_sizes`) beside the published values (Table 1), a row for each dimension."""
     axes = [sizes[column] for column in SIZE_COLUMNS]
     dimensions = {column: ("mm", sizes[column]) for column in SIZE_COLUMNS}
     dimensions["equivalent_diameter_mm"] = ("mm", equivalent_diameter(*axes))
@@ -109,10 +98,7 @@ def measured_berry(
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Statistics (`summarise`) and material of the measured berries.
 
-    The second result has mean axes [mm], density, moduli [Pa], number of berries, whether the data are a
-    reconstruction, and the spread of the sizes. `poisson` and `shear_modulus_pa` replace the results of the compression
-    tests; E follows by Eq. 4. `tests` may be None if both are given. InputError for an impossible material; `source`
-    is named in its message.
+    `poisson` and `shear_modulus_pa` replace the results of the compression tests; E follows by Eq. 4.
     """
     check_material(density_kg_m3, poisson, shear_modulus_pa)
     reconstruction = sizes.attrs["reconstruction"]
@@ -151,10 +137,7 @@ def of_files(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """`measured_berry` of files.
-
-    `compression_csv` is not read if both moduli are given. `table1_csv` has the published sizes, None without any.
-    """
+    """`measured_berry` of files."""
     check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
     both = poisson_ratio is not None and shear_modulus_pa is not None
     sizes = read_sizes(sizes_csv)

@@ -29,11 +29,7 @@ RECONSTRUCTION_MARK = "reconstruction"
 
 
 def read_sizes(path: str | PathLike) -> pd.DataFrame:
-    """Full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry.
-
-    Lines that start with # are comments; `attrs["reconstruction"]` is True if a comment marks the file as a
-    reconstruction. InputError if a value is not a positive number, or not long >= major >= minor.
-    """
+    """Full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry."""
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
         raise InputError(path, "rows", len(sizes), "at least 2 berries, or there is no standard deviation")
@@ -52,8 +48,7 @@ def read_compression(path: str | PathLike) -> pd.DataFrame:
     """Compression tests: `test`, `force_n`, `length_1_mm`, `length_2_mm`, `width_1_mm`, `width_2_mm`, `breadth_mm`.
 
     The berry lies on its broad side. The load runs along its minor diameter W (width), and the section that carries it
-    has the axes L (length) and breadth; 1 is before, 2 after. InputError as in `read_sizes`, and if the load does not
-    shorten W.
+    has the axes L (length) and breadth; 1 is before, 2 after.
     """
     tests = _read_numbers(path, COMPRESSION_COLUMNS)
     if tests.empty:
@@ -69,10 +64,7 @@ def read_compression(path: str | PathLike) -> pd.DataFrame:
 
 
 def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> dict[str, Any]:
-    """The file of the verb berry; `needed` are keys that it must have.
-
-    InputError if a key is missing, or a quantity of the berry is not a positive number.
-    """
+    """The file of the verb berry; `needed` are keys that it must have."""
     berry = read_json(path, needed, WRITTEN)
     for key in (*needed, *(key for key in POSITIVE if key in berry)):
         value = berry[key]

@@ -20,6 +20,7 @@ from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
 from repose.particle.mesh import (
     MM,
+    Body,
     body_of,
     ellipsoid_mesh,
     load_mesh,
@@ -58,9 +59,7 @@ def fit_particle(
 
     Mass is density times the particle's own volume: an ellipsoid holds less than a fuller berry of the same axes. A
     mesh whose vertices lie on an ellipsoid becomes this ellipsoid, a little above the mesh's own volume; deviations
-    include the parts that its facets cut off. `kind` "smooth" is the sum of as few co-axial ellipsoids (up to 3) as
-    `fit_components` needs. InputError if the best is off by more than 15 % of the mean radius or 10 % of the volume (a
-    single ellipsoid: 20 %).
+    include the parts that its facets cut off.
     """
     _check_density(density_kg_m3, source)
     n = sphere_directions(DIRECTIONS)
@@ -76,21 +75,16 @@ def fit_particle(
     volume, second_moments = support_fit.volume_integrals(semi_axes)
     tolerance = VOLUME_TOLERANCE * (2 if kind == "ellipsoid" else 1)
     _check_fit(deviation.max() / radius, volume / (mesh.volume * MM**3), tolerance, source)
-    body = body_of(mesh, density_kg_m3)
     return Particle(
         kind="ellipsoid" if len(semi_axes) == 1 else "smooth",
         semi_axes_m=semi_axes,
-        density_kg_m3=float(density_kg_m3),
         volume_m3=volume,
         mass_kg=density_kg_m3 * volume,
         inertia_kg_m2=density_kg_m3 * (second_moments.sum() - second_moments),
         bounding_radius_m=support_fit.bounding_radius(semi_axes),
         deviation_max_m=float(deviation.max()),
         deviation_rms_m=float(np.sqrt(np.mean(deviation**2))),
-        mesh_volume_m3=body.volume_m3,
-        stl=str(stl),
-        mesh_inertia_kg_m2=body.inertia_kg_m2,
-        mesh_axes_m=body.axes_m,
+        **_origin(body_of(mesh, density_kg_m3), density_kg_m3, stl),
     )
 
 
@@ -103,12 +97,7 @@ def make_particle(
     stl: str = "",
     source: object = "mesh",
 ) -> Particle:
-    """Particle of any of the `KINDS` from a mesh (mm, principal pose).
-
-    `spheres` is the largest number, and `surface` "smooth" or "rough" the kind, of a multisphere
-    (`sphere_packing.pack`). `stl` is a file name to keep; `source` names the mesh in messages. InputError if the kind
-    cannot represent the mesh.
-    """
+    """Particle of any of the `KINDS` from a mesh (mm, principal pose)."""
     if kind not in KINDS:
         raise InputError(source, "particle", kind, ", ".join(KINDS))
     if kind != "multisphere":
@@ -120,26 +109,30 @@ def make_particle(
     return Particle(
         kind="multisphere",
         semi_axes_m=np.zeros((0, 3)),
-        density_kg_m3=float(density_kg_m3),
         volume_m3=packing.volume_m3,
         mass_kg=body.mass_kg,
         inertia_kg_m2=body.inertia_kg_m2,
         bounding_radius_m=float((np.linalg.norm(centres, axis=1) + radii).max()),
         deviation_max_m=packing.deviation_max_m,
         deviation_rms_m=packing.deviation_rms_m,
-        mesh_volume_m3=body.volume_m3,
-        stl=str(stl),
         spheres_m=packing.spheres_m,
-        mesh_inertia_kg_m2=body.inertia_kg_m2,
-        mesh_axes_m=body.axes_m,
+        **_origin(body, density_kg_m3, stl),
     )
 
 
-def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
-    """Rows of the particles of one mesh, the mesh first: volume, mass, principal moments, extents, deviations.
+def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
+    """What a particle keeps of its mesh."""
+    return {
+        "density_kg_m3": float(density_kg_m3),
+        "stl": str(stl),
+        "mesh_volume_m3": body.volume_m3,
+        "mesh_inertia_kg_m2": body.inertia_kg_m2,
+        "mesh_axes_m": body.axes_m,
+    }
 
-    A particle that could not be made is an InputError; its row gives the reason.
-    """
+
+def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
+    """Rows of the particles of one mesh, the mesh first: volume, mass, principal moments, extents, deviations."""
     made = [particle for particle in particles.values() if isinstance(particle, Particle)]
     rows = [_row("mesh", made[0].mesh)] if made else []
     for name, particle in particles.items():
@@ -180,8 +173,7 @@ def make(
     """The particle of a berry, with its mesh, and all kinds of particles beside each other.
 
     The mesh is the user's scan; or it is built from the mean axes and the mass; without a mass it is the ellipsoid of
-    the mean axes. The particle is made from the mesh as in its file, in single precision. `berry` has `long_mm`,
-    `major_mm`, `minor_mm`, `density_kg_m3`, and perhaps the moduli. The other options are those of `make_particle`.
+    the mean axes. The particle is made from the mesh as in its file, in single precision.
     """
     density = berry["density_kg_m3"]
     stl = _stl(berry, scan, mass_g)
@@ -200,10 +192,7 @@ def make(
 
 
 def of_settings(berry: Mapping[str, Any], section: Mapping[str, Any]) -> Particle:
-    """The particle of a configuration, the same as by `make`, without the comparison.
-
-    `section` is `berry` of the configuration.
-    """
+    """The particle of a configuration, the same as by `make`, without the comparison."""
     scan = None if section["stl"] is None else load_mesh(section["stl"])
     source = section["stl"] or MESH_FILE
     mesh = mesh_of(_stl(berry, scan, section["mass_g"]), source)
@@ -227,10 +216,7 @@ def run(
     out_dir: str | PathLike = "results/berry",
     **how: Any,
 ) -> Particle:
-    """Write berry.stl, particle.json and particles.csv (`make` with the options `how`); return the particle.
-
-    `berry_json` is the file of the verb ``berry``; `stl` is the user's mesh, None for a built mesh.
-    """
+    """Write berry.stl, particle.json and particles.csv (`make` with the options `how`); return the particle."""
     import pandas as pd
 
     berry = read_berry(berry_json, (*AXES, "density_kg_m3"))

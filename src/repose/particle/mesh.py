@@ -77,10 +77,7 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Copy of a mesh in its principal pose.
-
-    Its centre of mass is at the origin, its principal axes lie along x (the longest), y and z.
-    """
+    """Copy of a mesh with its centre of mass at the origin and its principal axes along x (the longest), y and z."""
     # Ascending moments: the smallest belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
     for k in range(2):

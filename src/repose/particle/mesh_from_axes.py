@@ -24,10 +24,7 @@ RINGS, SECTORS = 64, 96
 
 
 def profile_exponents(shape: float) -> tuple[float, float]:
-    """Exponents (m, k) of the profile (1 - abs(t)^m)^k.
-
-    A shape number of 2 is the ellipsoid; above it the number is m, below it 1/k.
-    """
+    """Exponents (m, k) of the profile (1 - abs(t)^m)^k; of the ellipsoid the shape is 2, above it m, below it 1/k."""
     return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
 
 
@@ -78,9 +75,8 @@ def berry_mesh(
 ) -> tuple[trimesh.Trimesh, float]:
     """Closed mesh [mm] with given axes, mass and density, and its shape number (`profile_exponents`).
 
-    It holds mass / density exactly. `axes_mm` are full axes, the longest first; with grooves those over the ridges,
-    with a taper the largest widths. `taper` is the excess width at an end over the mean width. `wrinkle_depth_mm` is
-    the depth of the grooves at the belly. InputError for a value out of its limits.
+    `axes_mm` are full axes, the longest first; with grooves those over the ridges, with a taper the largest widths.
+    `taper` is the excess width at an end over the mean width, `wrinkle_depth_mm` that of the grooves at the belly.
     """
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):
@@ -110,10 +106,3 @@ def berry_mesh(
         raise InputError(source, "mass_g", mass_g, allowed)
     shape = brentq(lambda s: _mesh(axes, s, *details).volume - volume, *SHAPE_LIMITS, xtol=1e-12)
     return _mesh(axes, shape, *details), shape
-
-
-def fullness(shape: float) -> float:
-    """Share of its bounding box that a smooth body fills, V / (L W T), in closed form; no taper, no wrinkles."""
-    m, k = profile_exponents(shape)
-    beta = math.gamma(1 / m) * math.gamma(2 * k + 1) / math.gamma(1 / m + 2 * k + 1)
-    return math.pi / 4 * beta / m

@@ -35,10 +35,7 @@ def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float,
 
 
 def normalisation(sd: float, low: float, high: float) -> float:
-    """Cube root of E[x^3] of a truncated normal x of mean 1; x over it keeps the mean volume.
-
-    `sd`, `low` and `high` are over the mean.
-    """
+    """Cube root of E[x^3] of a truncated normal x of mean 1; x over it keeps the mean volume."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     x = low + (high - low) * (nodes + 1) / 2
     density = weights * np.exp(-0.5 * ((x - 1) / sd) ** 2)
@@ -54,10 +51,7 @@ def smallest(distribution: str, berry: Mapping[str, float]) -> float:
 
 
 def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
-    """Scales s (count,) of single berries with E[s^3] = 1; all 1 if `sd` is 0.
-
-    `sd` and the ends `low` and `high` are over the mean.
-    """
+    """Scales s (count,) of single berries with E[s^3] = 1; all 1 if `sd` is 0."""
     if sd == 0:
         return np.ones(count)
     bottom, top = ndtr((low - 1) / sd), ndtr((high - 1) / sd)
@@ -74,10 +68,7 @@ def _spread(berry):
 
 
 def of_pour(distribution: str, berry: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
-    """Scales (count,) of the berries of a pour, and the largest possible scale.
-
-    `distribution` is "none" or "measured"; `berry` has `scale_sd`, `scale_low`, `scale_high`, or InputError.
-    """
+    """Scales (count,) of the berries of a pour, and the largest possible scale."""
     if distribution == "none":
         return np.ones(count), 1.0
     sd, low, high = _spread(berry)

@@ -53,11 +53,7 @@ class Packing:
 def pack(
     mesh: trimesh.Trimesh, count: int | str = 14, surface: str = "smooth", source: object = "mesh"
 ) -> Packing:
-    """Fill a mesh (mm, nearly convex, centred) with spheres.
-
-    `count` is the largest number, 1 to 64 (fewer if more add nothing), or "fewest"; `surface` is "smooth", "rough" or
-    "rough_full" (see above). InputError if no number of spheres is near enough.
-    """
+    """Fill a mesh (mm, nearly convex, centred) with spheres."""
     if count != FEWEST and not (isinstance(count, int) and 1 <= count <= MOST_SPHERES):
         allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
         raise InputError(source, "spheres", count, allowed)
@@ -156,20 +152,16 @@ def _inside(mesh, points):
 
 
 def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distances (N,) of points (N, 3) from the union of spheres (M, 4), all in one unit.
-
-    Negative inside, where the value is a bound.
-    """
+    """Distances (N,) of points (N, 3) from the union of spheres (M, 4); negative inside, where the value is a bound."""
     away = np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2)
     return (away - spheres[:, 3]).min(axis=1)
 
 
 def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINTS) -> float:
-    """Volume of the union of spheres (M, 4), by a regular sequence of points.
+    """Volume of the union of spheres (M, 4), by a regular sequence of points in a box (2, 3) that holds most of it.
 
-    `box` (2, 3) has the lower and upper corner of a box that holds most of the union. With the default number of points
-    the error is below 0.2 % for unions of up to 60 spheres; a test compares with sixteen times as many, and with a
-    closed form.
+    With the default number of points the error is below 0.2 % for unions of up to 60 spheres; a test compares with
+    sixteen times as many, and with a closed form.
     """
     reach = np.stack(
         [(spheres[:, :3] - spheres[:, 3:]).min(axis=0), (spheres[:, :3] + spheres[:, 3:]).max(axis=0)]

@@ -43,10 +43,7 @@ def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
 def recognise_ellipsoid(
     vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
 ) -> np.ndarray | None:
-    """Half axes (1, 3) of the ellipsoid on which all vertices (V, 3) lie; None if there is none.
-
-    `radius` is the mean radius of the body; `measured` (N,) are its support values in the directions n (N, 3).
-    """
+    """Half axes (1, 3) of the ellipsoid on which all vertices (V, 3) lie; None if there is none."""
     x = vertices / radius
     if len(x) < 12:
         return None
@@ -74,12 +71,7 @@ def recognise_ellipsoid(
 def fit_components(
     n: np.ndarray, measured: np.ndarray, radius: float, counts: Sequence[int] = COMPONENTS
 ) -> np.ndarray:
-    """Half axes (K, 3) of the co-axial ellipsoids whose sum is nearest to measured support values, the longest first.
-
-    The components are enough when the rms deviation is below 0.2 % of the mean radius or the largest deviation below 1
-    % of the smallest extent. `measured` (N,) are the values in the directions n (N, 3), `radius` is the mean radius,
-    `counts` the numbers of components to try, the fewest first.
-    """
+    """Half axes (K, 3) of the co-axial ellipsoids whose sum is nearest to support values, the longest first."""
     best, best_rms = np.zeros((0, 3)), math.inf
     extents = measured[np.argmax(n, axis=0)]
     for count in counts:

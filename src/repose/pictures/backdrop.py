@@ -53,10 +53,7 @@ class DrumInside:
         return np.where(mouth <= self.radius_m + self.thickness_m, depth, np.inf), normal
 
     def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
-        """Colours (M, 3) of places on the drum: red, green and blue, 0 to 1 or a little above.
-
-        `normal` comes from `meet`; `lit` and `sky` (M,) are the shares of light and sky that reach the places.
-        """
+        """Colours (M, 3) of places on the drum: red, green and blue, 0 to 1 or a little above."""
         tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
         colour = DRUM_TONE * 1.1 * tone[:, None]
         rim = np.hypot(place[:, 0], place[:, 2]) > 0.9999 * self.radius_m

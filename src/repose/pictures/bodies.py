@@ -11,20 +11,14 @@ from repose.dem.tessellation import tessellate
 
 
 class Drawable(Protocol):
-    """A shape that can be drawn: `repose.dem.Shape`, or a `Particle`.
-
-    A shape that is made of spheres also has `spheres_m`, (M, 4): centre and radius in m.
-    """
+    """A shape that can be drawn; a shape made of spheres also has `spheres_m`, (M, 4): centre and radius in m."""
 
     @property
     def bounding_radius_m(self) -> float:
         """Distance of its farthest point from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Support function: distance (...,) in m of the tangent plane with normal `n` from the centre.
-
-        `n` (..., 3) are unit vectors in the body's frame.
-        """
+        """Support function: distance (...,) in m of the tangent plane with normal `n` from the centre."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Farthest points (..., 3) in m of the body in the unit directions `n` of the body's frame."""
@@ -61,11 +55,7 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own.
-
-    `centres` are in m, `quaternions` w, x, y, z, body to world; `shape_ids` (N,) are places in `shapes`. The order is
-    kept; parts are ordered by shape.
-    """
+    """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own."""
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)
     return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))

@@ -75,10 +75,7 @@ def _spiral(taps):
 
 @numba.njit(cache=True)
 def place_of(camera, shape, row, column, depth, place):
-    """Write the place (3,) in m at a depth along the ray of a pixel.
-
-    `camera` is eye (3,) in m, axes (3, 3) and focal length in pixels, see `repose.pictures.scenery.Camera`.
-    """
+    """Write the place (3,) in m at a depth along the ray of a pixel."""
     eye, axes, focal = camera
     right, up = (column + 0.5 - shape[1] / 2) / focal, (shape[0] / 2 - row - 0.5) / focal
     for k in range(3):
@@ -121,10 +118,7 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
 
 @numba.njit(cache=True)
 def openness(depth, normals, camera, mask, radius_m, taps):
-    """Share (H, W) of the sky that each visible point sees past its neighbours in the picture; 1 outside `mask`.
-
-    `radius_m` is the radius of the `taps` look-ups; the shade of a neighbour fades over the same length.
-    """
+    """Share (H, W) of the sky that each visible point sees past its neighbours in the picture; 1 outside `mask`."""
     rows, columns = depth.shape
     open_sky = np.ones((rows, columns), np.float32)
     across, down = _spiral(taps)

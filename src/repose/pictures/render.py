@@ -13,10 +13,10 @@ import numpy as np
 
 from repose.dem import Simulation
 from repose.pictures import shading
+from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Drawable, place_bodies
 from repose.pictures.scenery import (
     FIELD_OF_VIEW_DEG,
-    Backdrop,
     Frustum,
     Setting,
     look_at,
@@ -37,7 +37,7 @@ def render_pile(
     walls: Sequence[Frustum] | None = None,
     frame_m: np.ndarray | None = None,
     supersample: int = 2,
-    backdrop: Backdrop | None = None,
+    backdrop: DrumInside | None = None,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
     scales: np.ndarray | None = None,
     colour: str = shading.GRAIN,

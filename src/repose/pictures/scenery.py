@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from repose.apparatus.funnel import Funnel
 from repose.dem import Simulation
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
 from repose.dem.walls import Cone, Mesh
+from repose.pictures.backdrop import DrumInside
 
 FIELD_OF_VIEW_DEG = 24.0
 BAND_PIXELS = 65_536  # per band: the temporary arrays of a band take tens of MB
@@ -47,22 +48,6 @@ class Panel:
         return normal / np.linalg.norm(normal)
 
 
-class Backdrop(Protocol):
-    """A surface behind all bodies, such as `repose.pictures.backdrop.DrumInside`."""
-
-    def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depth (H, W) in m along the view, infinite for a ray that misses the surface, and unit normal (H, W, 3).
-
-        `rays` (H, W, 3) start at the eye and are scaled to unit depth along the view.
-        """
-
-    def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
-        """Colours (M, 3) of places on the surface: red, green and blue, 0 to 1 or a little above.
-
-        `normal` comes from `meet`; `lit` and `sky` (M,) are the shares of light and sky that reach the places.
-        """
-
-
 @dataclass(frozen=True)
 class Setting:
     """Scenery around the bodies."""
@@ -70,7 +55,7 @@ class Setting:
     plate_m: float | None = 0.0  # height of an endless plate; None means no plate
     panels: tuple[Panel, ...] = ()  # opaque
     frusta: tuple[Frustum, ...] = ()  # translucent
-    backdrop: Backdrop | None = None  # behind all of them
+    backdrop: DrumInside | None = None  # behind all of them
 
 
 @dataclass(frozen=True)
@@ -99,10 +84,7 @@ class Camera:
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
     def bands(self, multiple: int = 1) -> Iterator[slice]:
-        """Rows of the picture, band by band: work on a band needs little memory, however large the picture is.
-
-        The number of rows of a band is a multiple of `multiple`; the last band takes the rest.
-        """
+        """Rows of the picture, band by band: work on a band needs little memory, however large the picture is."""
         step = multiple * max(1, BAND_PIXELS // (multiple * self.width))
         for first in range(0, self.height, step):
             yield slice(first, first + step)
@@ -131,10 +113,7 @@ def look_at(
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:
-    """A `Camera` that sees all points from a direction.
-
-    `margin` is the size of the picture over the size of the points; the field of view is along the longer side.
-    """
+    """A `Camera` that sees all points from a direction."""
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
     right = np.array([-math.sin(az), math.cos(az), 0.0])
@@ -151,10 +130,7 @@ def look_at(
 def outline(
     centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()
 ) -> np.ndarray:
-    """Points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin.
-
-    `reach` is the largest bounding radius of a body in m.
-    """
+    """Points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin."""
     spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
     rings = [

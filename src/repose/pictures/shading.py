@@ -7,8 +7,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from repose.pictures import raster
+from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Bodies
-from repose.pictures.scenery import Backdrop, Camera, Frustum, Setting
+from repose.pictures.scenery import Camera, Frustum, Setting
 from repose.pictures.view import View
 
 BACKGROUND = np.array([0.975, 0.977, 0.980])
@@ -21,11 +22,7 @@ LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # i
 
 
 def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN) -> np.ndarray:
-    """Colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1; no two bodies are alike.
-
-    `body` and `shape` (N,) are numbers; parts of one body share theirs. `count` and `shapes` are the numbers of all
-    bodies and shapes; `colour` (#rrggbb) is of the first shape.
-    """
+    """Colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1; no two bodies are alike."""
     first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     colours = np.array([first, *(OTHERS[k % len(OTHERS)] for k in range(shapes - 1))])
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
@@ -43,11 +40,7 @@ def paint(
     setting: Setting,
     supersample: int,
 ) -> np.ndarray:
-    """The picture (H / supersample, W / supersample, 3), RGB, of a camera's view.
-
-    `tints` come from `tints_of`, `lit` and `sky` from `light_and_sky`. The plate fades out beyond the points `frame`
-    (P, 3) in m.
-    """
+    """The picture (H / supersample, W / supersample, 3), RGB, of a camera's view."""
     height, width = camera.height // supersample, camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
     order = _far_to_near(setting.frusta, camera)
@@ -65,10 +58,7 @@ def paint(
 def light_and_sky(
     camera: Camera, bodies: Bodies, view: View, largest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (H, W) of the light and of the sky that reach each visible point; 1 without a point.
-
-    The light turns with the camera. `largest` is the largest bounding radius of the bodies in m.
-    """
+    """Shares (H, W) of the light and of the sky that reach each visible point; 1 without a point."""
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
@@ -137,7 +127,7 @@ def _paint_flat(
     lit: np.ndarray,
     sky: np.ndarray,
     frame: np.ndarray,
-    backdrop: Backdrop | None,
+    backdrop: DrumInside | None,
 ) -> None:
     """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
     if view.plate.any():

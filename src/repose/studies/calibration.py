@@ -59,23 +59,21 @@ class Calibration(NamedTuple):
             index=lambda name: name.replace("_", " ")
         )
         tables = (parameters, self.prediction, chances)
-        shown = "".join(one.to_html(float_format="{:.4g}".format, na_rep="fixed") for one in tables)
+        shown = "".join(table.to_html(float_format="{:.4g}".format, na_rep="fixed") for table in tables)
         return f"{shown}<p>{escape(self.summary['message'])}</p><p>{escape(self.why)}</p>"
 
 
-def calibrate(study: Studied, runs: pd.DataFrame, found: Batch | Answer | None = None) -> Calibration:
+def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | None = None) -> Calibration:
     """The parameters that meet the targets, and their certainty.
 
     `runs` come from `repose.strategies.runs.checked_runs`; they need not be those that the strategy asked for. Unless
-    `found` is the answer, it is the best that these runs give. A strategy without a model over the whole ranges gets a
-    kriging model of all runs for the posterior.
+    `proposal` is the answer, it is the best that these runs give.
     """
     space, targets, config = study.parameters, study.targets, study.config
-    if not isinstance(found, Answer):
-        found = strategy(config["strategy"]).answer(study, runs)
+    best = proposal if isinstance(proposal, Answer) else strategy(config["strategy"]).answer(study, runs)
     observed, _ = observed_of(runs, space, targets)
     noise = noise_from(study, observed)
-    model = found.model or SpaceKriging(Kriging(observed, noise.covariance), space)
+    model = best.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)
     low, high = space.complete(np.array([space.low, space.high]))
     support = Support(space.values(observed.unit), low, high, space.names)
@@ -83,20 +81,20 @@ def calibrate(study: Studied, runs: pd.DataFrame, found: Batch | Answer | None =
     if observed.freedom < FREEDOM:
         settings |= {"measured_correlation": 0.0}
     posterior = infer(model, support, runs, space, targets, settings, {})
-    written = answer.Found(found.values, found.mean, found.others, found.others_mean, ())
+    written = answer.Found(best.values, best.mean, best.others, best.others_mean, ())
     feasible, message = answer.verdict(written, targets)
     section = config["sequential"]
     goal = Goal.of(targets, section["tolerance_percent"], space)
     summary = {
         "simulator": config.get("simulator", "repose"),
-        "representative": dict(zip(space.names, found.values.tolist(), strict=True)),
+        "representative": dict(zip(space.names, best.values.tolist(), strict=True)),
         "responses": {
-            one.name: {"target": one.aim, "mean": float(m), "error": float(e)}
-            for one, m, e in zip(targets, found.mean, found.error, strict=True)
+            target.name: {"target": target.aim, "mean": float(mean), "error": float(error)}
+            for target, mean, error in zip(targets, best.mean, best.error, strict=True)
         },
         "feasible": feasible,
         "message": message,
-        "probability": found.probability,
+        "probability": best.probability,
         "runs": len(runs),
         "failed_runs": int((runs["status"] != OK).sum()),
         "samples": len(samples),
@@ -107,26 +105,34 @@ def calibrate(study: Studied, runs: pd.DataFrame, found: Batch | Answer | None =
         },
         "warning": noise.warning,
         "definitions": dict(config.get("definitions", {})),
-        "steps": _steps(study, runs, samples, model, found.probability, noise.warning),
+        "steps": _steps(study, runs, samples, model, best.probability, noise.warning),
     }
-    solutions = answer.solutions(written, feasible, space, targets)
-    given = (found.values, found.mean, found.error, found.probability, solutions, posterior, summary)
-    return Calibration(study, runs, samples, model, *given, found.why)
+    return Calibration(
+        study=study,
+        runs=runs,
+        samples=samples,
+        model=model,
+        values=best.values,
+        mean=best.mean,
+        error=best.error,
+        probability=best.probability,
+        solutions=answer.solutions(written, feasible, space, targets),
+        posterior=posterior,
+        summary=summary,
+        why=best.why,
+    )
 
 
-def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
-    """Write the tables of a calibration and its material card; return the card.
-
-    The files are samples.csv, solutions.csv, posterior.csv, draws.csv, posterior.json, summary.json and card.json.
-    """
-    out, study = Path(out_dir), found.study
-    tables = {"samples": found.samples, "solutions": found.solutions}
-    tables |= {"posterior": found.posterior.parameters, "draws": found.posterior.draws}
+def write(result: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
+    """Write the tables of a calibration and its material card; return the card."""
+    out, study = Path(out_dir), result.study
+    tables = {"samples": result.samples, "solutions": result.solutions}
+    tables |= {"posterior": result.posterior.parameters, "draws": result.posterior.draws}
     for name, table in tables.items():
         write_table(out / f"{name}.csv", table)
-    write_json(out / "posterior.json", found.posterior.summary)
-    write_json(out / "summary.json", found.summary)
-    about = {"simulator": study.config.get("simulator", "repose"), "probability": found.probability}
+    write_json(out / "posterior.json", result.posterior.summary)
+    write_json(out / "summary.json", result.summary)
+    about = {"simulator": study.config.get("simulator", "repose"), "probability": result.probability}
     tests: dict[str, dict[str, Any]] = {
         name: {"definition": {"name": study.config["definitions"].get(name), "settings": {}}, "bench": None}
         for name in study.targets.names
@@ -134,57 +140,55 @@ def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
     made = card.assembled(
         about,
         tests,
-        as_answer(found, out),
+        as_answer(result, out),
         study.parameters,
         study.targets,
-        found.solutions,
-        (found.posterior.parameters, found.posterior.draws),
+        result.solutions,
+        (result.posterior.parameters, result.posterior.draws),
     )
     card.check(made, out / "card.json")
     write_json(out / "card.json", made)
     return made
 
 
-def as_answer(found: Calibration, folder: Path) -> Result:
+def as_answer(result: Calibration, folder: Path) -> Result:
     """The answer in the form for the material card; it was not simulated again."""
-    checks = tuple(
-        Check(
-            *(one.name, one.response.unit, None, None, 0, "not simulated again"),
-            *(one.value, one.sd, one.low, one.high),
-        )
-        for one in found.study.targets
-    )
-    values, chance = found.summary["representative"], found.probability
-    within = {percent: chance[column] for percent, column in WITHIN.items()}
-    summary = found.summary
     return Result(
-        found.study.config["label"], values, summary["feasible"], summary["message"], checks, folder, within
+        label=result.study.config["label"],
+        parameters=result.summary["representative"],
+        feasible=result.summary["feasible"],
+        message=result.summary["message"],
+        checks=tuple(
+            Check.of(target, None, None, 0, "not simulated again") for target in result.study.targets
+        ),
+        folder=folder,
+        within={percent: result.probability[column] for percent, column in WITHIN.items()},
     )
 
 
-def in_words(found: Calibration) -> str:
+def describe(result: Calibration) -> str:
     """The answer as text for people."""
-    rows = found.posterior.parameters.set_index("parameter")
-    study, chance = found.study, found.probability
+    rows = result.posterior.parameters.set_index("parameter")
+    study, chance = result.study, result.probability
     lines = [f"{study.config['label']}: the calibrated parameters [95 % interval]:"]
-    for name, value in found.summary["representative"].items():
+    for name, value in result.summary["representative"].items():
         interval = "fixed"
         if name in rows.index:
             interval = "[{credible_low:.4g}, {credible_high:.4g}]".format(**rows.loc[name])
         lines.append(f"  {name} {value:.4g} {interval}")
-    lines.append(f"Predicted by {found.model.name.replace('_', ' ')}, not simulated again:")
-    for one, mean, error in zip(study.targets, found.mean, found.error, strict=True):
-        unit = f" {one.response.unit}".rstrip()
-        off = 100 * (mean / one.aim - 1)
+    lines.append(f"Predicted by {result.model.name.replace('_', ' ')}, not simulated again:")
+    for target, mean, error in zip(study.targets, result.mean, result.error, strict=True):
+        unit = f" {target.response.unit}".rstrip()
+        off = 100 * (mean / target.aim - 1)
         lines.append(
-            f"  {one.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {one.aim:g}"
+            f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}"
         )
     lines.append(
         f"Probability that the simulator's means there lie within 1 % of all targets: "
         f"{chance['within_1_percent']:.2f}; within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: "
         f"{chance['inside']:.2f}."
     )
-    return "\n".join([*lines, found.summary["message"]])
+    return "\n".join([*lines, result.summary["message"]])
 
 
 def _samples(study, runs):
@@ -192,9 +196,9 @@ def _samples(study, runs):
     ok = runs[runs["status"] == OK].groupby("sample", sort=False)
     first = runs.drop_duplicates("sample").set_index("sample")
     table = first[list(study.parameters.names)].assign(runs=ok.size().reindex(first.index, fill_value=0))
-    for one in study.targets:
-        table[one.name] = ok[one.name].mean().reindex(first.index)
-        table[one.response.error] = ok[one.name].sem().reindex(first.index)
+    for target in study.targets:
+        table[target.name] = ok[target.name].mean().reindex(first.index)
+        table[target.response.error] = ok[target.name].sem().reindex(first.index)
     return table.reset_index()
 
 

@@ -30,12 +30,7 @@ MODEL = ("particle", "tension", "filling")
 def of_targets(
     targets: Targets, runs: pd.DataFrame, percent: float, correlation: float, study: np.ndarray | None = None
 ) -> np.ndarray:
-    """Covariance S_d (k, k) of the discrepancies of a study's k targets.
-
-    `percent` of the targets' values and `correlation` are stated values, as for `sizes` and `covariance`; `runs` of the
-    design give the signs. `study`, the covariance of `of_shape_study`, replaces the stated values; None means there is
-    none.
-    """
+    """Covariance S_d (k, k) of the discrepancies of a study's k targets."""
     if study is not None:
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
@@ -56,11 +51,9 @@ class OfModels(NamedTuple):
 def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfModels:
     """Mean and covariance of the responses over the plausible models of a shape study.
 
-    `combinations_csv` is a table of the verb `shape_study`; plausible rows are `eligible`. The weight of a model is
-    exp(-d^2 / 2), and d the distance in standard deviations from the published piles. The definitions of one model
-    count as one. The pours of a combination are few: the mean square of its standard errors is subtracted from each
-    variance; the correlation is computed from the uncorrected differences. InputError if the weights leave fewer than
-    `FEWEST_MODELS` models.
+    The weight of a model is exp(-d^2 / 2), and d the distance in standard deviations from the published piles. The
+    definitions of one model count as one. The pours of a combination are few: the mean square of its standard errors is
+    subtracted from each variance; the correlation is computed from the uncorrected differences.
     """
     columns = [derived(name, "difference") for name in targets.names]
     needed = (*MODEL, "eligible", "distance", *columns, *targets.errors)
@@ -91,11 +84,7 @@ def sizes(
     percent: Mapping[str, float] | float,
     smallest: Mapping[str, float],
 ) -> np.ndarray:
-    """Standard deviation (k,) of the discrepancy of each response, in its unit.
-
-    `percent` is of each of the `means` (k,), or by name; 0 percent means no discrepancy at all. `smallest` holds the
-    smallest standard deviation by unit, as in ``{"deg": 0.5}``; other units have none.
-    """
+    """Standard deviation (k,) of each discrepancy: `percent` of the mean, no less than `smallest` of its unit."""
     discrepancies = []
     for name, mean in zip(names, means, strict=True):
         own = percent[name] if isinstance(percent, Mapping) else percent
@@ -111,12 +100,7 @@ def covariance(
     correlation: float,
     apparatus: Sequence[str] | None = None,
 ) -> np.ndarray:
-    """Covariance S_d (k, k) of the discrepancies; those of different bench tests are independent.
-
-    `sd` (k,) is of `sizes`. `means` (samples, k) give the signs; they are NaN where a sample has no run. `correlation`
-    is between two responses of one bench test, without its sign, from 0 to below 1. `apparatus` is the bench test of
-    each response; None means as registered.
-    """
+    """Covariance S_d (k, k) of the discrepancies; those of different bench tests are independent."""
     matrix = np.diag(sd**2)
     if apparatus is None:
         apparatus = [response(name).apparatus for name in names]

@@ -21,7 +21,7 @@ from scipy.stats import qmc
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 from repose.studies.likelihood import log_likelihood
-from repose.studies.sampler import BINS
+from repose.studies.sampler import BINS, bits_of_shares
 from repose.surrogate.base import Surrogate
 
 CREDIBLE = 0.95
@@ -54,10 +54,8 @@ def curve(
 ) -> pd.DataFrame:
     """Information and intervals over the size of the discrepancy, a row for each size and correlation.
 
-    Columns: `discrepancy_percent`, `discrepancy_correlation`, `evidence` ("stated" or "shape study"),
-    `information_bits`, `effective_points`, and for each free parameter the ends of its 95 % interval and its bits.
-    Correlated rows exist only where a bench test gives several targets. `study` is the observation with the covariance
-    of a shape study; its row is the last, and its size the root mean square over the targets.
+    Correlated rows exist only where a bench test gives several targets. The row of a shape study is the last, and its
+    size the root mean square over the targets.
     """
     several = len(targets.apparatus) < len(targets)
     rows = [
@@ -100,29 +98,17 @@ def _marginal(name, points, k, weight, space, effective):
     edge[:, k] = ends
     low, high = (space.low[k] + (space.high[k] - space.low[k]) * space.from_prior(edge)[:, k]).tolist()
     share = np.bincount(np.minimum((quantile * BINS).astype(int), BINS - 1), weight, BINS)
-    filled = share[share > 0]
-    # a histogram of so many bins looks informative by chance
-    excess = (len(filled) - 1) / (2 * effective * math.log(2))
-    bits = max(0.0, float(filled @ np.log2(filled * BINS)) - excess)
-    return {f"{name}_low": low, f"{name}_high": high, f"{name}_bits": bits}
+    return {f"{name}_low": low, f"{name}_high": high, f"{name}_bits": bits_of_shares(share, effective)}
 
 
 def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Distance (n,) of the worst response from its measurement, in standard deviations (C97).
-
-    `mean` (k,) and `covariance` (k, k) come from `repose.studies.likelihood.observation`.
-    """
+    """Distance (n,) of the worst response from its measurement, in standard deviations (C97)."""
     variance = np.diagonal(points.covariance, axis1=1, axis2=2) + np.diagonal(covariance)
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
 def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
-    """Share of the prior that is not implausible, and the projections of this region on pairs of parameters.
-
-    A row for each cell of each pair: the parameters `x` and `y`, the middle of the cell in their quantiles of the
-    prior, the least implausibility in it, and the share of it that is not implausible. `implausible` (n,) is of
-    `implausibility`.
-    """
+    """Share of the prior that is not implausible, and the projections of this region on pairs of parameters."""
     kept = implausible < IMPLAUSIBLE
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
     tables = []

@@ -28,11 +28,7 @@ from repose.core.targets import Targets
 def observation(
     targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Physical means (k,) and the part S_y + S_d (k, k) of their covariance that does not depend on the parameters.
-
-    `correlation` (k, k) is of the measured responses from pile to pile, `discrepancy` (k, k) is S_d. ValueError if
-    `correlation` is not positive definite.
-    """
+    """Physical means (k,) and the part S_y + S_d (k, k) of their covariance that does not depend on the parameters."""
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
         raise ValueError(f"correlation is {correlation.tolist()}; allowed: a positive definite matrix")
@@ -41,11 +37,7 @@ def observation(
 
 
 def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
-    """Correlation (k, k) of the measured responses.
-
-    `simulated` (k, k) is of simulated runs of one sample. `stated` is ``simulated``, or a number for any two
-    responses of one bench test, where the physical piles were measured in another way.
-    """
+    """Correlation (k, k) of the measured responses: of simulated runs, or a stated number for two of one bench test."""
     if isinstance(stated, str):
         return simulated
     bench = np.array([target.response.apparatus for target in targets])
@@ -57,11 +49,7 @@ def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float 
 def log_likelihood(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
-    """Log (n,) of the normal density N(mean; responses, covariance + covariances).
-
-    `responses` (n, k) are predictions and `covariances` (n, k, k) theirs; `mean` and `covariance` come from
-    `observation`.
-    """
+    """Log (n,) of the normal density N(mean; responses, covariance + covariances)."""
     total = covariance + covariances
     off = mean - responses
     distance = _squared_distance(off, total)
@@ -72,11 +60,7 @@ def log_likelihood(
 def misfit(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> dict[str, float]:
-    """Deviation of the best draw from the measurements; arguments as for `log_likelihood`.
-
-    ``squared_distance`` is the smallest, in standard deviations; ``p_value`` is its chi^2 tail with k degrees of
-    freedom.
-    """
+    """Deviation of the best draw from the measurements; arguments as for `log_likelihood`."""
     off = mean - responses
     best = float(_squared_distance(off, covariance + covariances).min())
     return {"squared_distance": best, "p_value": float(stats.chi2.sf(best, off.shape[1]))}

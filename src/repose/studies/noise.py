@@ -32,10 +32,7 @@ class NoiseFloor(NamedTuple):
 
 
 def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """All runs of a study, including failed runs, from the table of `repose.chain.dataset`.
-
-    InputError if a target has no sample with two usable runs, or usable runs of one sample alone.
-    """
+    """All runs of a study, including failed runs, from the table of `repose.chain.dataset`."""
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
         sizes = usable(runs, (name,)).groupby("sample").size()
@@ -55,10 +52,7 @@ def within_correlation(
 ) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
     """Correlation (k, k) of the responses from run to run of one sample, and its pairs.
 
-    Responses of one bench test come from the same runs and are correlated. Responses of different bench tests are
-    independent: no run gives both. A pair ``"first, second"`` has value, its interval low and high (Fisher's
-    transformation), and degrees_of_freedom. ValueError if a pair has fewer than four of them, or a response does not
-    vary within samples.
+    Responses of different bench tests are independent: no run gives both.
     """
     matrix, pairs = np.eye(len(targets)), {}
     for bench in targets.apparatus:
@@ -67,10 +61,10 @@ def within_correlation(
         ok = usable(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
             first, second = targets.names[i], targets.names[j]
-            found = residual_correlation(ok[first], ok[second], ok["sample"])
-            matrix[i, j] = matrix[j, i] = found[0]
+            correlation = residual_correlation(ok[first], ok[second], ok["sample"])
+            matrix[i, j] = matrix[j, i] = correlation[0]
             names = ("value", "low", "high", "degrees_of_freedom")
-            pairs[f"{first}, {second}"] = dict(zip(names, found, strict=True))
+            pairs[f"{first}, {second}"] = dict(zip(names, correlation, strict=True))
     return matrix, pairs
 
 
@@ -80,11 +74,7 @@ def correlation_record(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
 
 
 def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
-    """Variance components of every target, and the gain from more seeds.
-
-    `runs` need at least two samples, one of them with two usable runs. A standard error is also in percent of the
-    target's aim. ValueError as `within_correlation` and `repose.core.variance.variance_components`.
-    """
+    """Variance components of every target, and the gain from more seeds."""
     seeds = np.arange(1, MOST_SEEDS + 1)
     table, rows = pd.DataFrame({"seeds": seeds}), []
     for target in targets:
@@ -110,10 +100,7 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
 
 
 def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLike) -> dict[str, Any]:
-    """Read the runs, write noise.csv, seeds.csv and noise.json; return the summary.
-
-    InputError as `read_runs`, and if the runs are too few or too alike for a correlation.
-    """
+    """Read the runs, write noise.csv, seeds.csv and noise.json; return the summary."""
     runs = read_runs(runs_csv, targets)
     try:
         floor = noise_floor(runs, targets)

@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import train
-from repose.chain.trained import require_targets
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
@@ -56,11 +55,8 @@ def infer(
 ) -> Posterior:
     """Sample the posterior and state which parameters it determines.
 
-    `support` is of the training samples; `runs` give the correlation of the responses. `settings` is the section
-    `posterior`; without measured_correlation the correlation of simulated runs is used. `references` are other
-    intervals by name: tables with the index parameter and columns low, high. `study` (k, k) is the covariance of the
-    discrepancies by a shape study; None means stated values. ValueError if the runs are too few or too alike for a
-    correlation.
+    `runs` give the correlation of the responses, `references` other intervals by name: tables with low and high.
+    `study` (k, k) is the covariance of the discrepancies by a shape study; None means stated values.
     """
     observed, pairs = _observed(runs, targets, settings)
     assumed = settings["discrepancy_percent"], settings["discrepancy_correlation"]
@@ -127,18 +123,11 @@ def run(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Read the inputs of `infer`; write the posterior, its curve over the discrepancy, and the region not excluded.
-
-    The files are posterior.csv, draws.csv, discrepancy.csv, region.csv and posterior.json, whose content is returned.
-    `files` has the paths network, predictions, dataset, runs, feasible and table3, which is None without published
-    intervals. `settings` may hold shape_study, a table for `repose.studies.discrepancy.of_shape_study`. `definitions`
-    belong to the study's responses; `source` names them in the error. InputError if files do not belong together, or
-    no parameter is free.
-    """
+    """Read the inputs of `infer`; write the posterior, its curve over the discrepancy, and the region not excluded."""
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
     model = train.restore(*(files[key] for key in ("network", "predictions", "dataset")))
-    require_targets(model, files["network"], targets, definitions or {}, source)
+    train.require_targets(model, files["network"], targets, definitions or {}, source)
     support = Support.of_dataset(files["dataset"], space)
     feasible = read_table(files["feasible"], PARAMETERS)[list(PARAMETERS)]
     runs = noise.read_runs(files["runs"], targets)

@@ -34,11 +34,7 @@ class Chains(NamedTuple):
 def sample(
     log_density: Density, dimensions: int, walkers: int, steps: int, seed: int, ensembles: int = ENSEMBLES
 ) -> Chains:
-    """Draw from a density in the unit cube.
-
-    Walkers start anywhere in the cube; the first half of the steps is dropped. `log_density` maps points (n, d) in the
-    cube to (n,); outside the density is zero. `walkers` and `steps` are of each ensemble.
-    """
+    """Draw from a density in the unit cube."""
     import emcee
 
     def inside(points):
@@ -66,10 +62,7 @@ def sample(
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
-    """R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4).
-
-    Chains of fewer than four steps raise ValueError.
-    """
+    """R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4)."""
     chains = np.asarray(chains, dtype=float)
     if chains.ndim != 3 or chains.shape[1] < 4:
         raise ValueError(
@@ -85,11 +78,14 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
 def information_bits(draws: np.ndarray, effective: float) -> float:
     """Kullback-Leibler divergence of one parameter's posterior from its prior, in bits, at least 0.
 
-    `draws` (n,) are values of the prior's distribution function at the posterior's draws. It is the divergence of a
-    histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2 effective ln 2), is subtracted
-    (Miller 1955, Note on the bias of information estimates).
+    It is the divergence of a histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2
+    effective ln 2), is subtracted (Miller 1955, Note on the bias of information estimates).
     """
-    share = np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws)
+    return bits_of_shares(np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws), effective)
+
+
+def bits_of_shares(share: np.ndarray, effective: float) -> float:
+    """`information_bits` of a histogram: the share of the draws in each of the BINS."""
     filled = share[share > 0]
     excess = (len(filled) - 1) / (2 * effective * math.log(2))
     return max(0.0, float(filled @ np.log2(filled * BINS)) - excess)
@@ -107,9 +103,7 @@ def joint_information_bits(
     """Kullback-Leibler divergence of the whole posterior from the prior, in bits, and its standard error.
 
     It is E_posterior[log L] - log E_prior[L]. The second mean is over a scrambled Sobol sequence; its standard error is
-    computed as for independent points, which makes it too large rather than too small. `log_likelihood` gives log L
-    (n,) at points (n, d) in the unit cube, without the prior. `drawn` (n,) is log L at all draws of the posterior,
-    worth `effective` independent draws. `from_prior` maps uniform points to the prior; None means a uniform prior.
+    computed as for independent points, which makes it too large rather than too small.
     """
     points = stats.qmc.Sobol(dimensions, rng=seed).random(prior_draws)
     points = points if from_prior is None else from_prior(points)

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.chain.trained import read_surrogate
+from repose.chain.train import read_surrogate
 from repose.core.errors import InputError
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
@@ -34,12 +34,7 @@ Function = Callable[[np.ndarray], np.ndarray]
 def indices(
     function: Function, low: np.ndarray, high: np.ndarray, samples: int, resamples: int, seed: int
 ) -> dict[str, np.ndarray]:
-    """First-order and total Sobol indices with intervals, each (outputs, d).
-
-    `function` maps points (n, d) to (n, outputs); it is evaluated at samples (d + 2) points. `low` and `high` (d,)
-    are ranges. `resamples` of the rows give percentile intervals by bootstrap. ValueError if `samples` is not a power
-    of two, or an output does not vary.
-    """
+    """First-order and total Sobol indices with intervals, each (outputs, d)."""
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples!r}; allowed: a power of two")
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
@@ -76,10 +71,7 @@ def main_effects(
     points: int = EFFECT_POINTS,
     draws: int = EFFECT_DRAWS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs.
-
-    A mean is over `draws` points; the other arguments are as for `indices`.
-    """
+    """Values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(draws)
     grid = np.linspace(low, high, points, axis=1)
@@ -97,20 +89,16 @@ def main_effects(
 def analyse(
     model: Surrogate, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Tables sobol.csv and main_effects.csv of a surrogate: Sobol indices and mean responses.
-
-    Only free parameters vary. `settings` is the section `sensitivity`: samples, resamples, seed. ValueError as
-    `indices`.
-    """
+    """Tables sobol.csv and main_effects.csv of a surrogate: Sobol indices and mean responses."""
 
     def respond(values):
         return model.predict(space.complete(values))
 
-    found = indices(
+    table = indices(
         respond, space.low, space.high, settings["samples"], settings["resamples"], settings["seed"]
     )
     rows = [
-        {"response": response, "parameter": name} | {key: value[i, k] for key, value in found.items()}
+        {"response": response, "parameter": name} | {key: value[i, k] for key, value in table.items()}
         for i, response in enumerate(targets.names)
         for k, name in enumerate(space.free)
     ]
@@ -132,11 +120,7 @@ def run(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> pd.DataFrame:
-    """Read a surrogate, write sobol.csv and main_effects.csv; return the first table.
-
-    `definitions` belong to the study's responses; `source` names them in the error. InputError for other responses
-    or definitions than the targets', a response that does not vary, or no free parameter.
-    """
+    """Read a surrogate, write sobol.csv and main_effects.csv; return the first table."""
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
     model = read_surrogate(surrogate_json, targets, definitions or {}, source)

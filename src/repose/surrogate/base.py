@@ -28,40 +28,16 @@ KEYS = {"surrogate": str, "inputs": list, "outputs": list}
 
 
 class Predictor(Protocol):
-    """Interface that the posterior and the report require of a model; every `Surrogate` has it.
-
-    Attributes
-    ----------
-    name : str
-    """
+    """Interface that the posterior and the report require of a model; every `Surrogate` has it."""
 
     @property
     def name(self) -> str: ...
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """As `Surrogate.predict`.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-        return_std, noise : bool, optional
-
-        Returns
-        -------
-        mean, std : numpy.ndarray, (n, k)
-        """
+        """As `Surrogate.predict`."""
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """As `Surrogate.covariance`.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """As `Surrogate.covariance`."""
 
 
 class Surrogate(ABC):
@@ -167,16 +143,7 @@ class Surrogate(ABC):
 
     @abstractmethod
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the predicted means, without noise.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """Covariance (n, k, k) of the predicted means at parameter sets X (n, d), without noise."""
 
     @property
     def knows_its_errors(self) -> bool:
@@ -184,19 +151,10 @@ class Surrogate(ABC):
         return True
 
     def shifted(self, offset: np.ndarray) -> Self:
-        """A copy with an offset added to its predictions.
+        """A copy with an offset (k,) added to its predictions.
 
         It changes `offset_`, which `predict` adds to the responses. A surrogate without `offset_` has a `shifted` of
         its own.
-
-        Parameters
-        ----------
-        offset : numpy.ndarray, (k,)
-            Added to each prediction.
-
-        Returns
-        -------
-        Surrogate
         """
         moved = copy.copy(self)
         moved.offset_ = self.offset_ + offset
@@ -227,19 +185,9 @@ class Surrogate(ABC):
         """
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The prediction as a function of points in [-1, 1].
+        """The prediction as a function of points (n, d) in [-1, 1], which stand for `low` and `high` (d,).
 
         A search calls this function millions of times.
-
-        Parameters
-        ----------
-        low, high : numpy.ndarray, (d,)
-            Parameter values of -1 and 1.
-
-        Returns
-        -------
-        callable
-            From points (n, d) to responses (n, k).
         """
         middle, half = (np.add(low, high)) / 2, np.subtract(high, low) / 2
         return lambda points: self.predict(middle + points * half)
@@ -280,12 +228,7 @@ class Surrogate(ABC):
         return self
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write a JSON file that `load` reads.
-
-        Parameters
-        ----------
-        path : path
-        """
+        """Write a JSON file that `load` reads."""
         described = {
             "inputs": list(self.inputs),
             "outputs": list(self.outputs),
@@ -301,17 +244,7 @@ Kind = TypeVar("Kind", bound=type[Surrogate])
 
 
 def register(name: str) -> Callable[[Kind], Kind]:
-    """Class decorator that makes a surrogate known by a name.
-
-    Parameters
-    ----------
-    name : str
-        In the configuration and in files.
-
-    Returns
-    -------
-    callable
-        The decorator.
+    """Class decorator that makes a surrogate known by a name, in the configuration and in files.
 
     Raises
     ------

@@ -96,8 +96,7 @@ class BayesianBP(Surrogate):
         """Train; `precision`, `noise_covariance` and `noise_freedom` as in `Surrogate.fit`.
 
         `sample_weight` (samples,) is how often a sample counts, as in scikit-learn. With a covariance the network is
-        trained on combinations of the outputs whose noises are independent (A35). ValueError for a setting or sample
-        that is not allowed, or when no start ends with a finite evidence.
+        trained on combinations of the outputs whose noises are independent (A35).
         """
         settings = self._checked_settings()
         X, Y, count, precision = checked_samples(X, y, sample_weight, precision)
@@ -169,8 +168,7 @@ class BayesianBP(Surrogate):
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Covariance (samples, outputs, outputs) of the responses by the uncertainty of the weights alone.
 
-        The outputs share the hidden layer, so their errors are correlated. ValueError if the network was saved without
-        its training data.
+        The outputs share the hidden layer, so their errors are correlated.
         """
         roots = self._weight_roots(np.asarray(X, dtype=float)) * self._stretch()[:, None]
         return roots @ roots.transpose(0, 2, 1)

@@ -119,9 +119,7 @@ def train_start(
     """Train from the weights w (N,) (FH 1-4); x, t and `root_weight` have a row for each sample, x and t are scaled.
 
     n is the number of residuals; of weighted samples the sum of their counts. `pure_error` is the sum of squares of the
-    replicates about their samples' means, scaled and weighted as the residuals, and its degrees of freedom. Returns
-    `w`, `JJ` and `alpha_of_weight` (N,) at the end, and `STATISTICS`: among them `decrement`, the height of the
-    objective above its minimum, and `at_cap`, the classes whose alpha is the largest allowed.
+    replicates about their samples' means, scaled and weighted as the residuals, and its degrees of freedom.
     """
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     classes = weight_classes(settings.prior, x.shape[1], hidden, t.shape[1])

@@ -112,17 +112,7 @@ class QuadraticSurface(Surrogate):
         return model
 
     def terms(self, unit: np.ndarray) -> np.ndarray:
-        """Terms of the model: 1, x_i and x_i x_j.
-
-        Parameters
-        ----------
-        unit : numpy.ndarray, (n, d)
-            The inputs that vary, each in [0, 1] over the samples.
-
-        Returns
-        -------
-        numpy.ndarray, (n, terms)
-        """
+        """Terms of the model: 1, x_i and x_i x_j."""
         return quadratic_terms(unit)
 
     def _terms(self, X):

@@ -13,11 +13,9 @@ def independent_mixing(
 ) -> np.ndarray:
     """Matrix (outputs, outputs) from scaled outputs to combinations with independent noises of one variance (A35).
 
-    Outputs of one experiment share its noise; taken as independent, the shared part looks like a signal.
-    `noise_covariance` is known up to a factor; None means independent outputs, which stay as they are. `stretch`
+    Outputs of one experiment share its noise; taken as independent, the shared part looks like a signal. `stretch`
     (outputs,) is the unit of the scaled outputs in units of y. The determinant is one, so the combinations stay about
-    as wide as the outputs. ValueError if the matrix is not a covariance, or if outputs of a sample then differ in
-    precision.
+    as wide as the outputs.
     """
     if noise_covariance is None:
         return np.eye(len(stretch))
@@ -38,9 +36,8 @@ def pure_error(
 ) -> tuple[float, float]:
     """Sum of squares and number of residuals of replicates about their samples' means, in mixed outputs.
 
-    The mixed outputs have one variance. `noise_covariance` is that of one value of precision 1, in units of y;
-    `freedom` are its degrees of freedom, 0 where it is known up to a factor alone: then both results are 0. `stretch`
-    and `mixing` as in `independent_mixing`.
+    `noise_covariance` is that of one value of precision 1, in units of y; `freedom` are its degrees of freedom, 0 where
+    it is known up to a factor alone: then both results are 0.
     """
     if freedom == 0:
         return 0.0, 0.0
@@ -56,10 +53,7 @@ def checked_samples(
     sample_weight: ArrayLike | None = None,
     precision: ArrayLike | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """X (samples, inputs), Y (samples, outputs), counts (samples,) and precision (samples, outputs), all finite.
-
-    Samples of weight 0 are left out. ValueError for other shapes or values, or fewer than two samples with a weight.
-    """
+    """X (samples, inputs), Y (samples, outputs), counts (samples,) and precision (samples, outputs), all finite."""
     X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     Y = Y[:, None] if Y.ndim == 1 else Y
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:

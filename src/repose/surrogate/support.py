@@ -23,10 +23,7 @@ DISTANCE_QUANTILE = 0.95
 
 
 class Support:
-    """The region that samples cover; their points (n, d) lie in ranges from low to high (d,).
-
-    A parameter with low = high is fixed and plays no part. ValueError for other shapes, or fewer than two samples.
-    """
+    """The region that samples cover; a parameter whose low and high (d,) are equal is fixed and plays no part."""
 
     def __init__(
         self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str] = PARAMETERS
@@ -118,10 +115,7 @@ class Support:
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:
-    """Terms of a quadratic model, (m, (d + 1)(d + 2) / 2): 1, x_i and x_i x_j of the centred points.
-
-    The points `unit` lie in the unit cube.
-    """
+    """Terms of a quadratic model, (m, (d + 1)(d + 2) / 2): 1, x_i and x_i x_j of the centred points."""
     x = np.column_stack([np.ones(len(unit)), 2 * unit - 1])
     i, j = np.triu_indices(x.shape[1])
     return x[:, i] * x[:, j]

@@ -32,11 +32,7 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
 def response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """The same network as a function of points in [-1, 1], which stand for `low` and `high`.
-
-    Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that calls the
-    function millions of times.
-    """
+    """The same network as a function of points in [-1, 1], which stand for `low` and `high`."""
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     bottom, top = a["scaled_range"]
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
@@ -52,10 +48,7 @@ def response_function(
 def nguyen_widrow(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90).
-
-    `scaled_range` is that interval; `seed` is that of numpy's RandomState.
-    """
+    """Random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90)."""
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)  # (NW90)
     W1 = random.uniform(-1, 1, (hidden, inputs))
@@ -88,10 +81,7 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
 
 
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
-    """Classes of weights that share an alpha, each an index into w (M92, M94); `prior` is one of `PRIORS`.
-
-    They are all weights; or the two layers and the hidden biases; or the same with a class for each input's weights.
-    """
+    """Classes of weights that share an alpha, each an index into w (M92, M94); `prior` is one of `PRIORS`."""
     if prior == "one":
         return [slice(None)]
     w = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))

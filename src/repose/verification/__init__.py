@@ -1,12 +1,16 @@
-"""Verification of the simulator: its results beside known references, as a table, plots and tests."""
+"""Verification of the simulator: its results beside known references, as a table and as tests."""
 
-from collections.abc import Callable, Iterable
+import csv
+import io
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import astuple, fields
+from pathlib import Path
 from typing import Any
 
 from repose.core.errors import InputError
+from repose.core.files import write_text
 
 from . import (
-    convergence,
     coulomb,
     energy,
     impacts,
@@ -18,9 +22,9 @@ from . import (
     rotation,
     spinning,
 )
-from .case import FULL, Effort, Result
+from .case import FULL, Effort, Row
 
-# Every case by name: a function of an `Effort` that returns a `case.Result`.
+# Every case by name: a function of an `Effort` that returns its rows.
 CASES = {
     "chung1": impacts.two_spheres,
     "chung2": impacts.sphere_on_plane,
@@ -43,24 +47,21 @@ CASES = {
     "restitution": restitution.restitution_of_hits,
     "hexagonal": packing.hexagonal_packing,
     "packing": packing.poured_packing,
-    "convergence": convergence.time_steps,
 }
-# Cases that take many minutes and run only when named.
-EXPENSIVE = ("convergence",)
 
-__all__ = ["CASES", "EXPENSIVE", "FULL", "Effort", "run"]
+__all__ = ["CASES", "FULL", "Effort", "run", "write"]
 
 
 def run(
     names: Iterable[str] | None = None,
     effort: Effort = FULL,
-    report: Callable[[str, Result], Any] | None = None,
-) -> dict[str, Result]:
-    """Run cases of the verification suite, by default all but `EXPENSIVE`; an unknown name raises InputError.
+    report: Callable[[str, list[Row]], Any] | None = None,
+) -> dict[str, list[Row]]:
+    """Run cases of the verification suite, by default all; an unknown name raises InputError.
 
-    `report` is called with the name and the `Result` of each case as it ends.
+    `report` is called with the name and the rows of each case as it ends.
     """
-    chosen = list(names) if names else [name for name in CASES if name not in EXPENSIVE]
+    chosen = list(names or CASES)
     for name in chosen:
         if name not in CASES:
             raise InputError("command line", "--case", name, ", ".join(CASES))
@@ -70,3 +71,14 @@ def run(
         if report is not None:
             report(name, results[name])
     return results
+
+
+def write(results: Mapping[str, list[Row]], path: str | Path) -> None:
+    """Write all rows of all cases as a table."""
+    lines = io.StringIO(newline="")
+    writer = csv.writer(lines)
+    writer.writerow(["case", *(field.name for field in fields(Row))])
+    for name, rows in results.items():
+        for row in rows:
+            writer.writerow([name, *("" if value is None else value for value in astuple(row))])
+    write_text(path, lines.getvalue())

@@ -1,4 +1,4 @@
-"""The result of a case of the verification suite: numbers beside references, and the data of its plot."""
+"""The rows of a case of the verification suite: numbers beside references."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -42,11 +42,7 @@ def close(
     scale: float | None = None,
     known: str = "",
 ) -> Row:
-    """A result that has to agree with a reference.
-
-    The deviation is the difference over `scale`, by default over the reference. The default tolerance is 0.3 % for a
-    closed form and 2.5 % for a digitised value. `known` is the reason for an expected miss, which is not a failure.
-    """
+    """A result that has to agree with a reference; an expected miss, with its reason `known`, is not a failure."""
     if tolerance is None:
         tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
     deviation = abs(result - reference) / abs(scale or reference)
@@ -78,50 +74,11 @@ def reported(
 
 
 @dataclass(frozen=True)
-class Curve:
-    """A line of a plot; reference curves are drawn as lines, results as markers unless `line`."""
-
-    label: str  # in the legend
-    x: object  # (N,), in the units of the panel's labels
-    y: object  # (N,)
-    reference: bool = False  # whether the results are compared with this curve
-    line: bool = False  # whether a result is drawn as a line
-    error: object = None  # (N,), half lengths of the error bars of y; None: no bars
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One pair of axes."""
-
-    x_label: str  # with the unit
-    y_label: str  # with the unit
-    curves: tuple  # `Curve`s in the order of the legend
-    log_x: bool = False
-
-
-@dataclass(frozen=True)
-class Result:
-    """A case: its title, the two sides of the comparison, rows and the panels of its plot."""
-
-    title: str
-    compared: str  # both sides of the comparison, in words
-    rows: list  # of `Row`
-    panels: list = field(default_factory=list)  # of `Panel`; empty: no plot
-
-    @property
-    def passed(self) -> bool:
-        """Whether no row misses."""
-        return all(row.passed for row in self.rows)
-
-
-@dataclass(frozen=True)
 class Effort:
     """Size of the statistical cases; FULL is the size of the verb."""
 
     hits: int = 10_000  # impacts of each kind in the energy cases
     berries: int = 400  # in the poured packing
-    seeds: int = 2  # runs of each time step in the convergence case
-    pile: tuple | None = None  # (configuration, particle, moduli) of these runs; None: no runs
     laws: Mapping[str, Any] = field(default_factory=dict)  # force laws of every case, for `Simulation`
 
     @property

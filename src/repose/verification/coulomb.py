@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from repose.dem import Clump, Contact, Material, Motion, Plane, Shape, Simulation, time_steps
+from repose.dem import Clump, Contact, Motion, Plane, Shape, Simulation, time_steps
 
-from .case import CLOSED, Curve, Effort, Panel, Result, at_most, close, reported
-from .machine import BERRY, BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, steps_of_impact
+from .case import CLOSED, Effort, Row, at_most, close, reported
+from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, simulation_of, steps_of_impact, stiffer
 from .oblique import sliding_impulse
 from .restitution import STIFFER, particles
 
-ASKED = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9])
+ASKED = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9)
 FRICTION, NORMAL_M_S = 0.3, 0.5
 SLIDES = 10.0  # tangential velocity over the limit of sliding
 STEPS_PER_CONTACT = 1500
@@ -39,22 +39,10 @@ def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
 
 def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
     """Tangential velocity [m/s] that a body loses in a stiff impact on a floor with sliding throughout."""
-    berry, wall = (Material(STIFFER * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
-    kinds: Any = {"body": shape}
+    walls, materials = {"floor": Plane(FLOOR, UP, "wall")}, stiffer(STIFFER)
 
     def made(step_s: float) -> Simulation:
-        return Simulation(
-            kinds,
-            {"berry": berry, "wall": wall},
-            {("berry", "berry"): contact, ("berry", "wall"): contact},
-            step_s,
-            capacity=1,
-            lower=(-0.1, -0.1, -0.1),
-            upper=(0.1, 0.1, 0.1),
-            walls={"floor": Plane(FLOOR, UP, "wall")},
-            gravity_m_s2=(0.0, 0.0, 0.0),
-            **laws,
-        )
+        return simulation_of(shape, contact, step_s, walls, *materials, **laws)
 
     hit = time_steps.impact(made(1e-15).scene, shape, shape, NORMAL_M_S).time_step_s
     step = hit * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
@@ -73,49 +61,25 @@ def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
     return along - float(simulation.velocities[0, 0])
 
 
-def sliding_hits(effort: Effort) -> Result:
+def sliding_hits(effort: Effort) -> list[Row]:
     """A body that slides through a hit loses mu (1 + e) V: sphere, smooth body and clumps, e from .05 to .9."""
-    rows, curves = [], [Curve("mu (1 + e) V", ASKED, np.ones(len(ASKED)), reference=True)]
+    rows = []
     for name, body in particles().items():
-        shares = []
         for e in ASKED:
-            contact = Contact(float(e), FRICTION, 0.0)
-            shares.append(sliding_loss(body, contact, **effort.laws) / sliding_impulse(contact, NORMAL_M_S))
-            rows.append(
-                close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", shares[-1], 1.0)
-            )
-        curves.append(Curve(name, ASKED, np.array(shares)))
-    panel = Panel("restitution asked for", "velocity lost over mu (1 + e) V", tuple(curves))
-    return Result(
-        "Coulomb's law over a sliding hit",
-        f"stiff bodies on a floor, mu {FRICTION:g}, {NORMAL_M_S:g} m/s along the normal",
-        rows,
-        [panel],
-    )
+            contact = Contact(e, FRICTION, 0.0)
+            share = sliding_loss(body, contact, **effort.laws) / sliding_impulse(contact, NORMAL_M_S)
+            rows.append(close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", share, 1.0))
+    return rows
 
 
 def loop_work(forward: bool, **laws: Any) -> float:
-    """Work [J] of a floor on an immovable body, over a closed path without slip.
-
-    Forward the floor rises to a small overlap, slides, rises further, slides back and sinks. The reverse path exchanges
-    the heights of the two slides.
-    """
+    """Work [J] of a floor on an immovable body, over a closed path without slip."""
     shape = Shape.ellipsoid(BERRY_M, HEAVY * BERRY_DENSITY, "berry")
     contact = Contact(1.0, 100.0, 0.0)
     top = BERRY_M[2]
-    simulation = Simulation(
-        {"berry": shape},
-        {"berry": BERRY, "wall": PVC},
-        {("berry", "berry"): contact, ("berry", "wall"): contact},
-        STEP_S,
-        capacity=1,
-        lower=(-0.1, -0.1, -0.1),
-        upper=(0.1, 0.1, 0.1),
-        walls={"floor": Plane((0.0, 0.0, -top - 1e-6), UP, "wall")},
-        gravity_m_s2=(0.0, 0.0, 0.0),
-        **laws,
-    )
-    simulation.add("berry", (0.0, 0.0, 0.0))
+    walls = {"floor": Plane((0.0, 0.0, -top - 1e-6), UP, "wall")}
+    simulation = simulation_of(shape, contact, STEP_S, walls, **laws)
+    simulation.add("body", (0.0, 0.0, 0.0))
     slide, press = (SLIDE_M, 0.0, 0.0), (0.0, 0.0, DEEPER_M)
     first = (slide, press) if forward else (press, slide)
     back = tuple(tuple(-x for x in leg) for leg in first)
@@ -133,7 +97,7 @@ def loop_work(forward: bool, **laws: Any) -> float:
     return work
 
 
-def closed_loop(effort: Effort) -> Result:
+def closed_loop(effort: Effort) -> list[Row]:
     """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload."""
     rows = []
     for way, forward in (
@@ -146,9 +110,4 @@ def closed_loop(effort: Effort) -> Result:
             rows.append(reported(name, "uJ", gained, SPRING_NOTE, "none", CLOSED))
         else:
             rows.append(at_most(name, "uJ", gained, 0.02, CLOSED + ": a path gives none"))
-    return Result(
-        "A closed path of a contact",
-        f"a soft berry, no slip: overlap {1e3 * LOW_M:g} mm, slide {1e3 * SLIDE_M:g} mm, "
-        f"pressed {1e3 * DEEPER_M:g} mm deeper",
-        rows,
-    )
+    return rows

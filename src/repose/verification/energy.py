@@ -12,7 +12,7 @@ import numpy as np
 from repose.apparatus.funnel import Funnel
 from repose.dem import Contact, Cylinder, Simulation, random_quaternion
 
-from .case import Curve, Effort, Panel, Result, at_most, close, reported
+from .case import Effort, Row, at_most, close, reported
 from .machine import BERRY_M, berry_simulation, frictionless, random_direction
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
@@ -27,7 +27,7 @@ MUCH = 1.05  # throws with a larger energy ratio are counted
 SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them lie in a row
 
 
-def cloud_momentum(effort: Effort) -> Result:
+def cloud_momentum(effort: Effort) -> list[Row]:
     """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum."""
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
@@ -44,8 +44,8 @@ def cloud_momentum(effort: Effort) -> Result:
             for z in axis:
                 place = np.array([x, y, z])
                 velocity = -12.0 * place + 0.4 * rng.normal(size=3)
-                simulation.add("berry", place, random_quaternion(rng), velocity, 20.0 * rng.normal(size=3))
-    mass = simulation.shapes["berry"].mass_kg
+                simulation.add("body", place, random_quaternion(rng), velocity, 20.0 * rng.normal(size=3))
+    mass = simulation.shapes["body"].mass_kg
 
     def totals() -> tuple[np.ndarray, np.ndarray, float]:
         linear = mass * simulation.velocities
@@ -60,37 +60,18 @@ def cloud_momentum(effort: Effort) -> Result:
         mass * np.linalg.norm(simulation.velocities, axis=1).sum(),
         (lever + np.linalg.norm(simulation.angular_momenta, axis=1)).sum(),
     )
-    history = []
+    drifts = []
     for _ in range(100):
         simulation.run_steps(20)
-        p, spin, now = totals()
-        drift = (np.linalg.norm(p - linear) / sizes[0], np.linalg.norm(spin - angular) / sizes[1])
-        history.append((simulation.time_s, *drift, now / energy))
-    time, p, spin, left = np.array(history).T
+        p, spin, left = totals()
+        drifts.append((np.linalg.norm(p - linear) / sizes[0], np.linalg.norm(spin - angular) / sizes[1]))
+    names = ("momentum", "angular momentum")
     rows = [
-        close("momentum, largest drift over the sum of sizes", "", p.max(), 0.0, tolerance=1e-13, scale=1.0),
-        close(
-            "angular momentum, largest drift over the sum of sizes",
-            "",
-            spin.max(),
-            0.0,
-            tolerance=1e-13,
-            scale=1.0,
-        ),
-        at_most("kinetic energy left", "", left[-1], 0.9, "the berries have collided"),
+        close(f"{name}, largest drift over the sum of sizes", "", worst, 0.0, tolerance=1e-13, scale=1.0)
+        for name, worst in zip(names, np.max(drifts, axis=0), strict=True)
     ]
-    panels = [
-        Panel(
-            "time (s)",
-            "drift over the sum of sizes (1e-15)",
-            (
-                Curve("momentum", time, 1e15 * p, line=True),
-                Curve("angular momentum", time, 1e15 * spin, line=True),
-            ),
-        ),
-        Panel("time (s)", "kinetic energy over that at the start", (Curve("repose", time, left, line=True),)),
-    ]
-    return Result("Momentum of a colliding cloud", "64 free berries, drift of the totals", rows, panels)
+    rows.append(at_most("kinetic energy left", "", left / energy, 0.9, "the berries have collided"))
+    return rows
 
 
 def _ratios(simulation: Simulation, checks: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -110,11 +91,7 @@ def pair_hits(
     step: float = STEP,
     **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of isolated pairs of ellipsoids after a collision, over the energy before.
-
-    Returns the largest ratio of ten looks and the last one, each (pairs,). `axes` are semi-axes in m, `step` is in s. A
-    pair that still touches at the end holds elastic energy and is left out.
-    """
+    """Energy over that before a collision of isolated pairs of ellipsoids: the largest of ten looks, and the last."""
     n = LANE * LANE
     edge = LANE * SPACING
     simulation = berry_simulation(
@@ -130,10 +107,9 @@ def pair_hits(
         middle = SPACING * np.array([k // LANE, k % LANE, 0.0])
         direction = random_direction(rng)
         aim = -direction + 0.3 * rng.normal(size=3)
-        simulation.add(
-            "berry", middle, random_quaternion(rng), angular_velocity_rad_s=40.0 * rng.normal(size=3)
-        )
-        simulation.add("berry", middle + 0.0215 * direction, random_quaternion(rng), aim)
+        turn, spin = random_quaternion(rng), 40.0 * rng.normal(size=3)
+        simulation.add("body", middle, turn, angular_velocity_rad_s=spin)
+        simulation.add("body", middle + 0.0215 * direction, random_quaternion(rng), aim)
     energies = simulation.kinetic_energies()
     start = energies[0::2] + energies[1::2]
     most = np.zeros(n)
@@ -150,10 +126,7 @@ def pair_hits(
 def funnel_hits(
     rng: np.random.Generator, contact: Contact, kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of a berry thrown at a funnel from inside, over the energy before.
-
-    Returns the largest ratio of ten looks and the last one, each (1,). `kind` is "cone", "rim" or "tube".
-    """
+    """The same as `pair_hits` of a berry thrown at a funnel from inside; `kind` is "cone", "rim" or "tube"."""
     funnel = TUBED if kind == "tube" else FUNNEL
     simulation = berry_simulation(
         contact,
@@ -171,7 +144,7 @@ def funnel_hits(
     else:
         place, sideways, down = np.array([*rng.uniform(-0.006, 0.006, 2), bottom + 0.028]), 0.5, 1.5
     velocity = np.array([*rng.uniform(-sideways, sideways, 2), -rng.uniform(0.4 * down, down)])
-    simulation.add("berry", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+    simulation.add("body", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
     return _ratios(simulation, 10, 100)
 
 
@@ -195,7 +168,7 @@ def shell_hits(
         angle = rng.uniform(0.0, 2.0 * math.pi)
         speed = rng.uniform(0.5, 1.5)
         velocity = (0.1 * rng.normal(), speed * math.cos(angle), speed * math.sin(angle))
-        simulation.add("berry", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+        simulation.add("body", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
     return _ratios(simulation, 10, 160)
 
 
@@ -208,9 +181,9 @@ KINDS: dict[str, Any] = {
 }
 
 
-def energy_of_hits(effort: Effort) -> Result:
+def energy_of_hits(effort: Effort) -> list[Row]:
     """No impact with e below 1 and without rolling friction leaves with more energy than it came with."""
-    rows, curves = [], []
+    rows = []
     for kind, throw in KINDS.items():
         rng = np.random.default_rng([13, len(kind)])
         peaks: list[np.ndarray] = []
@@ -221,30 +194,21 @@ def energy_of_hits(effort: Effort) -> Result:
             peaks.append(highest)
             ends.append(last)
         most, final = np.concatenate(peaks), np.concatenate(ends)
-        hits = final < HIT
-        note = f"largest ratio on the way, {np.count_nonzero(hits)} hits"
+        note = f"largest ratio on the way, {np.count_nonzero(final < HIT)} hits"
         rows.append(
             at_most(f"{kind}: energy over that before, {note}", "", most.max(), 1.0 + CREATED, "no energy")
         )
-        ordered = np.sort(final[hits])
-        curves.append(Curve(kind, ordered, np.linspace(0.0, 1.0, len(ordered)), line=True))
-    panel = Panel("energy after over energy before", "share of the hits below", tuple(curves))
-    return Result(
-        "Energy of random hits",
-        "berries, e 0.1 to 0.6, mu 0.2 to 0.8, no rolling friction; kinetic energy at ten looks",
-        rows,
-        [panel],
-    )
+    return rows
 
 
-def elastic_impacts(effort: Effort) -> Result:
+def elastic_impacts(effort: Effort) -> list[Row]:
     """Deviation from a conservative force: e = 1 and no friction; pairs, spheres as a control, and a funnel."""
     bodies = (
         ("berries", BERRY_M, STEP),
         ("berries, a fifth of the time step", BERRY_M, STEP / 5),
         ("spheres", SPHERE_M, STEP),
     )
-    rows, curves = [], []
+    rows = []
     for name, axes, step in bodies:
         rng = np.random.default_rng(17)
         final: list[np.ndarray] = []
@@ -260,8 +224,6 @@ def elastic_impacts(effort: Effort) -> Result:
                 ("mean change", "standard deviation", "largest gain", "largest loss"), values, strict=True
             ):
                 rows.append(reported(f"{name}: {what} of energy", "%", value, ELASTIC_NOTE))
-        ordered = np.sort(change)
-        curves.append(Curve(name, ordered, np.linspace(0.0, 1.0, len(ordered)), line=True))
     for kind in ("cone", "rim"):
         rng = np.random.default_rng([17, len(kind)])
         ends = np.concatenate(
@@ -270,10 +232,4 @@ def elastic_impacts(effort: Effort) -> Result:
         gain, share = 100.0 * (ends.max() - 1.0), 100.0 * float(np.mean(ends > MUCH))
         rows.append(reported(f"berries at the {kind}: largest gain of energy", "%", gain, WALL_NOTE))
         rows.append(reported(f"berries at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE))
-    panel = Panel("change of kinetic energy (%)", "share of the impacts below", tuple(curves))
-    return Result(
-        "Elastic impacts of berries: the known exception",
-        "kinetic energy after over before, e = 1, mu = 0; exactly 0 for a conservative force",
-        rows,
-        [panel],
-    )
+    return rows

@@ -10,7 +10,7 @@ import numpy as np
 
 from repose.dem import Contact, Simulation
 
-from .case import DIGITISED, Curve, Effort, Panel, Result, close
+from .case import DIGITISED, Effort, Row, close
 from .hertz import Solid, hertz_of_pair, hertz_on_plane
 from .machine import STEPS_PER_CONTACT, frictionless, sphere_over_plane, spheres, steps_of_impact
 
@@ -21,16 +21,14 @@ MAGNESIUM_ALLOY = Solid("magnesium alloy", 40e9, 0.35, 1800.0)
 ALUMINIUM_OXIDE = Solid("aluminium oxide", 380e9, 0.23, 4000.0)
 CAST_IRON = Solid("cast iron", 100e9, 0.25, 7000.0)
 STILL = (0.0, 0.0, 0.0)
+# Of an elastic impact: name, unit, and SI units in one of these.
+QUANTITIES = (("peak force", "kN", 1e-3), ("largest overlap", "um", 1e6), ("contact time", "us", 1e6))
 
 
 def pair_history(
     solid: Solid, radius_m: float, speed_m_s: float, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Elastic head-on impact of two equal spheres, each with half the speed of approach.
-
-    Returns time since the contact began [s], overlap [m] and normal force [N] at the time steps in contact, each
-    (steps,).
-    """
+    """Time [s], overlap [m] and normal force [N] in an elastic head-on impact of two equal spheres, in contact."""
     hertz = hertz_of_pair(solid, radius_m, speed_m_s)
     step = hertz.duration_s / STEPS_PER_CONTACT
     reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
@@ -77,10 +75,7 @@ def plane_history(
 def _history(
     simulation: Simulation, step: float, mass: float, steps: int, look: Callable[[], tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time, overlap and m dv/dt of the steps in contact; `look` returns overlap and velocity now.
-
-    Time 0 is where the overlap begins, between two steps.
-    """
+    """Time since the overlap began, overlap and m dv/dt in contact; `look` returns overlap and velocity now."""
     overlap, speed = np.empty(steps), np.empty(steps)
     for k in range(steps):
         simulation.run_steps(1)
@@ -95,116 +90,63 @@ def _history(
 
 
 def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
-    """Contact time [s] from the time and overlap of `pair_history`.
-
-    The overlap at the last step in contact is extrapolated to zero with its last speed.
-    """
+    """Contact time [s]: the overlap at the last step in contact is extrapolated to zero with its last speed."""
     step = time[1] - time[0]
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
 
 
-def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mapping) -> Result:
-    """Rows and plot of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
-    rows, force_curves, overlap_curves = [], [], []
+def _elastic(cases: Sequence[tuple], published: Mapping) -> list[Row]:
+    """Rows of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
+    rows = []
     for solid, hertz, (time, overlap, force) in cases:
         result = (force.max(), overlap.max(), duration_of(time, overlap))
         exact = (hertz.force_n, hertz.overlap_m, hertz.duration_s)
-        names = ("peak force", "largest overlap", "contact time")
-        for name, scale, unit, ours, reference in zip(
-            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), result, exact, strict=True
-        ):
+        for (name, unit, scale), ours, reference in zip(QUANTITIES, result, exact, strict=True):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, scale * reference))
-        t, x, f = hertz.history(1.0)
-        force_curves += [
-            Curve(f"{solid.name}, Hertz", 1e6 * t, 1e-3 * f, reference=True),
-            Curve(f"{solid.name}, repose", 1e6 * time[::60], 1e-3 * force[::60]),
-        ]
-        overlap_curves += [
-            Curve(f"{solid.name}, Hertz", 1e6 * x, 1e-3 * f, reference=True),
-            Curve(f"{solid.name}, repose", 1e6 * overlap[::60], 1e-3 * force[::60]),
-        ]
-        for name, scale, unit, ours, value in zip(
-            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), result, published.get(solid.name, ()), strict=False
+        for (name, unit, scale), ours, value in zip(
+            QUANTITIES, result, published.get(solid.name, ()), strict=False
         ):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, value, DIGITISED))
-    panels = [
-        Panel("time (us)", "normal force (kN)", tuple(force_curves)),
-        Panel("overlap (um)", "normal force (kN)", tuple(overlap_curves)),
-    ]
-    return Result(title, compared, rows, panels)
+    return rows
 
 
-def two_spheres(effort: Effort) -> Result:
-    """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 1.
-    """
+def two_spheres(effort: Effort) -> list[Row]:
+    """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic."""
     cases = [
         (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0, **effort.laws))
         for solid in (GLASS, LIMESTONE)
     ]
-    return _elastic(
-        "Chung & Ooi 1: elastic normal impact of two equal spheres",
-        "force over time and over overlap; the law of Hertz",
-        cases,
-        {"glass": (10.70, 274.0, 40.3)},
-    )
+    return _elastic(cases, {"glass": (10.70, 274.0, 40.3)})
 
 
-def sphere_on_plane(effort: Effort) -> Result:
-    """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 2.
-    """
+def sphere_on_plane(effort: Effort) -> list[Row]:
+    """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic."""
     cases = [
         (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2, **effort.laws))
         for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY)
     ]
-    return _elastic(
-        "Chung & Ooi 2: elastic normal impact of a sphere on a rigid plane",
-        "force over time and over overlap; the law of Hertz",
-        cases,
-        {"aluminium alloy": (11.37, 49.7, 731.0)},
-    )
+    return _elastic(cases, {"aluminium alloy": (11.37, 49.7, 731.0)})
 
 
-def damped_impact(effort: Effort) -> Result:
-    """Test 3: simulated for nominal restitution, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 3.
-    """
+def damped_impact(effort: Effort) -> list[Row]:
+    """Test 3: simulated for nominal restitution, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s."""
     nominal = np.linspace(0.2, 1.0, 9)
-    rows, curves = [], [Curve("restitution out = in", nominal, nominal, reference=True)]
-    for solid in (ALUMINIUM_OXIDE, CAST_IRON):
-        left = np.array([_restitution(solid, e, **effort.laws) for e in nominal])
-        rows += [
-            close(f"{solid.name}: restitution at {e:.1f}", "", out, e)
-            for e, out in zip(nominal, left, strict=True)
-        ]
-        curves.append(Curve(f"{solid.name}, repose", nominal, left))
+    rows = [
+        close(f"{solid.name}: restitution at {e:.1f}", "", _restitution(solid, e, **effort.laws), e)
+        for solid in (ALUMINIUM_OXIDE, CAST_IRON)
+        for e in nominal
+    ]
     hertz = hertz_on_plane(ALUMINIUM_OXIDE, 0.0025, 3.9)
-    forces = []
     for e in (0.2, 0.6, 1.0):
-        t, _x, f = hertz.history(e, tension=effort.tension)
-        time, _overlap, force = plane_history(ALUMINIUM_OXIDE, 0.0025, 3.9, e, **effort.laws)
+        *_, f = hertz.history(e, tension=effort.tension)
+        *_, force = plane_history(ALUMINIUM_OXIDE, 0.0025, 3.9, e, **effort.laws)
         rows.append(
             close(
                 f"aluminium oxide: peak force at e {e:.1f}", "kN", 1e-3 * force.max(), 1e-3 * f.max(),
                 "damped Hertz equation, solved by scipy",
             )
         )  # fmt: skip
-        forces.append(Curve(f"e = {e:.1f}, equation", 1e6 * t, 1e-3 * f, reference=True))
-        forces.append(Curve(f"e = {e:.1f}, repose", 1e6 * time[::60], 1e-3 * force[::60]))
-    panels = [
-        Panel("restitution asked for", "restitution found", tuple(curves)),
-        Panel("time (us)", "normal force (kN)", tuple(forces)),
-    ]
-    return Result(
-        "Chung & Ooi 3: damped normal impact of a sphere on a rigid plane",
-        "restitution; force over time of the damped law",
-        rows,
-        panels,
-    )
+    return rows
 
 
 def _restitution(solid: Solid, restitution: float, **laws: Any) -> float:

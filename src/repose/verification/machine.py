@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.dem import Contact, Material, Plane, Shape, Simulation
+from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation
 from repose.dem.laws.hertz_mindlin import damping_ratio
 
 from .hertz import Solid, hertz_on_plane, rigid
@@ -28,10 +28,7 @@ def sphere_over_plane(
     spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
     **laws: Any,
 ) -> tuple[Simulation, int]:
-    """A sphere just above a rigid plane, without gravity, and the number of steps until it has surely left.
-
-    The z component of `velocity_m_s` is negative.
-    """
+    """A sphere just above a rigid plane, without gravity, and the number of steps until it has surely left."""
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
     step = hertz.duration_s / STEPS_PER_CONTACT
     box = 4.0 * radius_m
@@ -91,33 +88,45 @@ def spheres(
     return simulation
 
 
-def berry_simulation(
+def simulation_of(
+    shape: Shape | Clump,
     contact: Contact,
     step_s: float,
-    capacity: int = 1,
     walls: Mapping[str, Any] | None = None,
     material: Material = BERRY,
-    axes: tuple[float, float, float] = BERRY_M,
+    wall: Material = PVC,
     **keywords: Any,
 ) -> Simulation:
-    """An empty simulation of berries, with walls of PVC; without gravity unless asked for.
+    """An empty simulation of bodies of one shape, named "body", between walls; without gravity unless asked for.
 
-    The shape of the berries is named "berry", `axes` are its semi-axes in m. `walls` have the material "wall".
-    `keywords` are those of `Simulation`; the box reaches 0.1 m to each side by default.
+    The materials are named "berry" and "wall"; by default the box holds one body and reaches 0.1 m to each side.
     """
-    shape = Shape.ellipsoid(axes, BERRY_DENSITY, "berry")
+    shapes: Any = {"body": shape}
+    keywords.setdefault("capacity", 1)
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
     keywords.setdefault("lower", (-0.1, -0.1, -0.1))
     keywords.setdefault("upper", (0.1, 0.1, 0.1))
     return Simulation(
-        {"berry": shape},
-        {"berry": material, "wall": PVC},
+        shapes,
+        {"berry": material, "wall": wall},
         {("berry", "berry"): contact, ("berry", "wall"): contact},
         step_s,
-        capacity=capacity,
         walls=walls,
         **keywords,
     )
+
+
+def berry_simulation(
+    contact: Contact, step_s: float, axes: tuple[float, float, float] = BERRY_M, **keywords: Any
+) -> Simulation:
+    """`simulation_of` berries, ellipsoids whose semi-axes in m are `axes`."""
+    return simulation_of(Shape.ellipsoid(axes, BERRY_DENSITY, "berry"), contact, step_s, **keywords)
+
+
+def stiffer(times: float) -> tuple[Material, Material]:
+    """The materials of berry and wall with so many times their shear moduli."""
+    berry, wall = (Material(times * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
+    return berry, wall
 
 
 def random_direction(rng: np.random.Generator) -> np.ndarray:

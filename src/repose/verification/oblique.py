@@ -18,7 +18,7 @@ from repose.dem import Contact
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
-from .case import DIGITISED, Curve, Effort, Panel, Result, Row, close
+from .case import DIGITISED, Effort, Row, close
 from .hertz import Hertz, Solid, hertz_on_plane, rigid
 from .impacts import ALUMINIUM_OXIDE, STILL
 from .machine import sphere_over_plane
@@ -66,8 +66,7 @@ def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str =
     """Size of the change of spin [rad/s] in gross sliding, by the law that the engine solves.
 
     It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
-    elastic part of the damped impact's force where the contact may pull, all of it where it may not. `hertz` is the
-    elastic impact of the same sphere on the plane.
+    elastic part of the damped impact's force where the contact may pull, all of it where it may not.
     """
     time, overlap, force = hertz.history(contact.restitution, 4000, tension)
     if tension == "keep":
@@ -81,17 +80,13 @@ def sliding_rows(
     contact: Contact,
     hertz: Hertz,
     radius_m: float,
-    found: tuple[float, float],
+    after: tuple[float, float],
     before: tuple[float, float],
     tension: str = "keep",
 ) -> list[Row]:
-    """Rows of gross sliding: change of velocity judged by rigid bodies, change of spin by `sliding_spin`.
-
-    The spin also stands beside rigid bodies, where the deviation is known. `found` and `before` are tangential velocity
-    [m/s] and spin [rad/s] after and before the impact. `at` begins the name of each row.
-    """
+    """Rows of gross sliding: change of velocity beside rigid bodies, of spin beside the law and rigid bodies."""
     rigid = sliding_impulse(contact, hertz.speed)
-    velocity, spin = found
+    velocity, spin = after
     sign = math.copysign(1.0, velocity - before[0])
     moved, spun = sign * (velocity - before[0]), -sign * (spin - before[1])
     return [
@@ -101,78 +96,33 @@ def sliding_rows(
     ]
 
 
-def angles(effort: Effort) -> Result:
-    """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 4.
-    """
+def angles(effort: Effort) -> list[Row]:
+    """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal."""
     contact, radius, speed = Contact(0.98, 0.092, 0.0), 0.0025, 3.9
-    degrees = np.array([5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 85])
     spring = effort.laws.get("contact_law", "hertz_mindlin")
-    rows, kept, spins = [], [], []
-    for angle in degrees:
+    rows = []
+    for angle in (5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 85):
         tangential = speed * math.sin(math.radians(angle))
         normal = speed * math.cos(math.radians(angle))
         v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), STILL, **effort.laws)
         # the published sense of rotation is opposite
-        kept.append(v[0] / tangential)
-        spins.append(-w[1])
+        kept, spin = v[0] / tangential, -w[1]
         lost = sliding_impulse(contact, normal)
         if tangential > SLIDES * 3.5 * lost:
-            rows.append(close(f"{angle} deg: tangential restitution", "", kept[-1], 1.0 - lost / tangential))
-            rows.append(close(f"{angle} deg: spin", "rad/s", spins[-1], -2.5 * lost / radius))
+            rows.append(close(f"{angle} deg: tangential restitution", "", kept, 1.0 - lost / tangential))
+            rows.append(close(f"{angle} deg: spin", "rad/s", spin, -2.5 * lost / radius))
         elif spring in SPRINGS:
             hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius, normal)
             left = equation_of_hit(ALUMINIUM_OXIDE, hertz, contact, tangential, spring, effort.tension)
-            rows.append(
-                close(f"{angle} deg: tangential restitution", "", kept[-1], left / tangential, EQUATION)
-            )
+            rows.append(close(f"{angle} deg: tangential restitution", "", kept, left / tangential, EQUATION))
         if angle in TEST_4:
             known = SPRING_NOTE if angle == 5 else ""
-            for name, unit, value, published in zip(
-                ("tangential restitution", "spin"),
-                ("", "rad/s"),
-                (kept[-1], spins[-1]),
-                TEST_4[angle],
-                strict=True,
-            ):
-                rows.append(close(f"{angle} deg: {name}", unit, value, published, DIGITISED, known=known))
-    fine = np.linspace(34.0, 86.0, 100)
-    lost_fine = sliding_impulse(contact, speed * np.cos(np.radians(fine)))
-    panels = [
-        _over_angle(
-            "tangential restitution",
-            degrees,
-            np.array(kept),
-            fine,
-            1.0 - lost_fine / speed / np.sin(np.radians(fine)),
-            0,
-        ),
-        _over_angle(
-            "spin after the impact (rad/s)", degrees, np.array(spins), fine, -2.5 * lost_fine / radius, 1
-        ),
-    ]
-    return Result(
-        "Chung & Ooi 4: oblique impact on a rigid plane at 3.9 m/s, angle from the normal",
-        "tangential restitution and spin; total speed 3.9 m/s",
-        rows,
-        panels,
-    )
-
-
-def _over_angle(
-    label: str, degrees: np.ndarray, found: np.ndarray, fine: np.ndarray, sliding: np.ndarray, column: int
-) -> Panel:
-    """Panel of a number over the angle: gross sliding as a line, digitised and simulated values as points."""
-    return Panel(
-        "angle from the normal (deg)",
-        label,
-        (
-            Curve("gross sliding", fine, sliding, reference=True),
-            Curve("digitised", list(TEST_4), [pair[column] for pair in TEST_4.values()]),
-            Curve("repose", degrees, found),
-        ),
-    )
+            of_kept, of_spin = TEST_4[angle]
+            rows += [
+                close(f"{angle} deg: tangential restitution", "", kept, of_kept, DIGITISED, known=known),
+                close(f"{angle} deg: spin", "rad/s", spin, of_spin, DIGITISED, known=known),
+            ]
+    return rows
 
 
 SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
@@ -181,12 +131,7 @@ SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 def equation_of_hit(
     solid: Solid, hertz: Hertz, contact: Contact, tangential_m_s: float, spring: str, tension: str
 ) -> float:
-    """Tangential velocity [m/s] of a sphere after a hit on the rigid plane, by the equations of its spring.
-
-    In small steps, with the force of the spring itself: S_t times its path, or grown by S_t times the path of the step,
-    and lowered with the contact circle. `hertz` is the elastic impact of the same sphere; `tangential_m_s` is before
-    the impact; `spring` is the contact law.
-    """
+    """Tangential velocity [m/s] of a sphere after a hit on the rigid plane, by its spring in small steps."""
     young, shear = effective_moduli(solid.material, rigid(solid.material))
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
     mass, step = hertz.mass, hertz.duration_s / 20_000
@@ -213,38 +158,14 @@ def equation_of_hit(
             return along
 
 
-def tangential_speeds(effort: Effort) -> Result:
-    """Test 5: radius 10 um, normal 5 m/s, tangential 0.5 to 25 m/s, e 1, mu 0.3; steel and polyethylene.
-
-    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 5.
-    """
+def tangential_speeds(effort: Effort) -> list[Row]:
+    """Test 5: radius 10 um, normal 5 m/s, tangential 13.5 and 25 m/s, e 1, mu 0.3; steel and polyethylene."""
     contact, radius, normal = Contact(1.0, 0.3, 0.0), 1e-5, 5.0
-    incoming = np.array([0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 13.5, 16.0, 20.0, 25.0])
-    rows, surface, spins = [], [], []
+    rows = []
     for solid in (STEEL, POLYETHYLENE):
-        after, turning = [], []
-        for u in incoming:
+        hertz = hertz_on_plane(solid, radius, normal)
+        for u in (13.5, 25.0):
             v, w = impact(solid, radius, contact, (u, 0.0, -normal), STILL, **effort.laws)
-            after.append((v[0] - w[1] * radius) / (0.3 * normal))
-            turning.append(-w[1] * radius / (0.3 * normal))
-            if u in (13.5, 25.0):
-                hertz = hertz_on_plane(solid, radius, normal)
-                result = (v[0], w[1])
-                rows += sliding_rows(
-                    f"{solid.name}, {u:g} m/s", contact, hertz, radius, result, (u, 0.0), effort.tension
-                )
-        surface.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), after))
-        spins.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), turning))
-    sliding = np.array([7.0, 17.0])
-    surface.insert(0, Curve("gross sliding", sliding, sliding - 7.0, reference=True))
-    spins.insert(0, Curve("gross sliding", sliding, [-5.0, -5.0], reference=True))
-    x = "incident tangential velocity over mu V_n"
-    return Result(
-        "Chung & Ooi 5: oblique impact of small elastic spheres, tangential velocity varied",
-        "tangential velocity and spin in gross sliding; the sticking branch is drawn, not judged",
-        rows,
-        [
-            Panel(x, "rebound velocity of the surface over mu V_n", tuple(surface)),
-            Panel(x, "R spin after over mu V_n", tuple(spins)),
-        ],
-    )
+            at, result = f"{solid.name}, {u:g} m/s", (v[0], w[1])
+            rows += sliding_rows(at, contact, hertz, radius, result, (u, 0.0), effort.tension)
+    return rows

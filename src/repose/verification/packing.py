@@ -9,8 +9,8 @@ import numpy as np
 from repose.dem import Contact, Material, Plane, Shape, Simulation, random_quaternion, rotation_matrix
 from repose.dem.materials import effective_moduli
 
-from .case import Curve, Effort, Panel, Result, at_most, close, within
-from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, frictionless
+from .case import Effort, Row, at_most, close, within
+from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, berry_simulation, frictionless, simulation_of
 
 GRAVITY = 9.81
 STIFF = Material(1.3e6, 0.32)  # thirty times a berry, so that overlaps under the weight stay below a per cent
@@ -32,10 +32,10 @@ SOURCES = (
 )
 
 
-def hexagonal_packing(effort: Effort) -> Result:
+def hexagonal_packing(effort: Effort) -> list[Row]:
     """Rows of spheres without friction between a floor and walls settle into their lattice and stay."""
     rows_of, columns = 6, 8
-    shape = Shape.sphere(RADIUS, BERRY_DENSITY, "sphere")
+    shape = Shape.sphere(RADIUS, BERRY_DENSITY, "berry")
     width = columns * 2.0 * RADIUS
     contact = frictionless(0.3)
     walls = {
@@ -45,15 +45,15 @@ def hexagonal_packing(effort: Effort) -> Result:
         "front": Plane((0.0, -RADIUS, 0.0), (0.0, 1.0, 0.0), "wall"),
         "back": Plane((0.0, RADIUS, 0.0), (0.0, -1.0, 0.0), "wall"),
     }
-    simulation = Simulation(
-        {"sphere": shape},
-        {"sphere": STIFF, "wall": PVC},
-        {("sphere", "sphere"): contact, ("sphere", "wall"): contact},
+    simulation = simulation_of(
+        shape,
+        contact,
         STEP,
+        walls,
+        STIFF,
         capacity=rows_of * columns,
         lower=(0.0, -0.02, 0.0),
         upper=(width, 0.02, 0.12),
-        walls=walls,
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
         **effort.laws,
     )
@@ -62,7 +62,7 @@ def hexagonal_packing(effort: Effort) -> Result:
         for k in range(columns - row % 2):
             places.append(((2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row)))
     for place in places:
-        simulation.add("sphere", place)
+        simulation.add("body", place)
     lattice = np.array(places)
     simulation.run_steps(10000)
     settled = simulation.positions.copy()
@@ -81,30 +81,12 @@ def hexagonal_packing(effort: Effort) -> Result:
         ),
         at_most("kinetic energy", "J", simulation.kinetic_energies().sum(), 1e-20, "at rest"),
     ]  # fmt: skip
-    panel = Panel(
-        "x (mm)",
-        "z (mm)",
-        (
-            Curve("lattice", 1e3 * lattice[:, 0], 1e3 * lattice[:, 2]),
-            Curve(
-                "repose, displacement x 100", *(1e3 * (lattice + 100.0 * (settled - lattice))[:, [0, 2]].T)
-            ),
-        ),
-    )
-    return Result(
-        "A hexagonal packing stays at rest", "47 equal spheres without friction between walls", rows, [panel]
-    )
+    return rows
 
 
-def poured_packing(effort: Effort) -> Result:
-    """Berries poured into boxes, with friction and without: solid fraction and coordination number of the core.
-
-    The numbers are means over `BOXES` boxes.
-
-    Schaller (2012), and Delaney, Hilton and Cleary (2011), for berries with friction; Donev et al. (2004),
-    Science 303, 990, for berries without.
-    """
-    rows, curves = [], []
+def poured_packing(effort: Effort) -> list[Row]:
+    """Berries poured into boxes, with friction and without: solid fraction and coordination number of the cores."""
+    rows = []
     cases = (
         ("mu 0.6", Contact(0.1, 0.6, 0.05), FRICTIONAL, SOURCES[0]),
         ("frictionless", frictionless(0.1), SMOOTH, SOURCES[1]),
@@ -117,7 +99,7 @@ def poured_packing(effort: Effort) -> Result:
             top = _top(simulation)
             fraction[box] = profile[(heights > MARGIN) & (heights < top - MARGIN)].mean()
             number[box] = coordination(simulation, side, top)
-            lift = simulation.shapes["berry"].mass_kg * GRAVITY * 2.0 * BERRY_M[2]
+            lift = simulation.shapes["body"].mass_kg * GRAVITY * 2.0 * BERRY_M[2]
             energy[box] = simulation.kinetic_energies().mean() / lift
         rows.append(within(f"{name}: solid fraction of the core", "", fraction.mean(), *fractions, source))
         rows.append(
@@ -132,15 +114,7 @@ def poured_packing(effort: Effort) -> Result:
                 "nearly at rest",
             )
         )
-        curves.append(Curve(name, 1e3 * heights, profile, line=True))
-    panel = Panel("height (mm)", "solid fraction away from the side walls", tuple(curves))
-    return Result(
-        "Berries poured into a box",
-        f"{BOXES} boxes of {effort.berries} ellipsoids of 21.1 x 11.4 x 9.9 mm, thirty times stiffer; "
-        "core: away from walls and top",
-        rows,
-        [panel],
-    )
+    return rows
 
 
 def _pour(n: int, contact: Contact, seed: int, laws: Mapping[str, Any]) -> tuple[Simulation, float]:
@@ -157,22 +131,21 @@ def _pour(n: int, contact: Contact, seed: int, laws: Mapping[str, Any]) -> tuple
         "south": Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), "wall"),
         "north": Plane((0.0, side, 0.0), (0.0, -1.0, 0.0), "wall"),
     }
-    simulation = Simulation(
-        {"berry": Shape.ellipsoid(BERRY_M, BERRY_DENSITY, "berry")},
-        {"berry": STIFF, "wall": PVC},
-        {("berry", "berry"): contact, ("berry", "wall"): contact},
+    simulation = berry_simulation(
+        contact,
         STEP,
+        walls=walls,
+        material=STIFF,
         capacity=n,
         lower=(0.0, 0.0, 0.0),
         upper=(side, side, pitch * (levels + 1)),
-        walls=walls,
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
         **laws,
     )
     for k in range(n):
         level, cell = divmod(k, columns**2)
         place = pitch * (np.array([cell % columns, cell // columns, level]) + 0.5)
-        simulation.add("berry", place, random_quaternion(rng), (0.0, 0.0, -0.3))
+        simulation.add("body", place, random_quaternion(rng), (0.0, 0.0, -0.3))
     simulation.run_steps(round(FALL_S / STEP))
     return simulation, side
 
@@ -185,11 +158,7 @@ def _top(simulation: Simulation) -> float:
 def solid_fraction_profile(
     simulation: Simulation, side: float, points: int = 900
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the volume that berries fill, over the height: middles of the slices [m] and shares, each (slices,).
-
-    It is the share of random points inside a berry, in slices 4 mm thick with `points` each. Points within `MARGIN` of
-    a side wall are left out. The box reaches from 0 to `side` in m.
-    """
+    """Middles [m] of slices 4 mm thick, and the share of random points in each that lie inside a berry."""
     rng = np.random.default_rng(31)
     heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)
     margin = MARGIN
@@ -208,10 +177,7 @@ def solid_fraction_profile(
 
 
 def coordination(simulation: Simulation, side: float, top: float) -> float:
-    """Mean number of touching neighbours of the berries in the core, `MARGIN` away from the walls and the top.
-
-    The box reaches from 0 to `side`, its filling up to `top`, in m.
-    """
+    """Mean number of touching neighbours of the berries in the core, `MARGIN` away from the walls and the top."""
     x, y, z = simulation.positions.T
     margin = MARGIN
     core = (x > margin) & (x < side - margin) & (y > margin) & (y < side - margin)

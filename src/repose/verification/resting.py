@@ -10,7 +10,7 @@ from scipy.special import ellipe, ellipk
 from repose.dem import Contact, Material, Plane
 from repose.dem.materials import effective_moduli
 
-from .case import Curve, Effort, Panel, Result, close, reported
+from .case import Effort, Row, close, reported
 from .machine import BERRY, BERRY_M, FLOOR, PVC, UP, berry_simulation
 
 GRAVITY = 9.81
@@ -19,10 +19,7 @@ ELLIPTIC_NOTE = "the engine takes R* = sqrt(R1 R2) in the law of spheres; Hertz'
 
 
 def resting_overlap(mass: float, radius: float, material: Material) -> float:
-    """Overlap [m] that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3).
-
-    `mass` is in kg; `radius` is the radius of curvature R* in m.
-    """
+    """Overlap [m] that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3)."""
     young, _ = effective_moduli(material, PVC)
     return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(radius))) ** (2.0 / 3.0)
 
@@ -49,7 +46,7 @@ def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float
     return 1.5 * mass * GRAVITY / (math.pi * a * b * young) * b * ellipk(m)
 
 
-def berry_at_rest(effort: Effort) -> Result:
+def berry_at_rest(effort: Effort) -> list[Row]:
     """A berry lies on a plate, each of its axes vertical in turn, at the overlap of its curvature."""
     quarter = math.sqrt(0.5)
     turns = {
@@ -58,7 +55,7 @@ def berry_at_rest(effort: Effort) -> Result:
         "longest": (quarter, 0, quarter, 0),
     }
     young, _ = effective_moduli(BERRY, PVC)
-    rows, radii_drawn, found_drawn = [], [], []
+    rows = []
     for (name, turn), up in zip(turns.items(), (2, 1, 0), strict=True):
         height = BERRY_M[up]
         radii = sorted((axis**2 / height for k, axis in enumerate(BERRY_M) if k != up), reverse=True)
@@ -69,9 +66,9 @@ def berry_at_rest(effort: Effort) -> Result:
             gravity_m_s2=(0.0, 0.0, -GRAVITY),
             **effort.laws,
         )
-        mass = simulation.shapes["berry"].mass_kg
+        mass = simulation.shapes["body"].mass_kg
         expected = resting_overlap(mass, math.sqrt(radii[0] * radii[1]), BERRY)
-        simulation.add("berry", (0.0, 0.0, height), turn)
+        simulation.add("body", (0.0, 0.0, height), turn)
         simulation.run_steps(6000)
         sunk = height - simulation.positions[0, 2]
         rows.append(close(f"{name} axis up: overlap", "um", 1e6 * sunk, 1e6 * expected))
@@ -82,16 +79,7 @@ def berry_at_rest(effort: Effort) -> Result:
                 "closed form, elliptic Hertz contact",
             )
         )  # fmt: skip
-        radii_drawn.append(1e3 * math.sqrt(radii[0] * radii[1]))
-        found_drawn.append(1e6 * sunk)
-    fine = np.linspace(0.8 * min(radii_drawn), 1.1 * max(radii_drawn), 100)
-    exact = [1e6 * resting_overlap(mass, 1e-3 * r, BERRY) for r in fine]
-    panel = Panel(
-        "sqrt(R1 R2) of the contact (mm)",
-        "overlap at rest (um)",
-        (Curve("Hertz", fine, exact, reference=True), Curve("repose", radii_drawn, found_drawn)),
-    )
-    return Result("A berry at rest on a plate", "overlap under its own weight", rows, [panel])
+    return rows
 
 
 def rocking_period(a: float, c: float) -> float:
@@ -104,24 +92,14 @@ def rocking_period(a: float, c: float) -> float:
     return 2.0 * math.pi * math.sqrt(((a * a + c * c) / 5.0 + c * c) / (GRAVITY * (a * a / c - c)))
 
 
-def rocking(effort: Effort) -> Result:
+def rocking(effort: Effort) -> list[Row]:
     """A berry tilted by a degree from its flat rest rocks with the theoretical period, about either level axis."""
-    rows, curves = [], []
+    rows = []
     for name, level, about in (("about the middle axis", 0, 1), ("about the long axis", 1, 0)):
         period = rocking_period(BERRY_M[level], BERRY_M[2])
         time, tilt = _rocking_history(level, about, 3.0 * period, effort.laws)
         rows.append(close(f"period {name}", "s", period_of(time, tilt), period))
-        cut = time < 2.0 * period
-        fine = np.linspace(0.0, 2.0, 300)
-        curves.append(Curve(f"theory, {name}", fine * period, np.cos(2.0 * math.pi * fine), reference=True))
-        curves.append(Curve(f"repose, {name}", time[cut][::25], tilt[cut][::25]))
-    panel = Panel("time (s)", "tilt (deg)", tuple(curves))
-    return Result(
-        "A berry rocks on a plane",
-        "period of small oscillations; a berry a thousand times stiffer, so that it hardly sinks in",
-        rows,
-        [panel],
-    )
+    return rows
 
 
 def _rocking_history(level: int, about: int, duration_s: float, laws: Mapping[str, Any]) -> np.ndarray:
@@ -135,12 +113,12 @@ def _rocking_history(level: int, about: int, duration_s: float, laws: Mapping[st
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
         **laws,
     )
-    mass = simulation.shapes["berry"].mass_kg
+    mass = simulation.shapes["body"].mass_kg
     height = math.hypot(BERRY_M[2] * math.cos(start), BERRY_M[level] * math.sin(start))
     turn = np.zeros(4)
     turn[0], turn[1 + about] = math.cos(0.5 * start), math.sin(0.5 * start)
     radius = BERRY_M[0] * BERRY_M[1] / BERRY_M[2]
-    simulation.add("berry", (0.0, 0.0, height - resting_overlap(mass, radius, STIFF)), turn)
+    simulation.add("body", (0.0, 0.0, height - resting_overlap(mass, radius, STIFF)), turn)
     every = 20
     crossings = []
     for _ in range(int(duration_s / step / every)):

@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation, random_quaternion, time_steps
+from repose.dem import Clump, Contact, Plane, Shape, Simulation, random_quaternion, time_steps
 from repose.dem.rotations import rotation_matrices, rotation_matrix
 from repose.particle.build import make_particle
 from repose.particle.mesh_from_axes import berry_mesh
 
-from .case import Curve, Effort, Panel, Result, Row, close, reported
-from .machine import BERRY, BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, random_direction
+from .case import Effort, Row, close, reported
+from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, random_direction, simulation_of, stiffer
 
 MASS_G = 1.25
 BARREL_M = ((7.399e-3, 0.94e-3, 0.94e-3), (3.171e-3, 4.745e-3, 4.0e-3))
@@ -60,7 +60,7 @@ def particles() -> dict[str, Shape | Clump]:
 
 
 class Hits(NamedTuple):
-    """Results of hits."""
+    """Restitution of hits, and their contacts."""
 
     restitution: np.ndarray  # (count,), NaN for bodies that had not parted after `LONGEST` contact times
     contacts: np.ndarray  # (count,), most contacts at any look
@@ -96,8 +96,7 @@ def first_touch(
     """Distance [m] at which two bodies touch, the second at offset + distance * direction.
 
     Spheres touch in closed form. Convex bodies overlap at a distance s as long as (offset + s d) . n < h(n) for all n,
-    h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0. `turn_a` and `turn_b`
-    are rotations (3, 3) from body to world; `direction` is a unit vector (3,).
+    h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0.
     """
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
@@ -116,55 +115,48 @@ def first_touch(
     return float(distance(_deepest(distance, direction)[None])[0])
 
 
-def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, apart: np.ndarray) -> Place:
-    """The place where two bodies that just touch do so; `apart` (3,) is from the first centre to the second [m]."""
+def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, between: np.ndarray) -> Place:
+    """The place where two bodies that just touch do so; `between` (3,) is from the first centre to the second [m]."""
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
-        between = b[None, :, :3] + apart - a[:, None, :3]
-        lengths = np.linalg.norm(between, axis=-1)
+        ways = b[None, :, :3] + between - a[:, None, :3]
+        lengths = np.linalg.norm(ways, axis=-1)
         i, j = np.unravel_index(np.argmin(lengths - a[:, None, 3] - b[None, :, 3]), lengths.shape)
-        normal = between[i, j] / lengths[i, j]
+        normal = ways[i, j] / lengths[i, j]
         arm = a[i, :3] + a[i, 3] * normal
     else:
         normal = _deepest(
-            lambda n: shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ apart,
-            apart / np.linalg.norm(apart),
+            lambda n: shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ between,
+            between / np.linalg.norm(between),
         )
         arm = turn_a @ shape.support_point(normal @ turn_a)
-    return Place(normal, arm, arm - apart)
+    return Place(normal, arm, arm - between)
 
 
 def hits(
     shape: Shape | Clump,
     restitution: float,
-    stiffer: float,
+    times: float,
     on_plane: bool,
     count: int,
     seed: int = 3,
     **keywords: Any,
-) -> "Hits":
-    """Results of `count` isolated hits of two bodies, or of a body and a plane.
-
-    `shape` has the material "berry". `stiffer` multiplies the moduli of berry and PVC. `keywords` are those of
-    `Simulation`, such as its laws.
-    """
+) -> Hits:
+    """Restitution and contacts of `count` isolated hits of two bodies, or of a body and a plane."""
     rng = np.random.default_rng(seed)
-    berry, wall = (Material(stiffer * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
     contact = Contact(restitution, 0.0, 0.0)
-    shapes: Any = {"body": shape}
     edge = SPACING_M * (count // LANE + 1)
 
     def made(step_s: float) -> Simulation:
-        return Simulation(
-            shapes,
-            {"berry": berry, "wall": wall},
-            {("berry", "berry"): contact, ("berry", "wall"): contact},
+        return simulation_of(
+            shape,
+            contact,
             step_s,
+            {"floor": Plane(FLOOR, UP, "wall")} if on_plane else {},
+            *stiffer(times),
             capacity=2 * count,
             lower=(-SPACING_M, -SPACING_M, -SPACING_M),
             upper=(edge, SPACING_M * LANE, SPACING_M),
-            walls={"floor": Plane(FLOOR, UP, "wall")} if on_plane else {},
-            gravity_m_s2=(0.0, 0.0, 0.0),
             **keywords,
         )
 
@@ -245,40 +237,23 @@ def _approach(simulation, k, on_plane):
     return (point_a - velocities[b] - np.cross(turning[b], place.arm_b)) @ place.normal
 
 
-def restitution_of_hits(effort: Effort) -> Result:
+def restitution_of_hits(effort: Effort) -> list[Row]:
     """Simulated for nominal restitution, of every particle: pairs and planes, stiff and as soft as a berry."""
     count = max(24, effort.hits // 100)
     rows: list[Row] = []
-    panels = []
-    for stiffer, limit in ((STIFFER, "stiff limit"), (1.0, "real softness")):
+    for times, limit in ((STIFFER, "stiff limit"), (1.0, "real softness")):
         for on_plane, partner in ((False, "pairs"), (True, "plane")):
-            curves = [Curve("found = asked", ASKED, ASKED, reference=True)]
             for name, shape in particles().items():
-                thrown = [hits(shape, e, stiffer, on_plane, count, **effort.laws) for e in ASKED]
-                means_of_hits = [of_one.restitution for of_one in thrown]
+                at = f"{limit}, {partner}, {name}"
+                thrown = [hits(shape, e, times, on_plane, count, **effort.laws) for e in ASKED]
                 rows += [
-                    _row(f"{limit}, {partner}, {name}: restitution at {e:.1f}", values, e, stiffer > 1.0)
-                    for e, values in zip(ASKED, means_of_hits, strict=True)
+                    _row(f"{at}: restitution at {e:.1f}", own.restitution, e, times > 1.0)
+                    for e, own in zip(ASKED, thrown, strict=True)
                 ]
                 if isinstance(shape, Clump):
-                    most = np.mean([of_one.contacts for of_one in thrown])
-                    rows.append(
-                        reported(
-                            f"{limit}, {partner}, {name}: most contacts at a time", "", most, CONTACTS_NOTE
-                        )
-                    )
-                means, spreads = np.nanmean(means_of_hits, axis=1), np.nanstd(means_of_hits, axis=1)
-                curves.append(Curve(name, np.array(ASKED), means, error=spreads))
-            panels.append(
-                Panel(f"restitution asked for ({limit}, {partner})", "restitution found", tuple(curves))
-            )
-    return Result(
-        "Restitution of a hit",
-        f"{count} random hits each, without friction and spin, {SPEEDS_M_S[0]:g} to {SPEEDS_M_S[1]:g} m/s; "
-        "mean and standard deviation",
-        rows,
-        panels,
-    )
+                    most = np.mean([own.contacts for own in thrown])
+                    rows.append(reported(f"{at}: most contacts at a time", "", most, CONTACTS_NOTE))
+    return rows
 
 
 def _row(quantity: str, values: np.ndarray, nominal: float, judged: bool) -> Row:

@@ -7,8 +7,8 @@ import numpy as np
 
 from repose.dem import Contact, Plane, Shape, Simulation
 
-from .case import Curve, Effort, Panel, Result, close
-from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, berry_simulation
+from .case import Effort, Row, close
+from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, berry_simulation, simulation_of
 from .resting import GRAVITY, STIFF, resting_overlap
 
 RADIUS = 0.006
@@ -16,26 +16,21 @@ RADIUS = 0.006
 
 def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float, **laws: Any) -> Simulation:
     """A stiff sphere of radius `RADIUS` at its resting overlap, moving along x and spinning about y."""
-    shape = Shape.sphere(RADIUS, BERRY_DENSITY, "sphere")
-    simulation = Simulation(
-        {"sphere": shape},
-        {"sphere": STIFF, "wall": PVC},
-        {("sphere", "sphere"): contact, ("sphere", "wall"): contact},
+    shape = Shape.sphere(RADIUS, BERRY_DENSITY, "berry")
+    simulation = simulation_of(
+        shape,
+        contact,
         1e-5,
-        capacity=1,
+        {"floor": Plane(FLOOR, UP, "wall")},
+        STIFF,
         lower=(-1.0, -0.1, -0.1),
         upper=(1.0, 0.1, 0.1),
-        walls={"floor": Plane(FLOOR, UP, "wall")},
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
         **laws,
     )
     height = RADIUS - resting_overlap(shape.mass_kg, RADIUS, STIFF)
-    simulation.add(
-        "sphere",
-        (0.0, 0.0, height),
-        velocity_m_s=(speed_m_s, 0.0, 0.0),
-        angular_velocity_rad_s=(0.0, spin_rad_s, 0.0),
-    )
+    velocity, spin = (speed_m_s, 0.0, 0.0), (0.0, spin_rad_s, 0.0)
+    simulation.add("body", (0.0, 0.0, height), velocity_m_s=velocity, angular_velocity_rad_s=spin)
     return simulation
 
 
@@ -50,14 +45,12 @@ def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
     return np.array(rows).T
 
 
-def slip_to_roll(effort: Effort) -> Result:
+def slip_to_roll(effort: Effort) -> list[Row]:
     """A sphere that begins sliding ends rolling with 5/7 of its speed, and a rolling one is slowed by 5/7 mu_r g."""
     start, friction = 0.5, 0.4
     time, speed, rim = _track(
         sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, **effort.laws), 6000, 150
     )
-    until = 2.0 * start / (7.0 * friction * GRAVITY)
-    line = np.array([0.0, until, time[-1]])
     rows = [
         close("speed after slipping", "m/s", speed[-1], 5.0 / 7.0 * start),
         close("R spin after slipping", "m/s", rim[-1], 5.0 / 7.0 * start),
@@ -73,29 +66,7 @@ def slip_to_roll(effort: Effort) -> Result:
     t, v, _ = _track(simulation, 20000, 500)
     slope = 5.0 / 7.0 * rolling * GRAVITY
     rows.append(close("deceleration by the rolling torque", "m/s2", (v[0] - v[-1]) / (t[-1] - t[0]), slope))
-    panels = [
-        Panel(
-            "time (s)",
-            "speed (m/s)",
-            (
-                Curve("closed form", line, [start, 5 / 7 * start, 5 / 7 * start], reference=True),
-                Curve("closed form, R spin", line, [0.0, 5 / 7 * start, 5 / 7 * start], reference=True),
-                Curve("speed", time, speed),
-                Curve("R spin", time, rim),
-            ),
-        ),
-        Panel(
-            "time (s)",
-            "speed of the rolling sphere (m/s)",
-            (Curve("0.3 m/s - 5/7 mu_r g t", t, 0.3 - slope * t, reference=True), Curve("repose", t, v)),
-        ),
-    ]
-    return Result(
-        "Slipping to rolling, and rolling resistance",
-        "a sphere of radius 6 mm on a plane: u = 5/7 u0; mu g; 5/7 mu_r g",
-        rows,
-        panels,
-    )
+    return rows
 
 
 def slope_acceleration(angle_deg: float, friction: float, **laws: Any) -> float:
@@ -111,43 +82,20 @@ def slope_acceleration(angle_deg: float, friction: float, **laws: Any) -> float:
         upper=(0.5, 0.1, 0.1),
         **laws,
     )
-    simulation.add("berry", (0.0, 0.0, BERRY_M[2]))
+    simulation.add("body", (0.0, 0.0, BERRY_M[2]))
     simulation.run_steps(3000)
     before = simulation.velocities[0, 0]
     simulation.run_steps(5000)
     return (simulation.velocities[0, 0] - before) / 0.1
 
 
-def coulomb_slope(effort: Effort) -> Result:
+def coulomb_slope(effort: Effort) -> list[Row]:
     """A berry on a slope sticks below the angle of friction and slides above it."""
     friction = 0.5
     limit = math.degrees(math.atan(friction))
-    angles = np.array([10.0, 20.0, limit - 0.5, limit + 0.5, 30.0, 35.0, 45.0])
-    accelerations = np.array([slope_acceleration(angle, friction, **effort.laws) for angle in angles])
-    fine = np.linspace(5.0, 50.0, 200)
-
-    def exact(angle: float | np.ndarray) -> np.ndarray:
-        a = np.radians(angle)
-        return np.maximum(GRAVITY * (np.sin(a) - friction * np.cos(a)), 0.0)
-
-    rows = [
-        close(
-            f"acceleration at {angle:.2f} deg",
-            "m/s2",
-            a,
-            float(exact(angle)),
-            scale=max(float(exact(angle)), 0.1),
-        )
-        for angle, a in zip(angles, accelerations, strict=True)
-    ]
-    panel = Panel(
-        "slope (deg)",
-        "acceleration (m/s2)",
-        (
-            Curve("g (sin - mu cos), or 0", fine, exact(fine), reference=True),
-            Curve("repose", angles, accelerations),
-        ),
-    )
-    return Result(
-        "Coulomb's slope", "acceleration of a berry, mu 0.5, that is kept from rolling", rows, [panel]
-    )
+    rows = []
+    for angle in (10.0, 20.0, limit - 0.5, limit + 0.5, 30.0, 35.0, 45.0):
+        a, slope = slope_acceleration(angle, friction, **effort.laws), np.radians(angle)
+        exact = float(max(GRAVITY * (np.sin(slope) - friction * np.cos(slope)), 0.0))
+        rows.append(close(f"acceleration at {angle:.2f} deg", "m/s2", a, exact, scale=max(exact, 0.1)))
+    return rows

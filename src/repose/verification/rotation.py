@@ -7,7 +7,7 @@ from scipy.special import ellipj, ellipk
 
 from repose.dem import rotation_matrix
 
-from .case import Curve, Effort, Panel, Result, close
+from .case import Effort, Row, close
 from .machine import berry_simulation, frictionless
 
 
@@ -33,12 +33,12 @@ def euler_solution(
     return np.array([first * cn, second * sn, third * dn]), 4.0 * ellipk(modulus) / rate
 
 
-def free_rotation(effort: Effort) -> Result:
+def free_rotation(effort: Effort) -> list[Row]:
     """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations predict."""
     step, every, first, third = 2e-5, 50, 8.0, 25.0
     simulation = berry_simulation(frictionless(), step, **effort.laws)
-    inertia = simulation.shapes["berry"].inertia_kg_m2
-    simulation.add("berry", (0.0, 0.0, 0.0), angular_velocity_rad_s=(first, 0.0, third))
+    inertia = simulation.shapes["body"].inertia_kg_m2
+    simulation.add("body", (0.0, 0.0, 0.0), angular_velocity_rad_s=(first, 0.0, third))
     momentum, energy = simulation.angular_momenta[0], simulation.kinetic_energies()[0]
     _, period = euler_solution(inertia, first, third, np.zeros(1))
     times, velocities, energies = [], [], []
@@ -61,13 +61,4 @@ def free_rotation(effort: Effort) -> Result:
             tolerance=1e-5, scale=1.0,
         ),
     ]  # fmt: skip
-    curves = []
-    for k in range(3):
-        curves.append(Curve(f"omega {k + 1}, Jacobi", time, exact[k], reference=True))
-        curves.append(Curve(f"omega {k + 1}, repose", time[::14], velocity[k, ::14]))
-    return Result(
-        "Free rotation of a berry",
-        f"angular velocity in the body frame over two periods; time step {step:g} s",
-        rows,
-        [Panel("time (s)", "angular velocity (rad/s)", tuple(curves))],
-    )
+    return rows

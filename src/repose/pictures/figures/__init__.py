@@ -78,10 +78,7 @@ def draw(
     config: Mapping[str, Any],
     known: Mapping[str, Any] = FIGURES,
 ) -> None:
-    """Draw one of the `known` figures to a PNG; `inputs` are paths by input name.
-
-    Raises InputError for an unknown figure or a wrong, missing or unusable input.
-    """
+    """Draw one of the `known` figures to a PNG; `inputs` are paths by input name."""
     if name not in known:
         raise InputError("figures", "name", name, ", ".join(known))
     function, needed = known[name]

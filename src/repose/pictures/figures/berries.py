@@ -28,10 +28,7 @@ RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measu
 
 
 def sizes_and_sphericity(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 2 and Table 1 of the paper: histograms of the axes and the sphericity (Eq. 1), with normal curves.
-
-    Input: ``sizes``, the measured axes.
-    """
+    """Figure 2 and Table 1 of the paper: histograms of the axes and the sphericity (Eq. 1), with normal curves."""
     sizes = berry.read_sizes(inputs["sizes"])
     figure = style.new_figure(style.COLUMN * 1.25, 3.9)
     panels = figure.subplots(2, 2).ravel()
@@ -63,10 +60,7 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
 
 
 def particle_and_mesh(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 7 of the paper: the mesh and all particles made from it, side by side on the same scale.
-
-    Inputs: ``stl`` and ``particle`` of the verb shape. A particle that cannot be made is replaced by the reason.
-    """
+    """Figure 7 of the paper: the mesh and all particles made from it, side by side on the same scale."""
     chosen = build.Particle.load(inputs["particle"])
     mesh = build.load_mesh(inputs["stl"])
     section = config["berry"]

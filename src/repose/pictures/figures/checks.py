@@ -17,11 +17,7 @@ from . import style
 
 
 def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Table 4 of the paper: predicted and simulated responses of our solutions beside the published table's.
-
-    A response that was not published leaves its place empty; without any, or without a published table, there is one
-    column of panels. Inputs: ``table4`` of the verb validate, optionally ``published``.
-    """
+    """Table 4 of the paper: predicted and simulated responses of our solutions beside the published table's."""
     targets = style.targets_of(config)
     simulated = [target.response.simulated for target in targets]
     solutions = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
@@ -54,10 +50,7 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """The published solutions (Table 4): their simulated responses beside those of our simulator.
-
-    Input: ``published``, the published solutions as simulated here.
-    """
+    """The published solutions (Table 4): their simulated responses beside those of our simulator."""
     targets = style.targets_of(config)
     simulated = [target.response.simulated for target in targets]
     table = read_table(inputs["published"], ("solution", *simulated, *targets.errors))

@@ -23,10 +23,7 @@ FEW = 400  # effective points, below which a row is a rough estimate
 
 
 def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Bits, and the 95 % interval of each free parameter; stated discrepancies as curves, a shape study as a mark.
-
-    Input: ``discrepancy`` of the verb posterior.
-    """
+    """Bits, and the 95 % interval of each free parameter; stated discrepancies as curves, a shape study as a mark."""
     names = ParameterSpace.of(config["parameters"]).free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
     table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))

@@ -21,10 +21,7 @@ STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2))), strict=True))
 
 
 def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Four definitions on the first view of a pile (above), and their values in every view (below).
-
-    Inputs: ``heap``, positions of pours, ``particle`` and ``berry``.
-    """
+    """Four definitions on the first view of a pile (above), and their values in every view (below)."""
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), build.Particle.load(inputs["particle"])

@@ -22,11 +22,7 @@ SAMPLES = {
 
 
 def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets.
-
-    Inputs: ``dataset``, ``feasible`` and ``table4``, optionally ``pool`` and ``fresh``, datasets of the pool. Needs
-    two targets or more.
-    """
+    """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets."""
     targets = style.targets_of(config)
     columns = (*targets.names, *targets.errors)
     tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}

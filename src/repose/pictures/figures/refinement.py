@@ -19,10 +19,7 @@ HEIGHTS = [2.6, 1]  # of deviations and standard errors
 
 
 def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each round's proposal, predicted and simulated, off the target in percent of it; its standard errors.
-
-    Inputs: ``rounds`` and optionally ``summary`` of the verb refine_tables.
-    """
+    """Each round's proposal, predicted and simulated, off the target in percent of it; its standard errors."""
     responses = style.targets_of(config).responses
     columns = [derived(response.name, what) for response in responses for what in COLUMNS]
     rounds = read_table(inputs["rounds"], ("round", "n_seeds", "outcome", *columns))

@@ -23,10 +23,7 @@ DEPTH = ("share", "above: optical depth, the share of a cell that is not implaus
 
 
 def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each pair of free parameters: minimum implausibility below the diagonal, optical depth above it.
-
-    Inputs: ``region`` and ``summary`` of the verb posterior.
-    """
+    """Each pair of free parameters: minimum implausibility below the diagonal, optical depth above it."""
     table = read_table(inputs["region"], COLUMNS)
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
     space = ParameterSpace.of(config["parameters"])
@@ -60,9 +57,9 @@ def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
 
 def _edges(space: ParameterSpace, cells: int) -> list[np.ndarray]:
     """Edges of the cells of each free parameter, in its unit."""
-    found = []
+    edges = []
     for k in range(space.dimensions):
         quantile = np.full((cells + 1, space.dimensions), 0.5)
         quantile[:, k] = np.linspace(0, 1, cells + 1)
-        found.append(space.low[k] + (space.high[k] - space.low[k]) * space.from_prior(quantile)[:, k])
-    return found
+        edges.append(space.low[k] + (space.high[k] - space.low[k]) * space.from_prior(quantile)[:, k])
+    return edges

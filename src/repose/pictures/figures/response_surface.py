@@ -21,10 +21,7 @@ GRID = 60
 
 
 def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Standardised effects of a step, the largest first, with the limits of significance.
-
-    Input: ``effects`` of the verbs response_screening and response_surface.
-    """
+    """Standardised effects of a step, the largest first, with the limits of significance."""
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
     effects, targets = read_table(inputs["effects"], columns), style.targets_of(config)
     terms = len(effects) // len(targets)
@@ -44,10 +41,7 @@ def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each response over one factor after the other, the others at the centre of the surface's design.
-
-    Inputs: ``samples`` and ``dataset`` of the surface.
-    """
+    """Each response over one factor after the other, the others at the centre of the surface's design."""
     targets, models = _models(inputs, config)
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(1, len(models), squeeze=False)[0]
@@ -64,10 +58,7 @@ def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
 
 
 def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Contours of each response over every pair of factors, the others at the optimum.
-
-    Inputs: ``samples``, ``dataset`` and ``optimum`` of the surface.
-    """
+    """Contours of each response over every pair of factors, the others at the optimum."""
     targets, models = _models(inputs, config)
     best = read_json(inputs["optimum"], ("coded",), "the file of the verb response_surface")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))

@@ -29,10 +29,7 @@ TITLES = {
 
 
 def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 15 of the paper: side views along the axis with the line fitted to the upper edge, a panel per state.
-
-    Inputs: ``states`` of the verb drum, and ``particle``.
-    """
+    """Figure 15 of the paper: side views along the axis with the line fitted to the upper edge, a panel per state."""
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle, scales = build.Particle.load(inputs["particle"]), arrays.get("scale")
     slipped = "position_before" in arrays
@@ -98,10 +95,7 @@ def _side_view(
 
 
 def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Angles over the turned angle of every run, and the motion of the slipping layer by depth.
-
-    Inputs: ``record``, ``profile`` and ``runs`` of the verb drum_tables.
-    """
+    """Angles over the turned angle of every run, and the motion of the slipping layer by depth."""
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
     runs = read_table(inputs["runs"], ("seed", "status"))

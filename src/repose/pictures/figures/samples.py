@@ -16,10 +16,7 @@ from . import style
 
 
 def design_matrix(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Every pair of the open parameters in the design, the histogram of each, and a comparison of the methods.
-
-    Inputs: ``samples`` of the verb design, optionally ``comparison``, its table of methods.
-    """
+    """Every pair of the open parameters in the design, the histogram of each, and a comparison of the methods."""
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
     table = read_table(inputs["samples"], free)
     figure = style.new_figure(style.PAGE, style.PAGE)
@@ -57,10 +54,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
 
 
 def responses_over_parameters(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Each response over each open parameter with the rank correlation; samples that failed are marked below.
-
-    Input: ``dataset`` of the verb dataset.
-    """
+    """Each response over each open parameter with the rank correlation; samples that failed are marked below."""
     responses = style.targets_of(config).responses
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
     columns = [column for response in responses for column in (response.name, response.error)]

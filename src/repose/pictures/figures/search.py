@@ -21,11 +21,7 @@ STRIPS = 4  # of responses in a row
 
 
 def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Figure 14 and Table 3 of the paper: the solutions' parameters in their ranges, and their predicted responses.
-
-    Without a feasible solution the table holds the nearest solutions, and the figure states it. Inputs: ``feasible``
-    and ``summary`` of the verb miga, optionally ``published``, the published intervals.
-    """
+    """Figure 14 and Table 3 of the paper: the solutions' parameters in their ranges, and their predicted responses."""
     targets = style.targets_of(config)
     solutions = read_table(inputs["feasible"], ("feasible", "representative", *targets.predicted))
     summary = read_json(inputs["summary"], ("feasible",))
@@ -145,10 +141,7 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
 
 
 def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Objective of the best and the mean individual, and feasible solutions met, over the rounds.
-
-    Inputs: ``history`` and optionally ``summary`` of the verb miga.
-    """
+    """Objective of the best and the mean individual, and feasible solutions met, over the rounds."""
     columns = ("generation", "mean_objective", "best_objective", "feasible_found")
     history = read_table(inputs["history"], columns)
     figure = style.new_figure(style.COLUMN * 1.1, 3.4)

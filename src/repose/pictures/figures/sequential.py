@@ -12,10 +12,7 @@ from . import style
 
 
 def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Probability of the best point after each batch, and its predicted responses; the check at the end.
-
-    Inputs: ``batches`` and ``check`` of the verb sequential_check.
-    """
+    """Probability of the best point after each batch, and its predicted responses; the check at the end."""
     targets, section = style.targets_of(config), config["sequential"]
     columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
     batches = read_table(inputs["batches"], ("pours", "probability", "reachable", "in_reach", *columns))

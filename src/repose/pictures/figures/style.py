@@ -76,10 +76,7 @@ def targets_of(config: Mapping[str, Any]) -> Targets:
 
 
 def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of each of the six parameters.
-
-    A fixed parameter gets some room around its value, because axes need ends that differ.
-    """
+    """Ends of the axis of each of the six parameters: its range, with some room around a fixed value."""
     ranges = {}
     for name in PARAMETERS:
         low, high = range_of(name, config["parameters"][name])
@@ -116,10 +113,7 @@ def series(k: int) -> dict[str, str]:
 
 
 def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[Axes]:
-    """A panel for each of `count` things; the other places stay empty.
-
-    `options` go to `Figure.subplots`.
-    """
+    """A panel for each of `count` things; the other places stay empty."""
     columns = min(columns, count)
     rows = math.ceil(count / columns)
     panels = np.atleast_1d(figure.subplots(rows, columns, **options)).ravel()
@@ -174,9 +168,6 @@ def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
 
 
 def note(axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any) -> Text:
-    """Small text inside the axes, by default in the upper left corner; `x` and `y` are shares of the axes.
-
-    `options` go to `Axes.text`.
-    """
+    """Small text inside the axes, by default in the upper left corner; `x` and `y` are shares of the axes."""
     style = {"va": "top", "ha": "left", "fontsize": 6.8, "linespacing": 1.35} | options
     return axes.text(x, y, text, transform=axes.transAxes, **style)

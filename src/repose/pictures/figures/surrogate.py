@@ -20,11 +20,7 @@ SPLITS = (("train", style.BLUE, "o"), ("validation", style.ORANGE, "s"), ("test"
 
 
 def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 10 of the paper: nodes and connections; line width is the weight's size, colour its sign.
-
-    Of several networks the one of the largest evidence is drawn, the first in their file. Input: ``network`` of the
-    verb network.
-    """
+    """Figure 10 of the paper, for the best network: line width is the weight's size, colour its sign."""
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
     weights = [np.atleast_2d(network["W1"]), np.atleast_2d(network["W2"])]
     places = [_column(x, n) for x, n in zip((0, 1, 2), (*weights[0].T.shape, len(weights[1])), strict=True)]
@@ -71,10 +67,7 @@ def _column(x: float, count: int) -> np.ndarray:
 
 
 def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 13 of the paper: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
-
-    Inputs: ``predictions`` of the verb network, and ``dataset``.
-    """
+    """Figure 13 of the paper: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE."""
     targets = style.targets_of(config)
     table = read_table(inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted))
     errors = read_table(inputs["dataset"], ("sample", *targets.errors))

@@ -27,10 +27,7 @@ SNAPSHOT_S = 9.0
 
 
 def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Counterpart of Figure 5 of the paper: a shaded picture of a simulated pile, the first pour of the file.
-
-    Inputs: ``heap``, positions of pours, and ``particle``.
-    """
+    """Counterpart of Figure 5 of the paper: a shaded picture of a simulated pile, the first pour of the file."""
     poured = first_pour(inputs["heap"])
     centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
     scales = poured.get("scale", np.ones(len(centres))).astype(float)
@@ -60,10 +57,7 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
 
 
 def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 6 of the paper (section 2.3): the steps of the measurement; left line red, right line green.
-
-    Inputs: ``heap``, positions of pours, ``particle`` and ``berry``.
-    """
+    """Figure 6 of the paper (section 2.3): the steps of the measurement; left line red, right line green."""
     settings = pile.MeasureSettings.of(config["measure"], read_berry(inputs["berry"]))
     image = side_view(first_pour(inputs["heap"]), build.Particle.load(inputs["particle"]), settings)
     steps = drawing.process_panels(
@@ -83,10 +77,7 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 8 of the paper: the virtual test bench from the side, to scale in mm, with the berries of a pour if given.
-
-    Optional inputs: ``trajectory`` of a pour, and ``particle``.
-    """
+    """Figure 8 of the paper: the virtual test bench from the side, in mm, with the berries of a pour if given."""
     funnel = config["funnel"]
     walls = funnel_walls(funnel)
     top, half_inlet = 1e3 * walls[-1].z_high_m, funnel["inlet_diameter_mm"] / 2

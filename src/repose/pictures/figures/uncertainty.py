@@ -26,10 +26,7 @@ Config = Mapping[str, Any]
 
 
 def noise_floor(inputs: Inputs, config: Config) -> Figure:
-    """Runs of each sample about their mean; standard error and reachable R2 over the number of seeds.
-
-    Inputs: ``runs``, table of single runs, and ``seeds`` and ``noise`` of the verb noise.
-    """
+    """Runs of each sample about their mean; standard error and reachable R2 over the number of seeds."""
     targets = style.targets_of(config)
     runs, seeds = (
         read_table(inputs["runs"], ("sample", "status", *targets.names)),
@@ -99,10 +96,7 @@ def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> No
 
 
 def corner(inputs: Inputs, config: Config) -> Figure:
-    """Draws of the posterior, alone and in pairs, beside the search's solutions and the published intervals.
-
-    Inputs: ``draws``, ``posterior`` and ``summary`` of the verb posterior, and ``feasible`` of miga.
-    """
+    """Draws of the posterior, alone and in pairs, beside the search's solutions and the published intervals."""
     draws, table = read_table(inputs["draws"], PARAMETERS), read_table(inputs["posterior"], ("parameter",))
     cloud, summary = read_table(inputs["feasible"], PARAMETERS), read_json(inputs["summary"], ("predicted",))
     ranges, table = style.ranges_of(config), table.set_index("parameter")
@@ -217,10 +211,7 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
 
 
 def intervals(inputs: Inputs, config: Config) -> Figure:
-    """Credible intervals beside the published intervals and the search's solutions, in the parameters' ranges.
-
-    Input: ``posterior`` of the verb posterior.
-    """
+    """Credible intervals beside the published intervals and the search's solutions, in the parameters' ranges."""
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
     panel = figure.subplots()
@@ -258,10 +249,7 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
 
 
 def sobol_indices(inputs: Inputs, config: Config) -> Figure:
-    """First-order and total Sobol indices of each parameter, with their intervals.
-
-    Input: ``sobol`` of the verb sensitivity.
-    """
+    """First-order and total Sobol indices of each parameter, with their intervals."""
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
     targets = style.targets_of(config)
     figure = style.new_figure(style.PAGE, 2.4 * style.grid_rows(len(targets)))
@@ -293,10 +281,7 @@ def _bars(panel: Axes, rows: pd.DataFrame) -> None:
 
 
 def main_effects(inputs: Inputs, config: Config) -> Figure:
-    """Mean response of the surrogate along each free parameter, on the simulated points.
-
-    Inputs: ``effects`` and ``sobol`` of the verb sensitivity, and ``dataset``.
-    """
+    """Mean response of the surrogate along each free parameter, on the simulated points."""
     targets, ranges = style.targets_of(config), style.ranges_of(config)
     effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))
     table = read_table(inputs["dataset"], (*PARAMETERS, "status", *targets.names))

@@ -29,10 +29,7 @@ LARGEST_SIZE = 7.2
 
 
 def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[tuple[str, str]]]:
-    """Labels and hues (0 to 1) by node, and the sorted edges (from, to) of a rule graph in the DOT language.
-
-    Raises InputError if the file holds no nodes.
-    """
+    """Labels and hues (0 to 1) by node, and the sorted edges (from, to) of a rule graph in the DOT language."""
     text = Path(path).read_text()
     labels, hues = {}, {}
     for node, label, rest in NODE.findall(text):
@@ -118,10 +115,7 @@ def _spread(wishes: Sequence[float]) -> list[float]:
 
 
 def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 9 of the paper: rules as boxes from top to bottom, arrows along the data; implied arrows are left out.
-
-    Input: ``dot``, the output of `snakemake --rulegraph`.
-    """
+    """Figure 9 of the paper: rules as boxes from top to bottom, arrows along the data; implied arrows are left out."""
     labels, hues, edges = read_dot(inputs["dot"])
     edges = reduced(edges)
     places, ways = layout(list(labels), edges)

@@ -27,12 +27,7 @@ def write(
     tables: Mapping[str, str],
     out_path: str | os.PathLike,
 ) -> None:
-    """Write the report of a study from its files.
-
-    `jobs` are measured runs of the representative parameter set, `files` paths by name as for
-    `repose.pictures.report.study.read`, `tables` paths of further tables by title. Raises InputError for a file that
-    is missing or cannot be read.
-    """
+    """Write the report of a study from its files."""
     study = read(config, jobs, files)
     write_study(study, {title: read_table(path) for title, path in tables.items()}, out_path)
 

@@ -57,19 +57,13 @@ def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping
 
 
 def frames_shown(times_s: np.ndarray, count: int) -> np.ndarray:
-    """Numbers of the frames in a page: evenly over the time, with the last one.
-
-    More bodies (`count`) leave room for fewer frames.
-    """
+    """Numbers of the frames in a page: evenly over the time, with the last one."""
     most = min(FRAMES, max(2, MAX_BYTES // (BYTES * max(count, 1))), len(times_s))
     return np.unique(np.searchsorted(times_s, np.linspace(times_s[0], times_s[-1], most)))
 
 
 def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions (T, N, 3) as uint16 `whole`, with `low` and `step` (3,): position = low + step * whole.
-
-    NaN, a body that is absent, becomes `ABSENT`.
-    """
+    """Positions (T, N, 3) as uint16 `whole`, with `low` and `step` (3,): position = low + step * whole."""
     there = np.isfinite(positions).all(axis=2)
     if not there.any():
         return np.full(positions.shape, ABSENT, np.uint16), np.zeros(3), np.ones(3)
@@ -81,10 +75,7 @@ def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One body as points in mm, normals and triangles; for spheres without those that another sphere hides.
-
-    If `most_triangles` is less than the coarsest surface needs, the coarsest is taken.
-    """
+    """One body as points in mm, normals and triangles; for spheres without those that another sphere hides."""
     if not particle.is_clump:
         rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
         points, normals, triangles = tessellate(particle, rings, 2 * rings)

@@ -2,6 +2,7 @@
 
 import html
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -89,10 +90,7 @@ def _checks(study):
     for target in study.targets:
         simulated, error = (study.number(key) for key in (target.response.simulated, target.response.error))
         ended = int(study.number("n_seeds")), text(study.row.get("status"))
-        yield Check(
-            *(target.response.label, target.response.unit, simulated, error, *ended),
-            *(target.value, target.sd, target.low, target.high),
-        )
+        yield replace(Check.of(target, simulated, error, *ended), response=target.response.label)
 
 
 def _interval_head(study):

@@ -67,11 +67,7 @@ class Study:
 
 
 def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str]) -> Study:
-    """Read the results of a study.
-
-    `jobs` are measured runs of the representative parameter set, `files` paths by name; those in `NEEDED` are needed.
-    Raises InputError for a name that is missing or unknown, or a file that cannot be read.
-    """
+    """Read the results of a study."""
     known = (*NEEDED, *TRAINED, *OPTIONAL, *PICTURES)
     for name in files:
         if name not in known:

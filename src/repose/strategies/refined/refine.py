@@ -18,7 +18,7 @@ import pandas as pd
 from repose.chain import invert
 from repose.chain.dataset import read_definitions
 from repose.chain.design import lhsdesign
-from repose.chain.trained import read_surrogate
+from repose.chain.train import read_surrogate
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace

@@ -1,4 +1,4 @@
-"""The page and the verb: results beside references, and an exit status that tells a miss."""
+"""The table and the verb: results beside references, and an exit status that tells a miss."""
 
 import csv
 
@@ -8,18 +8,14 @@ import pytest
 from repose import verification
 from repose.__main__ import main
 from repose.core.errors import InputError
-from repose.verification import report
-from repose.verification.case import KNOWN, MISSED, PASSED, Curve, Panel, Result, at_most, close, within
+from repose.verification.case import KNOWN, MISSED, PASSED, at_most, close, within
 from repose.verification.hertz import Hertz
 from repose.verification.rotation import euler_solution
 
 
 def case_of(row):
     """A case of one row, as the suite calls it."""
-    panel = Panel(
-        "x", "y", (Curve("theory", [0, 1], [0, 1], reference=True), Curve("ours", [0, 1], [0, 0.9]))
-    )
-    return lambda _effort: Result("A < B", "one number", [row], [panel])
+    return lambda _effort: [row]
 
 
 @pytest.mark.parametrize(
@@ -43,17 +39,13 @@ def test_a_row_is_judged_by_its_tolerance(row, status):
 
 
 @pytest.mark.parametrize(("value", "status"), [(1.001, 0), (1.2, 1)])
-def test_the_verb_writes_page_table_and_plot_and_reports_a_miss(value, status, monkeypatch, tmp_path, capsys):
+def test_the_verb_writes_a_table_and_reports_a_miss(value, status, monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(verification.CASES, "one", case_of(close("length", "m", value, 1.0)))
     assert main(["verify", "--case", "one", "--out", str(tmp_path)]) == status
     assert ("length is 1.2" in capsys.readouterr().out) is bool(status)
-    page = (tmp_path / "index.html").read_text()
-    assert "A &lt; B" in page
-    assert 'src="one.png"' in page
-    assert ("MISSED" in page) is bool(status)
-    assert (tmp_path / "one.png").read_bytes()[:4] == b"\x89PNG"
     (row,) = csv.DictReader((tmp_path / "verification.csv").open(encoding="utf-8"))
     assert (row["case"], float(row["result"]), float(row["tolerance"])) == ("one", value, 0.003)
+    assert (row["status"] == MISSED) is bool(status)
 
 
 @pytest.mark.parametrize(
@@ -72,22 +64,15 @@ def test_the_verb_hands_the_laws_of_a_study_to_every_case(words, laws, monkeypat
     monkeypatch.setitem(verification.CASES, "one", lambda effort: (efforts.append(effort), case(effort))[1])
     assert main(["verify", "--case", "one", "--out", str(tmp_path), *words]) == 0
     assert efforts[0].laws == laws
-    assert "tension " + laws["tension"] in (tmp_path / "index.html").read_text()
 
 
 def test_bad_options_are_refused(tmp_path, capsys):
     with pytest.raises(InputError, match="chung1"):
         verification.run(["chung9"])
-    for words in (["--case", "chung9"], ["--hits", "0"], ["--seeds", "-1"]):
+    for words in (["--case", "chung9"], ["--hits", "0"]):
         assert main(["verify", "--out", str(tmp_path / "out"), *words]) == 2
         assert "allowed" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_a_figure_shows_every_curve():
-    figure = report.draw(case_of(close("x", "m", 1.0, 1.0))(None))
-    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert labels == ["theory", "ours"]
 
 
 def test_the_reference_of_the_damped_law_has_the_restitution_it_is_for():
