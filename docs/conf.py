@@ -31,12 +31,18 @@ include_patterns = [
 exclude_patterns = [".*", "build", "dist", "docs/_build", "results", "tests", "workflow"]
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
 ]
+# docs/notebook.md runs here; a cell that fails ends the build.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
 # ref.python: a type in a docstring may have the name of several attributes.
