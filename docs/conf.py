@@ -3,6 +3,7 @@
 Its source is the whole checkout, so that a link between two pages holds here and on a code host alike.
 """
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -11,6 +12,10 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "src"))
 
 import repose  # noqa: E402
+
+# The notebook's matrices are small: threads cost more than they gain.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 project = "repose"
 author = "The repose developers"
