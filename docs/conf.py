@@ -3,6 +3,7 @@
 Its source is the whole checkout, so that a link between two pages holds here and on a code host alike.
 """
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -11,6 +12,10 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "src"))
 
 import repose  # noqa: E402
+
+# The notebook's matrices are small: threads cost more than they gain.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 project = "repose"
 author = "The repose developers"
@@ -31,12 +36,18 @@ include_patterns = [
 exclude_patterns = [".*", "build", "dist", "docs/_build", "results", "tests", "workflow"]
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
 ]
+# docs/notebook.md runs here; a cell that fails ends the build.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
 # ref.python: a type in a docstring may have the name of several attributes.

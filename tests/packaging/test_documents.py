@@ -10,7 +10,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
-DOCUMENTS = ("CONTRIBUTING.md", "docs/start.md", "docs/tutorials/simulate.md")
+DOCUMENTS = ("CONTRIBUTING.md", "docs/start.md", "docs/notebook.md", "docs/reference.md")
 
 
 def sections(document, between="\n"):
@@ -18,7 +18,7 @@ def sections(document, between="\n"):
     parts = re.split(r"^#+ (.+)$", (ROOT / document).read_text(), flags=re.MULTILINE)
     found = {}
     for heading, text in zip(parts[1::2], parts[2::2], strict=True):
-        blocks = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+        blocks = re.findall(r"^```(?:python|{code-cell} ipython3)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
         if blocks:
             found[heading] = between.join(blocks)
     return found
