@@ -133,7 +133,7 @@ def epsd(law, circle, n, arms, masses, spin, push, rolled, twisted, dt):
 
 
 def jkr_force(young, work, radius, overlap):
-    """Elastic normal force of Johnson, Kendall and Roberts by a search for the circle's radius; None without contact."""
+    """Elastic force of Johnson, Kendall and Roberts by a search for the circle's radius; None without contact."""
 
     def overlap_of(a):
         return a**2 / radius - np.sqrt(2.0 * np.pi * work * a / young)

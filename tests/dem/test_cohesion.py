@@ -4,17 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from dem.clump_scenes import ball_of_one
-from dem.common import DENSITY, GOJI, PVC, simulation
+from dem.common import GOJI, simulation
 from oracles import jkr_force
-from scipy.optimize import brentq
 
-from repose.dem import Clump, Cone, Contact, Cylinder, Material, Mesh, Plane, RingEdge, Shape, Simulation
+from repose.dem import Contact, Material
 from repose.dem.constants import COHESION_ENERGY_DENSITY, SURFACE_ENERGY
 from repose.dem.kernels import clump_tile as ct
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
-from repose.dem.laws import CONTACT_LAWS, jkr, sjkr
+from repose.dem.laws import CONTACT_LAWS, jkr
 from repose.dem.materials import effective_moduli
 
 LANES = st.LANES
@@ -76,7 +74,10 @@ def test_jkr_on_a_path_to_and_fro_agrees_with_a_search_for_the_circle(gamma):
 
 def test_jkr_without_surface_energy_is_the_dry_law():
     forces = []
-    for name, contact in (("jkr", coherent(0.0, 0.4, 0.5)), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
+    for name, contact in (
+        ("jkr", coherent(0.0, 0.4, 0.5)),
+        ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0)),
+    ):
         law = CONTACT_LAWS[name]
         tile, kept = tile_of(law, GOJI, contact, 3e-3)
         tile[tl.A // LANES + st.VELOCITY :][:3] = np.random.default_rng(4).normal(size=(3, LANES))
@@ -137,11 +138,15 @@ def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
 
 
 def test_a_contact_names_the_constants_that_its_law_needs():
-    with pytest.raises(ValueError, match=r"'jkr' needs constants\['surface_energy_j_m2'\], the surface energy in J/m2"):
+    with pytest.raises(
+        ValueError, match=r"'jkr' needs constants\['surface_energy_j_m2'\], the surface energy in J/m2"
+    ):
         simulation(contact=Contact(0.3, 0.5, 0.0), contact_law="jkr")
     with pytest.raises(ValueError, match=r"'sjkr' needs constants\['cohesion_energy_density_j_m3'\]"):
         simulation(contact=coherent(0.1), contact_law="sjkr")
-    with pytest.raises(ValueError, match="surface_energy_j_m2 is no constant of contact_law 'hertz_mindlin'; allowed: n"):
+    with pytest.raises(
+        ValueError, match="surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; allowed: none"
+    ):
         simulation(contact=coherent(0.1))
     for wrong in (-0.1, math.inf, "much", None):
         with pytest.raises(ValueError, match=r"surface_energy_j_m2 is .*; allowed: 0 or more J/m2"):

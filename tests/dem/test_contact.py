@@ -13,9 +13,10 @@ from repose.dem.kernels.damped_mass import mobility
 from repose.dem.kernels.forces import gather, scatter
 from repose.dem.kernels.jit import kernel
 from repose.dem.kernels.simd import rsqrt
-from repose.dem.laws import contact_forces, hertz_mindlin, rolling_resistance
+from repose.dem.laws import hertz_mindlin
 from repose.dem.laws import rolling as rolling_budget
 from repose.dem.laws.hertz_mindlin import damping_ratio
+from repose.dem.laws.law import contact_forces, rolling_resistance
 from repose.dem.materials import effective_moduli
 from repose.dem.rotations import rotation_matrix
 

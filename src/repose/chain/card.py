@@ -121,7 +121,8 @@ def assembled(
 
 def laws(config: Mapping[str, Any]) -> dict[str, str]:
     """The contact laws of a configuration as text, by direction."""
-    from repose.dem.laws import CONTACT_LAWS, COULOMB, ROLLING_LAWS
+    from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+    from repose.dem.laws.law import COULOMB
 
     settings = SimulationSettings.of(config)
     limit = LIMIT[COULOMB[settings.tension]]

@@ -1,4 +1,4 @@
-"""Constants of a pair of materials beyond restitution and friction, by the law that needs them; no compiler is loaded."""
+"""Constants of two materials beyond restitution and friction, by the law that needs them; it loads no compiler."""
 
 import math
 from typing import NamedTuple

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .checks import is_name
-from .laws import Law
+from .laws.law import Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 
@@ -72,9 +72,9 @@ def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None
             given = contacts[a, b].constants
             for name in (*known, *given):
                 if name not in known:
-                    allowed = ", ".join(known) or "none"
                     raise ValueError(
-                        f"contacts of ({a!r}, {b!r}): {name} is no constant of contact_law {law.name!r}; allowed: {allowed}"
+                        f"contacts of ({a!r}, {b!r}): {name} is no constant of contact_law {law.name!r}; "
+                        f"allowed: {', '.join(known) or 'none'}"
                     )
                 if name not in given:
                     raise ValueError(

@@ -24,7 +24,8 @@ from .kernels.atomics import BARRIER_SIZE
 from .kernels.body_tile import TILE_ROWS
 from .kernels.engine import advance
 from .kernels.order import reorder
-from .laws import CONTACT_LAWS, COULOMB, FRICTION_LIMITS, ROLLING_LAWS, TENSIONS
+from .laws import CONTACT_LAWS, ROLLING_LAWS
+from .laws.law import COULOMB, FRICTION_LIMITS, TENSIONS
 from .materials import Contact, Material
 from .observables import Observables
 from .shapes import Clump, Shape, are_clumps, most_spheres

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from .laws import Law
+from .laws.law import Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 

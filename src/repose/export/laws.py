@@ -12,7 +12,7 @@ two spheres that touch. `rolling_coefficient` is the number with which the mean 
 import math
 from collections.abc import Iterator
 
-from repose.dem.laws import COULOMB
+from repose.dem.laws.law import COULOMB
 from repose.export.job import Job, Pair
 
 

@@ -352,9 +352,7 @@ def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, loc
         on_wall = follow_wall(physics.parts, row, walls, curved.wall[k], contacts, lane, out, local)
         write_lane(t, contacts, lane, out)
         contacts[st.GAP + lane] = out[3]
-        return (
-            out[3] > wall_reach(contacts, physics, clumps, lane) or not on_wall or is_double(curved, k)
-        )
+        return out[3] > wall_reach(contacts, physics, clumps, lane) or not on_wall or is_double(curved, k)
     x, y, z = sphere_arm(row, contacts, lane)
     beyond = sphere_on_curved(
         walls, curved.wall[k], row[0] + x, row[1] + y, row[2] + z, contacts[ct.RADIUS + lane], out
@@ -423,9 +421,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
         gather(bodies.rows, meshed.body, base, t, tl.A)
         for lane in range(lanes):
             k = base + lane
-            touching = mesh_geometry(
-                bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local
-            )
+            touching = mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local)
             write_lane(t, contacts, lane, out)
             contacts[st.GAP + lane] = out[3]
             if not touching:

@@ -1,33 +1,33 @@
-"""Force laws by name. A new law is a file of this folder and its `LAW` in one of the two lists below."""
+"""Force laws by name. A new law is a file of this folder and its line in one of the two tables below."""
 
-from . import (
-    constant_torque,
-    epsd,
-    epsd2,
-    hertz_mindlin,
-    hertz_mindlin_rescaled,
-    jkr,
-    linear_spring,
-    rolling,
-    sjkr,
+from collections import UserDict
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .law import Law
+
+__all__ = ["CONTACT_LAWS", "ROLLING_LAWS", "Laws"]
+
+
+class Laws(UserDict[str, Any]):
+    """Laws by name; that of a file here is imported when it is first used, since it loads the compiler."""
+
+    def __getitem__(self, name: str) -> "Law":
+        law = super().__getitem__(name)
+        return import_module(f".{law}", __name__).LAW if isinstance(law, str) else law
+
+
+CONTACT_LAWS = Laws(
+    hertz_mindlin="hertz_mindlin",
+    hertz_mindlin_rescaled="hertz_mindlin_rescaled",
+    linear_spring="linear_spring",
+    jkr="jkr",
+    sjkr="sjkr",
 )
-from .law import COULOMB, FRICTION_LIMITS, TENSIONS, Law, contact_forces, rolling_resistance
-
-__all__ = [
-    "CONTACT_LAWS",
-    "COULOMB",
-    "FRICTION_LIMITS",
-    "ROLLING_LAWS",
-    "TENSIONS",
-    "Law",
-    "contact_forces",
-    "rolling_resistance",
-]
-
-CONTACT_LAWS: dict[str, Law] = {
-    law.name: law
-    for law in (hertz_mindlin.LAW, hertz_mindlin_rescaled.LAW, linear_spring.LAW, jkr.LAW, sjkr.LAW)
-}
-ROLLING_LAWS: dict[str, Law] = {
-    law.name: law for law in (rolling.LAW, constant_torque.LAW, epsd.LAW, epsd2.LAW)
-}
+ROLLING_LAWS = Laws(
+    budget="rolling",
+    constant_torque="constant_torque",
+    epsd="epsd",
+    epsd2="epsd2",
+)

@@ -44,8 +44,8 @@ from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from . import hertz_mindlin
 from .hertz_mindlin import contact_time, damping_ratio
-from .hertz_mindlin_rescaled import keep_force
 from .hertz_mindlin_rescaled import LAW as RESCALED
+from .hertz_mindlin_rescaled import keep_force
 from .law import Law
 from .tangential import limited, normal_forces, slip
 
@@ -74,7 +74,7 @@ NO_ROOT = 1e-14  # keeps the derivative from 0 where the bodies part
 
 
 def work_of_adhesion(contact: Contact) -> float:
-    """w = 2 gamma [J/m2]."""
+    """The work of adhesion w = 2 gamma [J/m2]."""
     return 2.0 * contact.constants[SURFACE_ENERGY.name]
 
 

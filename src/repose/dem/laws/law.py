@@ -62,10 +62,11 @@ class Law:
     asks : tuple of Constant
         Further constants that the law needs of two materials, from `Contact.constants`.
     reach : callable, optional
-        (options, c, at, lane) -> gap [m] at which a contact ends, 0 until it has borne a force, below 1 m; of a law that attracts
-        across a gap. Others end where the bodies part.
+        (options, c, at, lane) -> gap [m] at which a contact ends, 0 until it has borne a force, below 1 m; of a law
+        that attracts across a gap. Other contacts end where the bodies part.
     geometry : callable, optional
-        (options, t, c, of_spheres, on_wall) -> None, called before the kernel: what the law needs of the surfaces besides R*.
+        (options, t, c, of_spheres, on_wall) -> None, called before the kernel: what the law needs of the surfaces
+        besides R*.
     """
 
     name: str

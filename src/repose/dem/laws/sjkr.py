@@ -33,8 +33,8 @@ from ..kernels.rows import Rows
 from ..materials import Contact, Material
 from . import hertz_mindlin
 from .hertz_mindlin import CIRCLE, contact_sizes, contact_time, oscillator, push
-from .hertz_mindlin_rescaled import LAW as RESCALED
 from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
+from .hertz_mindlin_rescaled import LAW as RESCALED
 from .law import Law
 from .tangential import slip
 
