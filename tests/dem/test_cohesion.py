@@ -145,7 +145,7 @@ def test_a_contact_names_the_constants_that_its_law_needs():
     with pytest.raises(ValueError, match=r"'sjkr' needs constants\['cohesion_energy_density_j_m3'\]"):
         simulation(contact=coherent(0.1), contact_law="sjkr")
     with pytest.raises(
-        ValueError, match="surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; allowed: none"
+        ValueError, match=r"surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; allowed: none"
     ):
         simulation(contact=coherent(0.1))
     for wrong in (-0.1, math.inf, "much", None):

@@ -7,8 +7,8 @@ R = r_a r_b / (r_a + r_b) and the contact circle a, as in `epsd`:
 
 Neither is larger than what stops two spheres of these masses and levers within a time step,
 0.4 |w| / (dt (1/(m_a r_a^2) + 1/(m_b r_b^2))), so it does not shiver about rest. It needs a rotation to resist: where a
-torque acts a body creeps, and a pile goes on settling. The torque on B is the opposite of that on A, so angular momentum
-is kept, which `budget` does not do.
+torque acts a body creeps, and a pile goes on settling. The torque on B is the opposite of that on A, so angular
+momentum is kept, which `budget` does not do.
 
 References
 ----------
@@ -84,7 +84,7 @@ LAW = Law(
     kernel=kernel,
     words={
         "rolling": "constant torque against the rotation of one body relative to the other (model A of Ai et al. "
-        "2011), mu_r times {limit} times the reduced lever; spin about the normal is resisted by 3 pi / 16 mu_s times {limit} "
-        "times the radius of the contact circle"
+        "2011), mu_r times {limit} times the reduced lever; spin about the normal is resisted by 3 pi / 16 mu_s times "
+        "{limit} times the radius of the contact circle"
     },
 )
