@@ -4,11 +4,24 @@ import math
 
 import numpy as np
 import pytest
-from dem.common import GOJI, simulation
+from dem.common import DENSITY, GOJI, PVC, simulation
 from oracles import jkr_force
+from scipy.optimize import brentq
 
-from repose.dem import Contact, Material
-from repose.dem.constants import COHESION_ENERGY_DENSITY, SURFACE_ENERGY
+from repose.dem import (
+    Clump,
+    Cone,
+    Contact,
+    Cylinder,
+    Material,
+    Mesh,
+    Motion,
+    Plane,
+    RingEdge,
+    Shape,
+    Simulation,
+)
+from repose.dem.constants import COHESION_ENERGY_DENSITY, OF_LAWS, SURFACE_ENERGY
 from repose.dem.kernels import clump_tile as ct
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
@@ -153,3 +166,205 @@ def test_a_contact_names_the_constants_that_its_law_needs():
             simulation(contact=coherent(wrong), contact_law="jkr")
     with pytest.raises(ValueError, match=r"constants is \[\]; allowed: name: number"):
         Contact(0.3, 0.5, 0.0, constants=[])
+
+
+def solid(smooth, radius=RADIUS, density=DENSITY):
+    """A sphere, as a smooth body or as a clump of one."""
+    sphere = Shape.sphere(radius, density, "body")
+    return (
+        sphere if smooth else Clump([[0.0, 0.0, 0.0, radius]], sphere.mass_kg, sphere.inertia_kg_m2, "body")
+    )
+
+
+def scene(shape, contact, material=GOJI, walls=None, dt=1e-5, on_wall=None, **keywords):
+    """A simulation of one shape, without gravity unless asked for."""
+    keywords = {"contact_law": "jkr", "capacity": 2, "gravity_m_s2": (0.0, 0.0, 0.0)} | keywords
+    return Simulation(
+        {"body": shape}, {"body": material, "wall": PVC},
+        {("body", "body"): contact, ("body", "wall"): on_wall or contact}, dt,
+        lower=(-0.2, -0.2, -0.2), upper=(0.2, 0.2, 0.2), walls=walls, **keywords,
+    )  # fmt: skip
+
+
+def settled_overlap(contact, law, tension, smooth):
+    """Overlap at rest of two spheres of Lethe's test: 0.2 m wide, 1e5 Pa, 0.3."""
+    s = scene(
+        solid(smooth, 0.1, 1000.0),
+        contact,
+        Material(1e5 / 2.6, 0.3),
+        dt=2e-4,
+        contact_law=law,
+        tension=tension,
+    )
+    s.add("body", (-0.0999, 0.0, 0.0))
+    s.add("body", (0.0999, 0.0, 0.0))
+    s.run_steps(30000)
+    assert np.abs(s.velocities).max() < 1e-6
+    return s.overlaps()[1][0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("smooth", [True, False])
+def test_spheres_at_rest_overlap_as_in_the_test_of_lethe(smooth):
+    for tension in ("keep", "release"):
+        assert settled_overlap(coherent(50.0, 0.3), "jkr", tension, smooth) == pytest.approx(
+            0.010703, rel=1e-4
+        )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("smooth", [True, False])
+def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(smooth):
+    density, (young, _) = 2000.0, effective_moduli(Material(1e5 / 2.6, 0.3), Material(1e5 / 2.6, 0.3))
+
+    def rest(overlap):
+        r = 0.2 - overlap
+        area = math.pi / 4.0 * overlap * r * r * (r + 0.2) / r**2
+        return 4.0 / 3.0 * young * math.sqrt(0.05) * overlap**1.5 - density * area
+
+    contact = Contact(0.3, 0.0, 0.0, constants={COHESION_ENERGY_DENSITY.name: density})
+    expected = brentq(rest, 1e-5, 0.05)
+    assert settled_overlap(contact, "sjkr", "keep", smooth) == pytest.approx(expected, rel=1e-4)
+
+
+GAMMA = 0.05
+TUBE, CORE, EDGE = 0.05, 0.03, 0.002
+
+
+def walls():
+    """Walls by name: wall, R* of a sphere on it, place where the sphere touches it, normal into the wall."""
+    corners = 0.05 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    down, out = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+    slant = np.array([0.09, 0.0, -0.054]) / math.hypot(0.09, 0.054)
+    yield "plane", Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"), RADIUS, (0.0, 0.0, 0.0), down
+    yield (
+        "mesh",
+        Mesh(corners, [[0, 1, 2], [0, 2, 3]], "wall", edge_radius_m=0.001),
+        RADIUS,
+        (0.011, 0.003, 0.0),
+        down,
+    )
+    hollow = RADIUS / math.sqrt(1.0 - RADIUS / TUBE)
+    yield (
+        "tube",
+        Cylinder((0.0, 0.0, -0.1), (0.0, 0.0, 1.0), 0.2, TUBE, "wall"),
+        hollow,
+        (TUBE, 0.0, 0.0),
+        out,
+    )
+    hollow = RADIUS / math.sqrt(1.0 - RADIUS * slant[0] / 0.043)
+    cone = Cone.between((0.0, 0.0, 0.03), (0.0, 0.0, 1.0), 0.09, 0.016, 0.07, "wall")
+    yield "cone", cone, hollow, (0.043, 0.0, 0.075), slant
+    bent = 1.0 / math.sqrt((1.0 / RADIUS + 1.0 / EDGE) * (1.0 / RADIUS - 1.0 / (CORE - EDGE)))
+    yield "ring", RingEdge(CORE, EDGE, "wall"), bent, (CORE - EDGE, 0.0, 0.0), out
+
+
+WALLS = {name: rest for name, *rest in walls()}
+
+
+def hit(smooth, wall, share):
+    """Energy after a hit and before it over the work of a cycle, and how many contacts hold the body in the end."""
+    contact, shape = coherent(GAMMA), solid(smooth)
+    if wall is None:
+        s, radius, mass = scene(shape, contact), 0.5 * RADIUS, 0.5 * shape.mass_kg
+        young, _ = effective_moduli(GOJI, GOJI)
+        s.add("body", (RADIUS, 0.0, 0.0))
+        place, normal = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    else:
+        surface, radius, place, normal = WALLS[wall]
+        s, mass = scene(shape, contact, walls={"wall": surface}), shape.mass_kg
+        young, _ = effective_moduli(GOJI, PVC)
+    work, normal = sticking_energy(2.0 * GAMMA, radius, young), np.array(normal)
+    velocity = math.sqrt(2.0 * share * work / mass) * normal
+    s.add("body", np.array(place) - (RADIUS + 1e-6) * normal, velocity_m_s=velocity)
+    s.run_steps(20000)
+    drift = s.velocities.mean(axis=0) if wall is None else 0.0
+    left = 0.5 * shape.mass_kg * np.sum((s.velocities - drift) ** 2)
+    return left / work, len(s.contacts()) + len(s.wall_overlaps()[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("smooth", [True, False], ids=["smooth", "clump"])
+@pytest.mark.parametrize("wall", [None, *WALLS])
+def test_a_hit_below_the_sticking_speed_sticks_and_one_above_it_leaves_without_the_work_of_a_cycle(
+    smooth, wall
+):
+    assert hit(smooth, wall, 0.9)[1] == 1
+    left, contacts = hit(smooth, wall, 2.0)
+    assert contacts == 0
+    assert left == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("smooth", [True, False], ids=["smooth", "clump"])
+@pytest.mark.parametrize("wall", list(WALLS))
+def test_a_wall_holds_a_body_up_to_the_pull_off_force(smooth, wall):
+    surface, radius, place, normal = WALLS[wall]
+    shape, contact = solid(smooth), coherent(GAMMA, 0.1, 5.0, 5.0)
+    s = scene(shape, contact, walls={"wall": surface})
+    s.add("body", np.array(place) - (RADIUS - 1e-5) * np.array(normal))
+    s.run_steps(3000)
+    pull = jkr.pull_off_force(contact, radius) / shape.mass_kg
+    for share in np.linspace(0.0, 0.97, 50):
+        s.physics.gravity[:] = -share * pull * np.array(normal)
+        s.run_steps(300)
+    s.run_steps(20000)
+    assert np.abs(s.velocities).max() < 1e-6
+    assert len(s.wall_overlaps()[0]) == 1
+    s.physics.gravity[:] = -1.02 * pull * np.array(normal)
+    s.run_steps(10000)
+    assert len(s.wall_overlaps()[0]) == 0
+
+
+@pytest.mark.slow
+def test_a_cohesive_simulation_goes_on_from_a_file_with_the_same_bits(tmp_path):
+    s = scene(solid(True), coherent(GAMMA, 0.3, 0.4, 0.1), walls={"floor": WALLS["plane"][0]})
+    s.physics.gravity[:] = 0.0, 0.0, -9.81
+    s.add("body", (0.0, 0.0, 0.9999 * RADIUS))
+    s.add("body", (0.0, 0.0, 2.9995 * RADIUS), velocity_m_s=(0.05, 0.0, 0.0))
+    s.run_steps(300)
+    s.save(tmp_path / "s.npz")
+    again = Simulation.load(tmp_path / "s.npz")
+    for one in (s, again):
+        one.run_steps(300)
+    assert again.contact_pairs == s.contact_pairs
+    np.testing.assert_array_equal(again.positions, s.positions)
+
+
+def lifted_pile(gamma, seed):
+    """Height of the middle of 150 spheres over their mean distance from the axis, after a cylinder was lifted."""
+    rng, radius = np.random.default_rng(seed), 0.004
+    contact = coherent(gamma, 0.3, 0.4, 0.05)
+    s = scene(
+        solid(True, radius), contact, dt=1e-4, capacity=150, on_wall=coherent(0.0, 0.3, 0.4, 0.05),
+        gravity_m_s2=(0.0, 0.0, -9.81), tension="release", contact_law="jkr",
+        walls={
+            "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
+            "cylinder": Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.4, 0.02, "wall"),
+        },
+    )  # fmt: skip
+    for layer in range(50):
+        turn = rng.uniform(0.0, 2.0 * math.pi)
+        for k in range(3):
+            angle = turn + 2.0 * math.pi * k / 3.0 + rng.normal(0.0, 0.05)
+            place = 0.0095 * np.array([math.cos(angle), math.sin(angle)])
+            s.add("body", (*place, 0.006 + 0.0084 * layer))
+    s.run(1.5, False)
+    s.set_motion("cylinder", Motion((0.0, 0.0, 0.05)))
+    s.run(2.0, False)
+    assert s.kinetic_energies().mean() < 1e-7
+    return s.positions[:, 2].mean() / np.hypot(*s.positions[:, :2].T).mean()
+
+
+@pytest.mark.slow
+@pytest.mark.essential
+def test_a_pile_is_steeper_the_higher_the_surface_energy():
+    steepness = np.array([[lifted_pile(gamma, seed) for seed in range(6)] for gamma in (0.0, 0.1, 0.4)])
+    error = steepness.std(axis=1, ddof=1) / math.sqrt(6)
+    rise = np.diff(steepness.mean(axis=1))
+    assert np.all(rise > 3.0 * np.hypot(error[1:], error[:-1]))
+
+
+def test_the_constants_of_each_law_are_known_without_the_compiler():
+    for name, law in CONTACT_LAWS.items():
+        assert OF_LAWS.get(name, ()) == law.asks
