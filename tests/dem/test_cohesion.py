@@ -332,34 +332,31 @@ def test_a_cohesive_simulation_goes_on_from_a_file_with_the_same_bits(tmp_path):
 
 
 def lifted_pile(gamma, seed):
-    """Height of the middle of 150 spheres over their mean distance from the axis, after a cylinder was lifted."""
-    rng, radius = np.random.default_rng(seed), 0.004
-    contact = coherent(gamma, 0.3, 0.4, 0.05)
+    """Mean height of 150 spheres over their mean distance from the axis, at rest after a cylinder was lifted."""
+    rng, wide = np.random.default_rng(seed), 0.024
     s = scene(
-        solid(True, radius), contact, dt=1e-4, capacity=150, on_wall=coherent(0.0, 0.3, 0.4, 0.05),
-        gravity_m_s2=(0.0, 0.0, -9.81), tension="release", contact_law="jkr",
+        solid(True, 0.004), coherent(gamma, 0.3, 0.4, 0.05), dt=1e-4, on_wall=coherent(0.0, 0.3, 0.2, 0.05),
+        capacity=150, gravity_m_s2=(0.0, 0.0, -9.81), tension="release",
         walls={
             "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
-            "cylinder": Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.4, 0.02, "wall"),
+            "cylinder": Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.4, wide, "wall"),
         },
     )  # fmt: skip
-    for layer in range(50):
-        turn = rng.uniform(0.0, 2.0 * math.pi)
-        for k in range(3):
-            angle = turn + 2.0 * math.pi * k / 3.0 + rng.normal(0.0, 0.05)
-            place = 0.0095 * np.array([math.cos(angle), math.sin(angle)])
-            s.add("body", (*place, 0.006 + 0.0084 * layer))
+    for number in range(150):
+        angle = 0.5 * math.pi * number + rng.normal(0.0, 0.2)
+        place = 0.5 * wide * math.cos(angle), 0.5 * wide * math.sin(angle)
+        s.add("body", (*place, 0.006 + 0.0084 * (number // 4)))
+    s.run(1.0, False)
+    s.set_motion("cylinder", Motion((0.0, 0.0, 0.1)))
     s.run(1.5, False)
-    s.set_motion("cylinder", Motion((0.0, 0.0, 0.05)))
-    s.run(2.0, False)
-    assert s.kinetic_energies().mean() < 1e-7
+    assert s.kinetic_energies().max() < 1e-9
     return s.positions[:, 2].mean() / np.hypot(*s.positions[:, :2].T).mean()
 
 
 @pytest.mark.slow
-@pytest.mark.essential
 def test_a_pile_is_steeper_the_higher_the_surface_energy():
-    steepness = np.array([[lifted_pile(gamma, seed) for seed in range(6)] for gamma in (0.0, 0.1, 0.4)])
+    """0.100, 0.141 and 0.189 with errors of 0.001, 0.004 and 0.007 on an Intel Xeon."""
+    steepness = np.array([[lifted_pile(gamma, seed) for seed in range(6)] for gamma in (0.0, 0.02, 0.05)])
     error = steepness.std(axis=1, ddof=1) / math.sqrt(6)
     rise = np.diff(steepness.mean(axis=1))
     assert np.all(rise > 3.0 * np.hypot(error[1:], error[:-1]))
