@@ -148,6 +148,10 @@ def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
         hertz = 4.0 / 3.0 * young * math.sqrt(reduced) * overlap**1.5
         np.testing.assert_allclose(force, hertz - density * area, rtol=1e-9)
     assert normal_force(law, tile, kept, -1e-9, ct.PAIR_STATE)[0] == 0.0
+    # unused lanes hold a body that lies on itself
+    assert np.isfinite(
+        normal_force(law, tile, kept, 2.0 * a if b == math.inf else a + b, ct.PAIR_STATE)
+    ).all()
 
 
 def test_a_contact_names_the_constants_that_its_law_needs():

@@ -59,8 +59,8 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
 @inlined
 def area(overlap: float, radius: float, inverse_sum: float) -> float:
     """Area of the circle in which two spheres cut each other; radius is R*, inverse_sum 1 / (r_a + r_b)."""
-    share = overlap * inverse_sum
-    middle = 4.0 * radius - 2.0 * overlap + overlap * share
+    share = min(overlap * inverse_sum, 0.5)  # finite in unused lanes, where a body lies on itself
+    middle = max(4.0 * radius - 2.0 * overlap + overlap * share, 0.0)
     return 0.25 * math.pi * overlap * (2.0 - share) * middle / ((1.0 - share) * (1.0 - share))
 
 
