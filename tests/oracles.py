@@ -1,7 +1,7 @@
 """Slow and obvious twins of the fast kernels; nobody should have to doubt these."""
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 
 
 def rotation(q):
@@ -130,6 +130,19 @@ def epsd(law, circle, n, arms, masses, spin, push, rolled, twisted, dt):
     twisted = np.clip(twisted + stiffness * (spin @ n) * dt, -limit, limit)
     about = np.clip(twisted + 0.6 * np.sqrt(0.4 / mobility * stiffness) * (spin @ n), -limit, limit)
     return -torque - about * n, rolled, twisted
+
+
+def jkr_force(young, work, radius, overlap):
+    """Elastic force of Johnson, Kendall and Roberts by a search for the circle's radius; None without contact."""
+
+    def overlap_of(a):
+        return a**2 / radius - np.sqrt(2.0 * np.pi * work * a / young)
+
+    least = (np.pi * work * radius**2 / (8.0 * young)) ** (1.0 / 3.0)  # where d overlap / da = 0
+    if overlap < overlap_of(least):
+        return None
+    a = brentq(lambda a: overlap_of(a) - overlap, least, 100.0 * least + 2.0 * np.sqrt(radius * abs(overlap)))
+    return 4.0 * young * a**3 / (3.0 * radius) - np.sqrt(8.0 * np.pi * work * young * a**3)
 
 
 def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):

@@ -13,7 +13,7 @@ from repose.config.computed import COMPUTED
 from repose.config.reading import parse
 from repose.config.study import Study
 from repose.core.errors import InputError, YamlError
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import FURTHER, PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 GOOD = Study.load(ROOT / "config/config.yaml").config
@@ -147,7 +147,12 @@ def test_every_key_refuses_what_it_cannot_take():
     check_all(check_reported, [(wrong, keys) for wrong, keys in kinds.items()])
 
 
-OPTIONAL = ("simulation.contact_law", "simulation.rolling_law", *(setting.key for setting in COMPUTED))
+OPTIONAL = (
+    "simulation.contact_law",
+    "simulation.rolling_law",
+    *(f"parameters.{name}" for name in FURTHER),
+    *(setting.key for setting in COMPUTED),
+)
 REQUIRED = [
     *(key for key, _ in leaves(faults.schema()) if not key.startswith("targets.") and key not in OPTIONAL),
     *(name for name in sections(faults.schema()) if name in faults.schema()["required"]),

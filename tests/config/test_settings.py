@@ -13,6 +13,7 @@ from repose.config import cost, faults, loader
 from repose.config.computed import COMPUTED
 from repose.config.study import Study
 from repose.core.errors import InputError
+from repose.core.parameters import FURTHER
 from repose.core.seeds import pour_seeds
 
 ROOT = Path(__file__).parents[2]
@@ -94,7 +95,7 @@ def test_no_section_allows_an_unknown_key_or_forgets_one():
         if "properties" in section:
             assert section["additionalProperties"] is False
             optional = set(section["properties"]) - set(section["required"])
-            assert optional <= {"contact_law", "rolling_law", *computed, *others}
+            assert optional <= {"contact_law", "rolling_law", *FURTHER, *computed, *others}
 
 
 def test_the_models_know_what_is_computed():

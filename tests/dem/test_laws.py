@@ -59,7 +59,9 @@ def test_laws_are_chosen_by_name():
         assert all(law.name == name for name, law in laws.items())
     with pytest.raises(ValueError, match="contact_law is 'hooke'; allowed: 'hertz_mindlin', 'hertz_"):
         simulation(contact_law="hooke")
-    with pytest.raises(ValueError, match="rolling_law is None; allowed: 'budget', 'epsd'"):
+    with pytest.raises(
+        ValueError, match="rolling_law is None; allowed: 'budget', 'constant_torque', 'epsd', 'epsd2'"
+    ):
         simulation(rolling_law=None)
     # a linear spring has a time step of its own
     assert head_on(0.5).longest_time_step() != simulation(SPHERE).longest_time_step()
@@ -93,7 +95,8 @@ def test_a_contact_beyond_the_edge_of_a_disc_has_no_force(law, tension):
     """The linear spring gave 0 times infinity there, and where a contact may pull, berries lost their places."""
     lanes, at = st.LANES, st.NORMAL + 3 * st.LANES
     tile, kept = np.zeros(tl.LAW + law.n_rows * lanes), np.zeros(at + law.n_state * lanes)
-    for number, value in enumerate(law.constants(GOJI, GOJI, Contact(0.5, 0.3, 0.0), tension)):
+    contact = Contact(0.5, 0.3, 0.0, constants={constant.name: 0.1 for constant in law.asks})
+    for number, value in enumerate(law.constants(GOJI, GOJI, contact, tension)):
         tile[tl.LAW + number * lanes :][:lanes] = value
     given = {tl.GAP: tl.BEYOND, tl.RADIUS: 3e-3, tl.INVERSE_MASS: 1e3, tl.A + 5 * lanes: -0.1}
     for row, value in given.items():

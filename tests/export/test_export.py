@@ -24,6 +24,7 @@ from repose.core.places import find
 from repose.export import laws, surface, yade
 from repose.export.job import surface_means
 from repose.export.lammps import contact_keywords
+from repose.export.laws import rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, prime
 from repose.particle.particle import Particle
 
@@ -259,6 +260,52 @@ def test_what_has_no_spheres_or_another_law_is_refused(config):
     linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
     with pytest.raises(InputError, match="hertz_mindlin"):
         export.make(linear, centre, THREE, BERRY)
+
+
+def with_laws(config, contact_law, rolling_law="budget", **constants):
+    """The job of a study with other laws."""
+    simulation = config["simulation"] | {"contact_law": contact_law, "rolling_law": rolling_law}
+    values = ParameterSpace.of(config["parameters"]).centre | constants
+    return export.make(config | {"simulation": simulation}, values, THREE, BERRY)
+
+
+def test_cohesion_is_written_as_each_program_has_it(config):
+    job = with_laws(config, "jkr", gamma_gg=0.05, gamma_gp=0.02)
+    words = contact_keywords(job, job.on_wall).split()
+    assert words[0] == "jkr"
+    assert float(words[4]) == 0.02
+    assert "limit_damping" not in words
+    table = export.PROGRAMS["edem"](job)["edem.md"]
+    assert "Hertz-Mindlin with JKR" in table
+    assert re.findall(r"Surface Energy .* \| (\S+) J/m2", table) == ["0.1", "0.04"]
+    deck = export.PROGRAMS["liggghts"](with_laws(config, "sjkr", k_gg=3e4, k_gp=1e4))["in.pour"]
+    assert "cohesionEnergyDensity peratomtypepair 2 30000 10000 10000 10000" in deck
+    assert len(re.findall("model hertz tangential history cohesion sjkr rolling_friction epsd2", deck)) == 3
+    assert "cohesion energy density 30000 J/m3 between grains" in deck
+
+
+def test_rolling_laws_are_written_as_liggghts_names_them(config):
+    budget = with_laws(config, "hertz_mindlin")
+    for law, name in (("constant_torque", "cdt"), ("epsd", "epsd"), ("epsd2", "epsd2")):
+        job = with_laws(config, "hertz_mindlin", law)
+        deck = export.PROGRAMS["liggghts"](job)["in.pour"]
+        assert len(re.findall(rf"rolling_friction {name} ", deck)) == 3
+        assert ("coefficientRollingViscousDamping" in deck) == (law == "epsd")
+        # the lever of two grains is half of one grain's, that on a wall is the same
+        assert rolling_coefficient(job, job.grains) == 0.5 * rolling_coefficient(budget, budget.grains)
+        assert rolling_coefficient(job, job.on_wall) == rolling_coefficient(budget, budget.on_wall)
+
+
+@pytest.mark.parametrize(
+    ("program", "law"), [("yade", "jkr"), ("liggghts", "jkr"), ("lammps", "sjkr"), ("rocky", "epsd")]
+)
+def test_a_law_that_a_program_lacks_is_named(config, program, law, tmp_path):
+    if law == "epsd":
+        job = with_laws(config, "hertz_mindlin", law)
+    else:
+        job = with_laws(config, law, gamma_gg=0.05, gamma_gp=0.02, k_gg=1e4, k_gp=1e4)
+    with pytest.raises(InputError, match=rf"law is '{law}'; allowed: for {program} "):
+        export.write(job, program, tmp_path)
 
 
 def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):

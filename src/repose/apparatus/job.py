@@ -20,7 +20,7 @@ from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_npz
 from repose.core.ledger import check_replaceable
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import named
 from repose.core.runs import summarise_runs
 from repose.core.seeds import UNNAMED
 
@@ -47,10 +47,10 @@ def about_job(
     test: BenchTest, config: Mapping[str, Any], name: object, parameters: Mapping[str, float]
 ) -> dict[str, Any]:
     """The description of a job in each of its files."""
-    named = {} if test.name == UNNAMED else {"apparatus": test.name}
-    return named | {
+    of_test = {} if test.name == UNNAMED else {"apparatus": test.name}
+    return of_test | {
         "sample": int(str(name)) if str(name).isdigit() else name,
-        "parameters": {p: float(parameters[p]) for p in PARAMETERS},
+        "parameters": {p: float(parameters[p]) for p in named(parameters)},
         "time_step_s": SimulationSettings.of(config).time_step_s,
     }
 

@@ -9,6 +9,7 @@ from repose import dem
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
+from repose.core.parameters import FURTHER
 
 if TYPE_CHECKING:
     from repose.dem import time_steps
@@ -110,11 +111,17 @@ def materials_of(config: Mapping[str, Any], berry: Mapping[str, Any]) -> "dict[s
 
 
 def _contacts(parameters):
-    """Their contacts by pairs of names."""
-    return {
-        ("berry", "berry"): dem.Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
-        ("berry", "wall"): dem.Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
-    }
+    """Their contacts by pairs of names, with the constants of the contact law that are among the parameters."""
+    contacts = {}
+    for pair, names in (("gg", ("berry", "berry")), ("gp", ("berry", "wall"))):
+        further = {
+            constant.name: parameters[name]
+            for name, (_, constant, of) in FURTHER.items()
+            if of == pair and name in parameters
+        }
+        six = (parameters[f"{kind}_{pair}"] for kind in ("e", "mus", "mur"))
+        contacts[names] = dem.Contact(*six, constants=further)
+    return contacts
 
 
 class Filmed:

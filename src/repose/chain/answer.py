@@ -9,7 +9,7 @@ from typing import Any, Self
 from repose.chain.chance import PERCENT
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_rows
-from repose.core.parameters import LABELS, PARAMETERS, check_value
+from repose.core.parameters import LABELS, check_value, named
 from repose.core.targets import Target, Targets
 
 # Remedy by strategy, if only the prediction meets the targets.
@@ -167,11 +167,11 @@ def read(
                 check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration"
             )
     values = summary["representative"]
-    for name in PARAMETERS:
+    for name in named(values):
         check_value(name, values.get(name), summary_json)
     return Answer(
         label=config["label"],
-        parameters={name: float(values[name]) for name in PARAMETERS},
+        parameters={name: float(values[name]) for name in named(values)},
         feasible=summary["feasible"],
         message=summary["message"],
         checks=tuple(_check(target, rows[target.name], check_csv) for target in targets),

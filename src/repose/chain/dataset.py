@@ -19,7 +19,7 @@ from repose.apparatus import bench
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_rows, write_json, write_table
 from repose.core.parameter_sets import read_samples
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import named
 from repose.core.responses import Definitions
 from repose.core.runs import Recorded, summarise_runs
 from repose.core.seeds import UNNAMED
@@ -48,7 +48,7 @@ def assemble(
     for name in targets.apparatus:
         columns |= dict.fromkeys(recorded(name, targets).summary)
     means = pd.DataFrame(summaries, columns=list(columns))
-    dataset = pd.concat([samples[["sample", *PARAMETERS]].reset_index(drop=True), means], axis=1)
+    dataset = pd.concat([samples[["sample", *named(samples)]].reset_index(drop=True), means], axis=1)
     return dataset, _all_runs(samples["sample"], jobs, targets)
 
 
@@ -128,7 +128,7 @@ def read_jobs(
     paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets
 ) -> dict[str, dict[int, Job]]:
     """Jobs by bench test, then by sample, checked against the table of samples."""
-    expected = samples.set_index("sample")[list(PARAMETERS)]
+    expected = samples.set_index("sample")[list(named(samples))]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
     source: dict[tuple[str, int], object] = {}
     for path in paths:
@@ -139,7 +139,7 @@ def read_jobs(
         if sample in jobs[apparatus]:
             allowed = f"a sample of the table, once; also in {source[apparatus, sample]}"
             raise InputError(path, "sample", sample, allowed)
-        for name in PARAMETERS:
+        for name in expected:
             value, expected_value = job["parameters"].get(name), float(expected.at[sample, name])
             if not isinstance(value, int | float) or not math.isclose(
                 value, expected_value, rel_tol=1e-6, abs_tol=1e-9

@@ -15,7 +15,6 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 
 PHI_POWER = 16
 # The first power shapes the whole design; the higher ones press on its closest pairs alone, which
@@ -109,7 +108,7 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 
 def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The parameter sets of a study (`sample` from 1, and the six parameters), and the table of `compare`.
+    """The parameter sets of a study (`sample` from 1, and the parameters), and the table of `compare`.
 
     The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
     prior, which is applied in the search and in the posterior.
@@ -135,8 +134,8 @@ def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
 
 
 def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:
-    """Points (n, d) of the unit cube as a table: `sample` from 1, and the six parameters."""
-    table = pd.DataFrame(space.values(points), columns=list(PARAMETERS))
+    """Points (n, d) of the unit cube as a table: `sample` from 1, and the parameters."""
+    table = pd.DataFrame(space.values(points), columns=list(space.names))
     table.insert(0, "sample", np.arange(1, len(table) + 1))
     return table
 

@@ -12,7 +12,7 @@ import pandas as pd
 from repose.chain.dataset import read_summary
 from repose.core.errors import InputError
 from repose.core.files import read_table
-from repose.core.parameters import PARAMETERS, check_value
+from repose.core.parameters import PARAMETERS, check_value, named
 from repose.core.targets import Targets
 
 # Tolerance of a mean, or a standard error, against its runs: relative, and absolute below 1.
@@ -26,8 +26,9 @@ def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFra
     )
     _check_count(dataset, dataset_csv, dataset_csv, "samples")
     _refuse_twice(dataset, ["sample"], dataset_csv)
-    for row, values in enumerate(dataset[list(PARAMETERS)].itertuples(index=False), start=1):
-        for name, value in zip(PARAMETERS, values, strict=True):
+    names = named(dataset)
+    for row, values in enumerate(dataset[list(names)].itertuples(index=False), start=1):
+        for name, value in zip(names, values, strict=True):
             check_value(name, value, f"{dataset_csv}, row {row}")
     _check_responses(dataset, targets, dataset_csv)
     return dataset

@@ -17,7 +17,7 @@ from repose.chain.dataset import read_definitions
 from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import Definitions, derived, require_same_definitions, response
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
@@ -81,13 +81,15 @@ def train(
     settings: Mapping[str, Any],
     definitions: Definitions | None = None,
     source: object = "dataset",
-    names: Sequence[str] = PARAMETERS,
+    names: Sequence[str] | None = None,
 ) -> Training:
     """Train a surrogate on the usable samples of a study; at least 12, or InputError.
 
     `settings` is the section `network` with `surrogate` (default "network"), `seed`, `split` (three shares) and
-    `replicates` (default False): whether the runs of each sample give the noise, see `Replicates`.
+    `replicates` (default False): whether the runs of each sample give the noise, see `Replicates`. `names` are the
+    parameters; by default those of our own bench tests that the dataset has.
     """
+    names = named(dataset) if names is None else names
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
         raise InputError(source, "usable samples", len(usable), f"at least {FEWEST_SAMPLES} with status ok")
@@ -188,7 +190,7 @@ def restore(
     missing = sorted(set(trained["sample"]) - set(usable.index))
     if missing or trained.empty:
         raise InputError(predictions_csv, "samples", missing, f"usable samples of {dataset_csv}")
-    X = usable.loc[trained["sample"], list(PARAMETERS)].to_numpy(float)
+    X = usable.loc[trained["sample"], list(model.inputs or PARAMETERS)].to_numpy(float)
     if not np.allclose(model.predict(X), trained[predicted], rtol=1e-6):
         raise InputError(
             predictions_csv, "predictions", "others", f"those of {surrogate_json} on {dataset_csv}"

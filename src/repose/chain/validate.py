@@ -20,7 +20,7 @@ from repose.core.errors import InputError
 from repose.core.files import check_columns, read_table, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS, named
 from repose.core.published import published_responses
 from repose.core.responses import Response, derived
 from repose.core.targets import Targets
@@ -65,7 +65,7 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
-    points = 2 * space.unit(solutions[list(PARAMETERS)].to_numpy(float)) - 1
+    points = 2 * space.unit(solutions[list(space.names)].to_numpy(float)) - 1
     chosen = [int(np.flatnonzero(solutions["representative"])[0])]
     roles = ["representative"]
     least = int(solutions["objective"].to_numpy(float).argmin())
@@ -89,7 +89,7 @@ def validate(
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Prediction, simulation and the physical measurement side by side."""
-    simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
+    simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *named(solutions)])
     simulated = simulated.rename(
         columns={response.name: response.simulated for response in targets.responses}
     )
@@ -107,14 +107,14 @@ def validate(
     }
     if support is not None:
         for name in ("table4", "published"):
-            parameters = tables[name][list(PARAMETERS)].to_numpy(float)
+            parameters = tables[name][list(named(tables[name]))].to_numpy(float)
             tables[name]["warning"] = support.warnings(parameters) if len(parameters) else []
     return tables
 
 
 def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
     """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution."""
-    table = rows[["sample", "solution", "role", *PARAMETERS]].copy()
+    table = rows[["sample", "solution", "role", *named(rows)]].copy()
     for response in responses:
         table[response.predicted], table[response.simulated] = (
             rows[response.predicted],
@@ -163,7 +163,7 @@ def compared_with_published(
     rows: pd.DataFrame, published: pd.DataFrame | None, responses: Iterable[Response]
 ) -> pd.DataFrame:
     """The published solutions: published and own simulation, its standard error, and own minus published."""
-    table = rows[["sample", "solution", *PARAMETERS]].copy()
+    table = rows[["sample", "solution", *named(rows)]].copy()
     if published is not None:
         reference = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])
         for response in published_responses(published, responses):

@@ -10,7 +10,7 @@ from repose.core import seeds as streams
 from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import LABELS, PARAMETERS, check_value
+from repose.core.parameters import LABELS, PARAMETERS, check_value, named
 
 PARAMETER_SET = (
     Option(
@@ -43,7 +43,7 @@ STUDY_SEEDS = (
 def parameters(
     entries: Sequence[str], samples: str | None, sample: int | None, section: Mapping[str, Any]
 ) -> dict[str, float]:
-    """The six parameters by name: from --set, or from the row of --samples whose column sample is --sample.
+    """The parameters by name: from --set, or from the row of --samples whose column sample is --sample.
 
     `section` is `parameters` of the configuration; a parameter that is not set has the centre of its range.
     """
@@ -55,8 +55,8 @@ def parameters(
     if sample is not None:
         raise InputError("command line", "--sample", sample, "together with --samples")
     for name, value in chosen.items():
-        if name not in PARAMETERS:
-            known = ", ".join(f"{key} ({LABELS[key]})" for key in PARAMETERS)
+        if name not in named(section):
+            known = ", ".join(f"{key} ({LABELS[key]})" for key in named(section))
             raise InputError("command line", f"--set {name}", value, f"a parameter of {known}")
     values = {name: check_value(name, value, "command line") for name, value in chosen.items()}
     return ParameterSpace.of(section).centre | values

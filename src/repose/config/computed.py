@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.core.parameter_space import range_of
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS, named
 from repose.core.published import published_sets
 from repose.core.section import AUTO
 
@@ -74,10 +74,13 @@ def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) 
     """
     from repose.apparatus.scene import longest_time_step
 
-    sets = [{name: range_of(name, config["parameters"][name])[0] for name in PARAMETERS}]
+    ranges = {name: range_of(name, entry) for name, entry in config["parameters"].items()}
+    sets = [{name: ranges[name][0] for name in PARAMETERS}]
     sets += published_sets(config["validation"]["published"])
     lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
-    return longest_time_step(config, lowest, particle, mean)
+    # cohesion makes contacts stiffer, restitution alone less damped
+    strongest = {name: ranges[name][1] for name in named(ranges)[len(PARAMETERS) :]}
+    return longest_time_step(config, lowest | strongest, particle, mean)
 
 
 def advised_step_s(longest_s: float) -> float:

@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 
 from repose.apparatus import bench_tests
 from repose.apparatus.bench_test import BenchTest
+from repose.apparatus.settings import SimulationSettings
 from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
 
 Pairs = Iterator[tuple[str, str]]
 
@@ -30,6 +32,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     sections = [name for name in strategies.names() if strategies.strategy(name).settings is not None]
     return [
         Rule(("targets",), _of_targets),
+        Rule(("parameters", "simulation"), _of_the_contact_law),
         *(Rule((test.name, "simulation"), test.contradictions) for test in used),
         Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
         Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
@@ -50,6 +53,21 @@ def _of_the_surrogate(config):
     if config["surrogate"] == "quadratic" and training < needed:
         allowed = "network or gaussian_process where design.samples times the first of network.split is below"
         yield "surrogate", f"{allowed} {needed}"
+
+
+def _of_the_contact_law(config):
+    """Parameters that the contact law needs and the section lacks, or that belong to another law."""
+    law = config["simulation"].get("contact_law", SimulationSettings.contact_law)
+    needed = of_law(law)
+    missing = [f"parameters.{name} ({LABELS[name]})" for name in needed if name not in config["parameters"]]
+    if missing:
+        yield "simulation.contact_law", f"{law} with {' and '.join(missing)}, each a range or a fixed value"
+    for name in named(config["parameters"])[len(PARAMETERS) :]:
+        if name not in needed:
+            yield (
+                f"parameters.{name}",
+                f"absent: it belongs to simulation.contact_law {FURTHER[name][0]}, not {law}",
+            )
 
 
 def _of_the_strategy(config):

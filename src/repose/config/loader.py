@@ -11,7 +11,7 @@ from typing import Any
 from repose.config.reading import Origin, parse, read
 from repose.core import ledger, places
 from repose.core.files import write_text
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import FURTHER, PARAMETERS
 
 FILES = {
     "berry": ("sizes", "compression", "stl"),
@@ -23,7 +23,7 @@ COMMAND_LINE = "command line (--config)"
 Read = Callable[[str | os.PathLike], dict[str, Any]]
 RESOLVED = "config.json"  # in the folder of results
 # Replaced, not merged: a fixed parameter has no prior of another file.
-WHOLE = {f"parameters.{name}" for name in PARAMETERS}
+WHOLE = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
 
 
 def read_layers(

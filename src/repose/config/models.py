@@ -15,6 +15,7 @@ from pydantic_core import core_schema
 
 from repose.apparatus import bench, names
 from repose.config import results_folder
+from repose.core.parameters import FURTHER
 from repose.core.responses import responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
 
@@ -165,8 +166,8 @@ class Wall(Section):
     shear_modulus_pa: Modulus
 
 
-class Parameters(Section):
-    """The six contact parameters."""
+class _SixParameters(Section):
+    """The six contact parameters, and those of the contact law."""
 
     e_gg: Restitution
     mus_gg: StaticFriction
@@ -177,8 +178,20 @@ class Parameters(Section):
 
     def contradictions(self) -> Contradictions:
         """No free parameter."""
-        if all(hasattr(value, "fixed") for _, value in self):
+        if all(value is None or hasattr(value, "fixed") for _, value in self):
             yield "", "at least one free parameter: there is nothing to calibrate"
+
+
+def _of_the_law(constant):
+    """The type of a further parameter."""
+    ends = constant.least, min(constant.most, 1.0e9)
+    return Annotated[Any, _described(*ends), _Parameter(*ends)]
+
+
+_further: dict[str, Any] = {
+    name: (_of_the_law(constant), ABSENT) for name, (_, constant, _) in FURTHER.items()
+}
+Parameters = create_model("Parameters", __base__=_SixParameters, **_further)
 
 
 class Design(Section):
@@ -381,7 +394,7 @@ class Settings(Section):
     strategy: StrategyName
     berry: Berry
     wall: Wall
-    parameters: Parameters
+    parameters: Parameters  # type: ignore[valid-type]
     design: Design
     simulation: Simulation
     measure: Measure

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS, check_value
+from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS, check_value, named
 
 PRIOR_WIDTHS = 3.0  # standard deviations of a prior to each side, if no range is given
 
@@ -18,7 +18,7 @@ class ParameterSpace:
     """The parameters of a study, of which d, the `free` ones, are searched.
 
     A prior is the mean and the standard deviation of a parameter that was measured with an error; it is normal, cut to
-    the range. `names` are all parameters: the six, or those of another simulator.
+    the range. `names` are all parameters: the six with those of the contact law, or those of another simulator.
     """
 
     free: tuple[str, ...]  # in the order of `names`
@@ -33,14 +33,15 @@ class ParameterSpace:
         cls,
         section: Mapping[str, Any],
         source: object = "parameters",
-        names: tuple[str, ...] = PARAMETERS,
+        names: tuple[str, ...] | None = None,
     ) -> "ParameterSpace":
         """From the configuration's section `parameters`.
 
         Each parameter has a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without a
         ``range``. InputError if a parameter is missing or unknown, or a range is empty or invalid; `source` is named
-        in the message.
+        in the message. Without `names` they are the six and those of a contact law that the section has.
         """
+        names = named(section) if names is None else names
         for name in section:
             if name not in names:
                 known = ", ".join(names)
@@ -64,7 +65,7 @@ class ParameterSpace:
     def check_searchable(self, source: object = "parameters") -> None:
         """Raise InputError if nothing is free, or the contact law cannot take a value of the space."""
         if not self.free:
-            raise InputError(source, "fixed", self.fixed, "at most five of the six parameters")
+            raise InputError(source, "fixed", self.fixed, "at least one free parameter")
         for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True):
             check_value(name, low, source, f"lower end of {name}")
             check_value(name, high, source, f"upper end of {name}")

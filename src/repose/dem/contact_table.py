@@ -64,6 +64,29 @@ def number_materials(
     return MaterialNumbers(of_bodies, {name: k for k, name in enumerate(names)})
 
 
+def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None:
+    """ValueError if a contact lacks a constant that the law needs, has one that it does not need, or has it wrong."""
+    known = {constant.name: constant for constant in law.asks}
+    for a in numbers.of_bodies:
+        for b in numbers.of_all:
+            given = contacts[a, b].constants
+            for name in (*known, *given):
+                if name not in known:
+                    raise ValueError(
+                        f"contacts of ({a!r}, {b!r}): {name} is no constant of contact_law {law.name!r}; "
+                        f"allowed: {', '.join(known) or 'none'}"
+                    )
+                if name not in given:
+                    raise ValueError(
+                        f"contacts of ({a!r}, {b!r}): contact_law {law.name!r} needs constants[{name!r}], the "
+                        f"{known[name].words} in {known[name].unit}"
+                    )
+                try:
+                    known[name].check(given[name])
+                except ValueError as fault:
+                    raise ValueError(f"contacts of ({a!r}, {b!r}): {fault}") from None
+
+
 def constants_of(
     law: Law, numbers: MaterialNumbers, materials: Mapping[str, Material], contacts: Pairs, tension: str
 ) -> np.ndarray:

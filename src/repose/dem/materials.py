@@ -1,8 +1,9 @@
 """Elastic constants and the parameters of a contact between two materials."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from .checks import not_negative, number, positive
+from .checks import is_name, not_negative, number, positive
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,9 @@ class Contact:
         Coefficient of the resistance against spin about the normal, 0 or more: the torque is at most this, times the
         normal force, times the radius of the contact circle. By default 3 pi / 16 mu_s, that of a Hertz contact whose
         whole circle slides (Johnson 1985, section 7.2). Only laws that tell this spin from rolling use it.
+    constants : mapping, optional
+        Further constants by their names, those that the contact law needs (`repose.dem.constants.OF_LAWS`), such as
+        ``{"surface_energy_j_m2": 0.05}`` of the law ``jkr``.
 
     Raises
     ------
@@ -62,6 +66,7 @@ class Contact:
     static_friction: float
     rolling_friction: float
     twisting_friction: float | None = None
+    constants: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self):
         number("restitution", self.restitution, "above 0, at most 1", lambda e: 0.0 < e <= 1.0)
@@ -69,6 +74,8 @@ class Contact:
         not_negative("rolling_friction", self.rolling_friction)
         if self.twisting_friction is not None:
             not_negative("twisting_friction", self.twisting_friction)
+        if not (isinstance(self.constants, Mapping) and all(is_name(name) for name in self.constants)):
+            raise ValueError(f"constants is {self.constants!r}; allowed: name: number")
 
 
 def effective_moduli(a: Material, b: Material) -> tuple[float, float]:

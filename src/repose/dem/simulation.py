@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from . import contact_lists, time_steps
 from .body_rows import checked_body, write_body
 from .checks import box, chosen, height, mapping, not_negative, number, positive, vector, whole_number
-from .contact_table import fields_of_laws, number_materials, pairs_of
+from .contact_table import check_constants, fields_of_laws, number_materials, pairs_of
 from .io import checkpoint as checkpoints
 from .io.progress import display
 from .kernels import clumps as cl
@@ -128,6 +128,7 @@ class Simulation(Observables):
         self.contact_pairs = pairs_of(contacts, self.materials)
         of_walls = [surface.material for surface in self.wall_set.surfaces.values()]
         self._numbers = number_materials(self.shapes, of_walls, self.materials, self.contact_pairs)
+        check_constants(self.contact_law, self._numbers, self.contact_pairs)
         self.scene = time_steps.Scene(
             self.contact_law, tension, self.materials, self.contact_pairs, self.shapes, frozenset(of_walls)
         )

@@ -8,7 +8,9 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
+from repose.core.errors import InputError
 from repose.core.files import write_text
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import lammps, liggghts, mercurydpm, tables, yade
 from repose.export.job import Job, make
 
@@ -22,10 +24,37 @@ PROGRAMS: dict[str, Callable[[Job], dict[str, str]]] = {
     "edem": tables.edem,
     "rocky": tables.rocky,
 }
+# The laws that a deck can hold, besides Hertz and Mindlin's contact and the rolling law `budget`.
+FURTHER_LAWS: dict[str, tuple[str, ...]] = {
+    "liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"),
+    "lammps": ("jkr", "epsd", "epsd2"),
+    "yade": (),
+    "mercurydpm": (),
+    "edem": ("jkr",),
+    "rocky": (),
+}
+HERTZ = ("hertz_mindlin", "hertz_mindlin_rescaled")
+
+
+def check_laws(job: Job, program: str) -> None:
+    """InputError if a program has no law like one of the study's."""
+    for key, law, laws, common in (
+        ("contact_law", job.contact_law, CONTACT_LAWS, HERTZ),
+        ("rolling_law", job.rolling_law, ROLLING_LAWS, ("budget",)),
+    ):
+        allowed = [*common, *(name for name in laws if name in FURTHER_LAWS[program])]
+        if law not in allowed:
+            raise InputError(
+                "configuration", f"simulation.{key}", law, f"for {program} {' or '.join(allowed)}"
+            )
 
 
 def write(job: Job, program: str, folder: str | PathLike) -> list[Path]:
-    """Write the deck of a program of `PROGRAMS` into a folder; return its files, the deck itself first."""
+    """Write the deck of a program of `PROGRAMS` into a folder; return its files, the deck itself first.
+
+    InputError if the program has no law like one of the study's.
+    """
+    check_laws(job, program)
     paths = []
     for name, text in PROGRAMS[program](job).items():
         paths.append(Path(folder) / name)

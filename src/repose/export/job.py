@@ -12,7 +12,8 @@ from repose.apparatus.funnel import Funnel
 from repose.apparatus.scene import longest_time_step, materials_of
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
-from repose.dem.laws import hertz_mindlin, hertz_mindlin_rescaled, rolling
+from repose.core.parameters import FURTHER
+from repose.dem.laws import hertz_mindlin
 from repose.dem.materials import effective_moduli
 from repose.dem.rotations import sphere_directions
 
@@ -37,6 +38,7 @@ class Pair:
     effective_young_pa: float  # E*
     effective_shear_pa: float  # G*
     effective_radius_m: float  # R* of two spheres of the mean radius, or of one on a wall
+    constants: Mapping[str, float]  # further ones of the contact law: `dem.constants`
 
     @property
     def tangential_stiffness_n_m(self) -> float:
@@ -63,6 +65,7 @@ class Job:
     on_wall: Pair  # grain with wall
     tension: str  # see `repose.dem.Simulation`
     contact_law: str
+    rolling_law: str
     funnel: Funnel
     plate_radius_m: float
     factory_radius_m: float  # disc in which the grains' centres appear
@@ -96,12 +99,9 @@ def make(
     settings, section = SimulationSettings.of(config), config["funnel"]
     if not particle.is_clump:
         raise InputError("particle", "kind", particle.kind, "multisphere: other programs take spheres")
-    for key, value, allowed in (
-        ("contact_law", settings.contact_law, [hertz_mindlin.LAW.name, hertz_mindlin_rescaled.LAW.name]),
-        ("rolling_law", settings.rolling_law, [rolling.LAW.name]),
-    ):
-        if value not in allowed:
-            raise InputError("configuration", f"simulation.{key}", value, " or ".join(allowed))
+    if settings.contact_law == "linear_spring":
+        allowed = "hertz_mindlin or hertz_mindlin_rescaled; jkr or sjkr where the program has it"
+        raise InputError("configuration", "simulation.contact_law", settings.contact_law, allowed)
     materials = materials_of(config, berry)
     mean_radius, lever = surface_means(particle.spheres_m)
     smallest = float(particle.spheres_m[:, 3].min())
@@ -119,6 +119,11 @@ def make(
             hertz_mindlin.damping_ratio(restitution, settings.tension),
             *effective_moduli(materials["berry"], materials[other]),
             effective_radius,
+            {
+                c.name: parameters[name]
+                for name, (_, c, of) in FURTHER.items()
+                if of == suffix and name in parameters
+            },
         )
 
     return Job(
@@ -137,6 +142,7 @@ def make(
         on_wall=pair("gp", "wall", mean_radius),
         tension=settings.tension,
         contact_law=settings.contact_law,
+        rolling_law=settings.rolling_law,
         funnel=funnel,
         plate_radius_m=0.5e-3 * section["plate_diameter_mm"],
         factory_radius_m=0.5e-3 * section["factory_diameter_mm"] - particle.bounding_radius_m,

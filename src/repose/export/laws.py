@@ -12,8 +12,11 @@ two spheres that touch. `rolling_coefficient` is the number with which the mean 
 import math
 from collections.abc import Iterator
 
+from repose.dem.constants import OF_LAWS, SURFACE_ENERGY
 from repose.dem.laws.law import COULOMB
 from repose.export.job import Job, Pair
+
+GAMMA = " (of each of two surfaces: the work of adhesion is w = 2 gamma, the pull-off force 3 pi gamma R*)"
 
 
 def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
@@ -28,8 +31,14 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 
 
 def rolling_coefficient(job: Job, pair: Pair) -> float:
-    """Coefficient of rolling friction for a program whose lever is the effective radius of two spheres."""
-    return pair.rolling_friction * job.lever_m / pair.effective_radius_m
+    """Coefficient of rolling friction for a program whose lever is the effective radius of two spheres.
+
+    The lever of two grains is half of one grain's in the laws that resist the rotation of one against the other.
+    """
+    lever = job.lever_m
+    if job.rolling_law != "budget" and pair is job.grains:
+        lever *= 0.5
+    return pair.rolling_friction * lever / pair.effective_radius_m
 
 
 def rolling_stiffness(pair: Pair) -> float:
@@ -59,6 +68,11 @@ def _head(job: Job, lines: list[str]) -> Iterator[str]:
         f"grains; e {gp.restitution:.6g}, mu_s {gp.static_friction:.6g}, mu_r {gp.rolling_friction:.6g} "
         "between grain and wall."
     )
+    for constant in OF_LAWS.get(job.contact_law, ()):
+        yield (
+            f"{job.contact_law}: {constant.words} {gg.constants[constant.name]:.6g} {constant.unit} between grains, "
+            f"{gp.constants[constant.name]:.6g} between grain and wall{GAMMA if constant is SURFACE_ENERGY else ''}."
+        )
     yield (
         f"Time step {job.time_step_s:g} s: {100 * job.time_step_s / job.rayleigh_s:.1f} % of the Rayleigh time of the "
         "smallest sphere."
@@ -73,7 +87,7 @@ def limited_friction(job: Job, rescales: bool = False) -> list[str]:
     notes = []
     if COULOMB[job.tension] != "total":
         notes.append("Coulomb's limit takes the damped normal force, in the study its elastic part")
-    if job.contact_law == "hertz_mindlin_rescaled" and not rescales:
+    if job.contact_law != "hertz_mindlin" and not rescales:
         notes.append(
             "a tangential force grows with the normal load; in the study it stays on loading and falls on unloading"
         )
@@ -98,6 +112,12 @@ def undamped_tangent() -> str:
 
 def rolled(job: Job) -> str:
     """The note of a program whose rolling resistance is a limited spring between two spheres."""
+    if job.rolling_law != "budget":
+        return (
+            "rolling resistance is between two spheres, with its own stiffness and damping; in the study "
+            f"{job.rolling_law} between two bodies, which resists spin about the normal too. Its coefficients here are "
+            f"those of the study times the mean lever {1e3 * job.lever_m:.3g} mm over the radius of a sphere"
+        )
     return (
         "rolling resistance is a spring with a limit against the relative rotation (model C of Ai et al. 2011, without "
         "damping or with); in the study a budget of each body (model A). Its coefficients here are those of the study "

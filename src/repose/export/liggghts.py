@@ -2,6 +2,8 @@
 
 import math
 
+from repose.dem.constants import COHESION_ENERGY_DENSITY
+from repose.dem.laws.epsd import ETA
 from repose.export.job import Job
 from repose.export.laws import (
     damped_alone,
@@ -16,6 +18,7 @@ from repose.export.template import filled
 
 # LIGGGHTS refuses a smaller coefficient of restitution.
 LEAST_RESTITUTION = 0.05
+ROLLING_MODELS = {"budget": "epsd2", "constant_torque": "cdt", "epsd": "epsd", "epsd2": "epsd2"}
 
 
 def deck(job: Job) -> dict[str, str]:
@@ -30,6 +33,9 @@ def deck(job: Job) -> dict[str, str]:
         e_gp=equivalent_restitution(job.on_wall, LEAST_RESTITUTION),
         mur_gg=rolling_coefficient(job, job.grains),
         mur_gp=rolling_coefficient(job, job.on_wall),
+        cohesion=_cohesion(job),
+        model=("cohesion sjkr " if job.contact_law == "sjkr" else "")
+        + f"rolling_friction {ROLLING_MODELS[job.rolling_law]}",
         fold=1.1 * 360.0 / AROUND,
         limit_force="off" if job.tension == "keep" else "on",
         spheres=len(job.spheres_m),
@@ -37,6 +43,21 @@ def deck(job: Job) -> dict[str, str]:
     )
     clump = "".join(" ".join(f"{value:.9g}" for value in sphere) + "\n" for sphere in job.spheres_m)
     return {"in.pour": text, "clump.txt": clump, "funnel.stl": stl(job.funnel)}
+
+
+def _cohesion(job):
+    """The properties that the further laws need."""
+    lines = []
+    if job.contact_law == "sjkr":
+        gg, gp = (pair.constants[COHESION_ENERGY_DENSITY.name] for pair in (job.grains, job.on_wall))
+        values = f"{gg:.8g} {gp:.8g} {gp:.8g} {gp:.8g}"
+        lines.append(
+            f"fix             cohesion all property/global cohesionEnergyDensity peratomtypepair 2 {values}"
+        )
+    if job.rolling_law == "epsd":
+        damping = "fix             rolling_damping all property/global coefficientRollingViscousDamping"
+        lines.append(f"{damping} peratomtypepair 2 {' '.join(4 * [f'{ETA:g}'])}")
+    return "".join(line + "\n" for line in lines)
 
 
 def prime(seed: int) -> int:

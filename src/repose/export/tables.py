@@ -5,6 +5,7 @@ The names of the fields are from memory of the programs' windows: no manual was 
 
 from collections.abc import Iterable
 
+from repose.dem.constants import SURFACE_ENERGY
 from repose.export.job import Job
 from repose.export.surface import stl
 
@@ -17,7 +18,12 @@ def edem(job: Job) -> dict[str, str]:
     rows: list[Row] = [
         *_materials(job, "Creator > Bulk Material", "Creator > Equipment Material"),
         *_pairs(job, "Creator > Interactions", "Coefficient of Rolling Friction"),
-        (rolling, "base model", "Hertz-Mindlin (no slip)"),
+        (
+            rolling,
+            "base model",
+            "Hertz-Mindlin with JKR" if job.contact_law == "jkr" else "Hertz-Mindlin (no slip)",
+        ),
+        *_adhesion(job, "Creator > Interactions"),
         (rolling, "rolling friction model", "Standard Rolling Friction (Type A)"),
         ("Creator > Bulk Material > Particle", "spheres", "import spheres.csv: x, y, z, radius in m"),
         *_body(job, "Creator > Bulk Material > Particle > Properties, not calculated from the spheres"),
@@ -91,6 +97,14 @@ def _pairs(job: Job, where: str, rolling: str | None) -> Iterable[Row]:
         yield place, "Coefficient of Static Friction, and of dynamic if asked", f"{pair.static_friction:.6g}"
         if rolling:
             yield place, rolling, f"{pair.rolling_friction:.6g}"
+
+
+def _adhesion(job: Job, where: str) -> Iterable[Row]:
+    """The surface energy of EDEM's JKR, whose pull-off force is 3/2 pi times it times R*: the work of adhesion."""
+    if job.contact_law == "jkr":
+        for name, pair in (("grain : grain", job.grains), ("grain : wall", job.on_wall)):
+            energy = 2.0 * pair.constants[SURFACE_ENERGY.name]
+            yield f"{where} > {name}", "Surface Energy (w, twice the study's gamma)", f"{energy:.6g} J/m2"
 
 
 def _body(job: Job, where: str) -> Iterable[Row]:

@@ -18,7 +18,6 @@ from repose.chain import train
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 from repose.core.responses import Definitions, derived
 from repose.core.targets import Targets
 from repose.studies import discrepancy, implausibility, noise
@@ -129,7 +128,7 @@ def run(
     model = train.restore(*(files[key] for key in ("network", "predictions", "dataset")))
     train.require_targets(model, files["network"], targets, definitions or {}, source)
     support = Support.of_dataset(files["dataset"], space)
-    feasible = read_table(files["feasible"], PARAMETERS)[list(PARAMETERS)]
+    feasible = read_table(files["feasible"], space.names)[list(space.names)]
     runs = noise.read_runs(files["runs"], targets)
     references = {"miga": feasible.agg(["min", "max"]).T.set_axis(["low", "high"], axis=1)}
     if files["table3"] is not None:

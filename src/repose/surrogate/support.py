@@ -56,7 +56,7 @@ class Support:
         if len(usable) < 2:
             raise InputError(dataset_csv, "usable samples", len(usable), "at least 2 with status ok")
         low, high = space.complete(np.array([space.low, space.high]))
-        return cls(usable[list(PARAMETERS)].to_numpy(float), low, high)
+        return cls(usable[list(space.names)].to_numpy(float), low, high, space.names)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
         """Whether each parameter of the points (m, d) is free and lies within 1 % of its range from an end."""

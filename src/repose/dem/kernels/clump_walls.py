@@ -266,7 +266,7 @@ def by_sphere(meshed, clumps):
 
 
 @inlined
-def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local):
+def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local):
     """Track contact k of a sphere with a mesh through one step, as `meshes.follow_mesh`."""
     touches = by_sphere(meshed, clumps)
     mesh = meshed.wall[k]
@@ -282,7 +282,7 @@ def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
     touching = track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
     if not touching:
-        touching = hand_over(local, 1, meshes, touches, n, k, radius, out, other)
+        touching = hand_over(local, 1, meshes, touches, n, k, radius, end, out, other)
     if touching and out[3] < 0.0 and meshes.kind[meshed.feature[k]] == FACE:
         deepest_near(local, 1, meshes, touches, k, out, other)
     if walls.displaced[frame]:
@@ -292,7 +292,7 @@ def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local
     out[5] += x
     out[6] += y
     out[7] += z
-    return touching and out[3] <= 0.0
+    return touching and out[3] <= end
 
 
 @inlined
@@ -302,7 +302,7 @@ def spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, o
     touches = by_sphere(meshed, clumps)
     for k in range(n):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
-            follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local)
+            follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, 0.0, out, other, local)
             for c in range(3):
                 meshed.data[k // L, st.NORMAL + c * L + k % L] = out[c]
     place_clump(bodies, clumps, i, s)

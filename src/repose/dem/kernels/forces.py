@@ -6,7 +6,7 @@ cost if it were written for one kind of body alone. What differs is the geometry
 `walls` and `meshes` have it for smooth bodies, `clump_tile` and `clump_walls` for spheres.
 """
 
-from ..laws.law import contact_forces, rolling_resistance
+from ..laws.law import contact_forces, reach, rolling_resistance, surfaces
 from . import clump_tile as ct
 from . import state as st
 from . import tile as tl
@@ -102,8 +102,10 @@ def apply_laws(t, c, physics, at):
 def pair_laws(t, contacts, physics, clumps):
     """`apply_laws` to a tile of pairs."""
     if len(clumps) == 0:
+        surfaces(physics.law, t, contacts, 0, 0)
         apply_laws(t, contacts, physics, st.PAIR_STATE)
     else:
+        surfaces(physics.law, t, contacts, 1, 0)
         apply_laws(t, contacts, physics, ct.PAIR_STATE)
 
 
@@ -111,9 +113,27 @@ def pair_laws(t, contacts, physics, clumps):
 def wall_laws(t, contacts, physics, clumps):
     """`apply_laws` to a tile of contacts with walls."""
     if len(clumps) == 0:
+        surfaces(physics.law, t, contacts, 0, 1)
         apply_laws(t, contacts, physics, st.WALL_STATE)
     else:
+        surfaces(physics.law, t, contacts, 1, 1)
         apply_laws(t, contacts, physics, ct.WALL_STATE)
+
+
+@inlined
+def pair_reach(contacts, physics, clumps, lane):
+    """Gap at which the contact of a pair ends."""
+    if len(clumps) == 0:
+        return reach(physics.law, contacts, st.PAIR_STATE, lane)
+    return reach(physics.law, contacts, ct.PAIR_STATE, lane)
+
+
+@inlined
+def wall_reach(contacts, physics, clumps, lane):
+    """Gap at which a contact with a wall ends."""
+    if len(clumps) == 0:
+        return reach(physics.law, contacts, st.WALL_STATE, lane)
+    return reach(physics.law, contacts, ct.WALL_STATE, lane)
 
 
 @inlined
@@ -154,7 +174,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
         pair_laws(t, contacts, physics, clumps)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
-                if t[tl.GAP + lane] > 0.0:
+                if t[tl.GAP + lane] > pair_reach(contacts, physics, clumps, lane):
                     mute_lane(t, lane)
                     pairs.gap[base + lane] = t[tl.GAP + lane]
                     pairs.ended[begin + ended] = base + lane
@@ -268,7 +288,7 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
                 gap = t[tl.GAP + lane]
-                if gap > 0.0:
+                if gap > wall_reach(contacts, physics, clumps, lane):
                     mute_lane(t, lane)
                     look_soon(bodies, flat, walls, base + lane, gap if gap < tl.BEYOND else 0.0)
                     if gap == tl.BEYOND:
@@ -324,15 +344,15 @@ def write_lane(t, contacts, lane, out):
 
 
 @inlined
-def curved_geometry(bodies, curved, clumps, walls, parts, t, lane, k, out, local):
+def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, local):
     """Geometry of contact k with a cone, tube or ring, written to its lane; returns whether the contact ended."""
     contacts = curved.data[k // L]
     row = bodies.rows[curved.body[k]]
     if len(clumps) == 0:
-        on_wall = follow_wall(parts, row, walls, curved.wall[k], contacts, lane, out, local)
+        on_wall = follow_wall(physics.parts, row, walls, curved.wall[k], contacts, lane, out, local)
         write_lane(t, contacts, lane, out)
         contacts[st.GAP + lane] = out[3]
-        return out[3] > 0.0 or not on_wall or is_double(curved, k)
+        return out[3] > wall_reach(contacts, physics, clumps, lane) or not on_wall or is_double(curved, k)
     x, y, z = sphere_arm(row, contacts, lane)
     beyond = sphere_on_curved(
         walls, curved.wall[k], row[0] + x, row[1] + y, row[2] + z, contacts[ct.RADIUS + lane], out
@@ -341,7 +361,7 @@ def curved_geometry(bodies, curved, clumps, walls, parts, t, lane, k, out, local
     out[6] += y
     out[7] += z
     write_lane(t, contacts, lane, out)
-    return out[3] > 0.0 or beyond > 0.0
+    return out[3] > wall_reach(contacts, physics, clumps, lane) or beyond > 0.0
 
 
 @kernel
@@ -356,7 +376,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
         gather(bodies.rows, curved.body, base, t, tl.A)
         for lane in range(lanes):
             k = base + lane
-            if curved_geometry(bodies, curved, clumps, walls, physics.parts, t, lane, k, out, local):
+            if curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, local):
                 curved.ended[ended] = k
                 ended += 1
                 if t[tl.GAP + lane] <= 0.0:
@@ -366,7 +386,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
         mass_on_curved(t, contacts, curved, clumps, base, lanes)
         wall_laws(t, contacts, physics, clumps)
         for lane in range(lanes):
-            if t[tl.GAP + lane] > 0.0:
+            if t[tl.GAP + lane] > wall_reach(contacts, physics, clumps, lane):
                 mute_lane(t, lane)
                 look_soon(bodies, curved, walls, base + lane, 0.0)
         load_walls(walls, walls.planes.shape[0], curved, base, n, t)
@@ -378,11 +398,12 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
 
 
 @inlined
-def mesh_geometry(bodies, meshed, clumps, walls, meshes, parts, n, k, out, other, local):
+def mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local):
     """Geometry of contact k with a mesh, left in `out`; returns whether there is one."""
+    end = wall_reach(meshed.data[k // L], physics, clumps, k % L)
     if len(clumps) == 0:
-        return follow_mesh(bodies, parts, walls, meshes, meshed, n, k, out, other, local)
-    return follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local)
+        return follow_mesh(bodies, physics.parts, walls, meshes, meshed, n, k, end, out, other, local)
+    return follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local)
 
 
 @kernel
@@ -400,9 +421,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
         gather(bodies.rows, meshed.body, base, t, tl.A)
         for lane in range(lanes):
             k = base + lane
-            touching = mesh_geometry(
-                bodies, meshed, clumps, walls, meshes, physics.parts, n, k, out, other, local
-            )
+            touching = mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local)
             write_lane(t, contacts, lane, out)
             contacts[st.GAP + lane] = out[3]
             if not touching:
@@ -413,7 +432,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
         mass_on_meshed(t, contacts, meshed, clumps, base, lanes)
         wall_laws(t, contacts, physics, clumps)
         for lane in range(lanes):
-            if t[tl.GAP + lane] > 0.0:
+            if t[tl.GAP + lane] > wall_reach(contacts, physics, clumps, lane):
                 mute_lane(t, lane)
                 meshed.limit[meshed.wall[base + lane], meshed.body[base + lane]] = -1.0
         load_walls(walls, first_wall, meshed, base, n, t)

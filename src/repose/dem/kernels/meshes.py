@@ -147,8 +147,11 @@ def track(row, parts, meshes, contacts, lane, feature, nx, ny, nz, out):
 
 
 @kernel
-def hand_over(row, parts, meshes, contacts, n, k, radius, out, other):
-    """Find the feature that a contact has come to; returns whether there is one, `out` then holds the contact."""
+def hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other):
+    """Find the feature that a contact has come to; returns whether there is one, `out` then holds the contact.
+
+    end: the gap at which the contact ends.
+    """
     mesh = contacts.wall[k]
     old = contacts.feature[k]
     reach = NEARBY * radius
@@ -168,7 +171,7 @@ def hand_over(row, parts, meshes, contacts, n, k, radius, out, other):
                     if feature == old:
                         continue
                     angle, inside, _free = solve_feature(row, parts, meshes, feature, radius, other)
-                    if inside < -SLACK or other[3] > 0.0 or other[3] < -DEEPEST_NEW * radius:
+                    if inside < -SLACK or other[3] > end or other[3] < -DEEPEST_NEW * radius:
                         continue
                     same = nx * other[0] + ny * other[1] + nz * other[2]
                     if same > best and not is_touched(contacts, meshes, n, contacts.body[k], feature, k):
@@ -195,7 +198,7 @@ def deepest_near(row, parts, meshes, contacts, k, out, other):
 
 
 @inlined
-def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, out, other, local):
+def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, end, out, other, local):
     """Track contact k with a mesh through one step; returns whether there is one, `out` in the world."""
     mesh, i = contacts.wall[k], contacts.body[k]
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
@@ -211,13 +214,13 @@ def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, out, other, local)
     touching = inside >= 0.0
     if not touching:
         radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
-        touching = hand_over(row, parts, meshes, contacts, n, k, radius, out, other)
+        touching = hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other)
     if touching and out[3] < 0.0 and meshes.kind[contacts.feature[k]] == FACE:
         deepest_near(row, parts, meshes, contacts, k, out, other)
     if walls.displaced[frame]:
         rotate_to_world(walls.frames[frame], out, 0)
         rotate_to_world(walls.frames[frame], out, 5)
-    return touching and out[3] <= 0.0
+    return touching and out[3] <= end
 
 
 @inlined
@@ -226,7 +229,7 @@ def bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, ot
     n = counts[st.N_MESHED]
     for k in range(n):
         if contacts.body[k] == i and contacts.wall[k] == mesh:
-            follow_mesh(bodies, parts, walls, meshes, contacts, n, k, out, other, local)
+            follow_mesh(bodies, parts, walls, meshes, contacts, n, k, 0.0, out, other, local)
             for c in range(3):
                 contacts.data[k // st.LANES, st.NORMAL + c * st.LANES + k % st.LANES] = out[c]
 

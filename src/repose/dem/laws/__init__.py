@@ -22,8 +22,12 @@ CONTACT_LAWS = Laws(
     hertz_mindlin="hertz_mindlin",
     hertz_mindlin_rescaled="hertz_mindlin_rescaled",
     linear_spring="linear_spring",
+    jkr="jkr",
+    sjkr="sjkr",
 )
 ROLLING_LAWS = Laws(
     budget="rolling",
+    constant_torque="constant_torque",
     epsd="epsd",
+    epsd2="epsd2",
 )

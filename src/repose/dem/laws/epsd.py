@@ -65,8 +65,9 @@ def lever(x: float, y: float, z: float) -> float:
     return math.sqrt(square) if square > 0.0 else 1e30
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
+@inlined
+def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, eta: float) -> None:
+    """The torques of each lane on both bodies; of_tangent: k_r from the tangential stiffness, see `epsd2`."""
     for k in range(L):
         nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
         gap = t[tl.GAP + k]
@@ -84,7 +85,10 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         wz = t[first + 2 * L] - t[second + 2 * L]
         spin = wx * nx + wy * ny + wz * nz
         wx, wy, wz = wx - spin * nx, wy - spin * ny, wz - spin * nz
-        stiffness = 2.25 * t[NORMAL_STIFFNESS + k] * circle * friction * friction * arm * arm
+        if of_tangent:
+            stiffness = 2.0 * t[TWISTING_STIFFNESS + k] * circle * arm * arm
+        else:
+            stiffness = 2.25 * t[NORMAL_STIFFNESS + k] * circle * friction * friction * arm * arm
         x, y, z = c[at + k], c[at + L + k], c[at + 2 * L + k]
         along = x * nx + y * ny + z * nz
         x = x - along * nx + stiffness * dt * wx
@@ -94,7 +98,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         held = touching * min(1.0, most / math.sqrt(x * x + y * y + z * z + TINY))
         x, y, z = held * x, held * y, held * z
         c[at + k], c[at + L + k], c[at + 2 * L + k] = st.alive(x), st.alive(y), st.alive(z)
-        dashpot = 2.0 * ETA * math.sqrt(SPHERE * stiffness / (mobility + TINY))
+        dashpot = 2.0 * eta * math.sqrt(SPHERE * stiffness / (mobility + TINY))
         x, y, z = x + dashpot * wx, y + dashpot * wy, z + dashpot * wz
         cut = min(1.0, most / math.sqrt(x * x + y * y + z * z + TINY))
         stiffness = t[TWISTING_STIFFNESS + k] * circle * circle * circle
@@ -112,6 +116,11 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         t[tl.TO_B + 5 * L + k] += z
         t[tl.TO_A + st.ROLL * L + k] = 0.0
         t[tl.TO_B + st.ROLL * L + k] = 0.0
+
+
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """The torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
+    resist(t, c, at, dt, 0, ETA)
 
 
 LAW = Law(

@@ -38,11 +38,10 @@ LAST_CIRCLE = _state.take()  # radius of the contact circle a step ago
 
 
 @inlined
-def keep_force(t: np.ndarray, c: np.ndarray, at: int) -> None:
-    """Shorten the springs of the contacts that were pressed, so that their force stays."""
-    spring, last = at + SPRING, at + LAST_CIRCLE
+def keep_force(t: np.ndarray, c: np.ndarray, spring: int, last: int, row: int) -> None:
+    """Shorten the springs of the contacts that were pressed, so that their force stays; row: of the circle's radius."""
     for k in range(L):
-        circle, before = t[CIRCLE + k], c[last + k]
+        circle, before = t[row + k], c[last + k]
         share = before / circle if circle > before else 1.0
         c[last + k] = circle
         c[spring + k] *= share
@@ -53,7 +52,7 @@ def keep_force(t: np.ndarray, c: np.ndarray, at: int) -> None:
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """The forces of each lane, as `law.contact_forces` asks for them."""
     contact_sizes(t)
-    keep_force(t, c, at)
+    keep_force(t, c, at + SPRING, at + LAST_CIRCLE, CIRCLE)
     slip(t, c, at + SPRING, dt)
     push(t, c, at + SPRING, law.tension, law.friction_limit)
 

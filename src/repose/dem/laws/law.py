@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
+from ..constants import Constant
 from ..kernels.jit import INLINED
 
 # How a contact ends: "keep" lets the damped normal force pull, "release" and "cut" end it when the force vanishes.
@@ -25,6 +26,8 @@ COULOMB = {"keep": "elastic", "release": "total", "cut": "total"}
 
 _INLINED: Any = INLINED
 _KERNELS: dict[type, Callable] = {}
+_REACHES: dict[type, Callable] = {}
+_GEOMETRIES: dict[type, Callable] = {}
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,14 @@ class Law:
     oscillator : callable, optional
         (material, material, contact, tension, radius, overlap) -> stiffness [N/m] and damping ratio of a contact for
         small motions about an overlap, of a contact law.
+    asks : tuple of Constant
+        Further constants that the law needs of two materials, from `Contact.constants`.
+    reach : callable, optional
+        (options, c, at, lane) -> gap [m] at which a contact ends, 0 until it has borne a force, below 1 m; of a law
+        that attracts across a gap. Other contacts end where the bodies part.
+    geometry : callable, optional
+        (options, t, c, of_spheres, on_wall) -> None, called before the kernel: what the law needs of the surfaces
+        besides R*.
     """
 
     name: str
@@ -68,9 +79,16 @@ class Law:
     words: Mapping[str, str] = field(compare=False)
     contact_time: Callable[..., float] | None = None
     oscillator: Callable[..., tuple[float, float]] | None = None
+    asks: tuple[Constant, ...] = ()
+    reach: Callable[..., float] | None = None
+    geometry: Callable[..., None] | None = None
 
     def __post_init__(self) -> None:
         _KERNELS[self.options] = self.kernel
+        if self.reach is not None:
+            _REACHES[self.options] = self.reach
+        if self.geometry is not None:
+            _GEOMETRIES[self.options] = self.geometry
 
     def make_options(self, tension: str = "keep", friction_limit: str | None = None) -> Any:
         """The options that the kernel gets.
@@ -138,3 +156,31 @@ def _contact_forces(law, t, c, at, dt):
 @overload(rolling_resistance, jit_options=_INLINED, strict=False)
 def _rolling_resistance(law, t, c, at, dt):
     return _KERNELS.get(getattr(law, "instance_class", None))
+
+
+def _no_reach(law, c, at, k):
+    return 0.0
+
+
+def _no_geometry(law, t, c, of_spheres, on_wall):
+    return None
+
+
+def reach(law: Any, c: np.ndarray, at: int, k: int) -> float:
+    """Gap at which the contact of a lane ends [m]."""
+    return _REACHES.get(type(law), _no_reach)(law, c, at, k)
+
+
+def surfaces(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int) -> None:
+    """What a law needs of each lane's surfaces besides R*."""
+    _GEOMETRIES.get(type(law), _no_geometry)(law, t, c, of_spheres, on_wall)
+
+
+@overload(reach, jit_options=_INLINED, strict=False)
+def _reach(law, c, at, k):
+    return _REACHES.get(getattr(law, "instance_class", None), _no_reach)
+
+
+@overload(surfaces, jit_options=_INLINED, strict=False)
+def _surfaces(law, t, c, of_spheres, on_wall):
+    return _GEOMETRIES.get(getattr(law, "instance_class", None), _no_geometry)

@@ -24,7 +24,7 @@ N = st.NORMAL
 
 
 @inlined
-def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
+def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -> None:
     """Velocity of A against B at each lane's contact, and the tangential spring in the present tangent plane.
 
     Writes rows V (tangential) and VN (normal) of the tile and the three rows from `spring` on.
@@ -39,6 +39,8 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
         Place of the spring's first row in `c`; its three rows are written.
     dt : float
         Time step [s].
+    reach : int
+        Place in `c` of the row with the gaps at which the contacts end; 0 for a law whose contacts end where they part.
     """
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
@@ -67,7 +69,10 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
         t[tl.VN + k] = vn
         ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
         en = ex * nx + ey * ny + ez * nz
-        touching = 1.0 if t[tl.GAP + k] < 0.0 else 0.0
+        if reach > 0:  # noqa: SIM108  (a law without reach must compile to one comparison)
+            touching = 1.0 if t[tl.GAP + k] <= c[reach + k] else 0.0
+        else:
+            touching = 1.0 if t[tl.GAP + k] < 0.0 else 0.0
         c[spring + k] = st.alive(touching * (ex - en * nx + vx * dt))
         c[spring + L + k] = st.alive(touching * (ey - en * ny + vy * dt))
         c[spring + 2 * L + k] = st.alive(touching * (ez - en * nz + vz * dt))

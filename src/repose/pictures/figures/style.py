@@ -18,7 +18,7 @@ from matplotlib.text import Text
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
 from repose.core.files import write_bytes
 from repose.core.parameter_space import range_of
-from repose.core.parameters import PARAMETERS, SYMBOLS
+from repose.core.parameters import FURTHER, SYMBOLS, named
 from repose.core.responses import Response
 from repose.core.targets import Targets
 
@@ -76,9 +76,9 @@ def targets_of(config: Mapping[str, Any]) -> Targets:
 
 
 def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Ends of the axis of each of the six parameters: its range, with some room around a fixed value."""
+    """Ends of the axis of each parameter: its range, with some room around a fixed value."""
     ranges = {}
-    for name in PARAMETERS:
+    for name in named(config["parameters"]):
         low, high = range_of(name, config["parameters"][name])
         room = 0.0 if high > low else 0.05 * abs(low) or 0.01
         ranges[name] = (low - room, high + room)
@@ -91,8 +91,8 @@ def response_label(response: Response, before: str = "") -> str:
 
 
 def parameter_label(name: str) -> str:
-    """Label of an axis of a parameter: its symbol and a dash, since all of them are dimensionless."""
-    return f"{SYMBOLS[name]} (–)"
+    """Label of an axis of a parameter: its symbol and its unit, a dash for a number."""
+    return f"{SYMBOLS[name]} ({FURTHER[name][1].unit if name in FURTHER else '–'})"
 
 
 def letter(k: int) -> str:

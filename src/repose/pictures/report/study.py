@@ -90,7 +90,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         targets=targets,
         space=space,
         files=files,
-        answer=rows.iloc[0][list(PARAMETERS)].to_numpy(float),
+        answer=rows.iloc[0][list(space.names)].to_numpy(float),
         row=rows.iloc[0],
         chance=chance_of_meeting(_runs(jobs, targets), targets),
         within={

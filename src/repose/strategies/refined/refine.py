@@ -22,7 +22,7 @@ from repose.chain.train import read_surrogate
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import Definitions, require_same_definitions
 from repose.core.seeds import PURPOSES
 from repose.core.targets import Targets
@@ -210,7 +210,7 @@ def centre_of(proposal_csv: str | os.PathLike) -> dict[str, float]:
     own = table[table["role"] == PROPOSAL]
     if own.empty:
         raise InputError(proposal_csv, "role", sorted(set(table["role"])), f"a {PROPOSAL}")
-    return own.iloc[0][list(PARAMETERS)].astype(float).to_dict()
+    return own.iloc[0][list(named(own))].astype(float).to_dict()
 
 
 def run_search(

@@ -20,7 +20,7 @@ from repose.chain.answer import parameters_in_words
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_sets import read_samples
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import Response, derived
 from repose.core.runs import Recorded, of_bench, summarise_runs
 from repose.core.targets import Targets
@@ -257,7 +257,7 @@ def run_tables(
         "met": last["outcome"] == "within",
         "rounds": len(verdicts),
         "why": why_stopped(last, limit, targets, verdicts[-2] if len(verdicts) > 1 else None),
-        "solution": {name: last[name] for name in PARAMETERS},
+        "solution": {name: last[name] for name in named(last)},
         "claim": claim(last, targets),
         "pours": int(sum(one["poured"] for one in verdicts)),
     }

@@ -11,7 +11,7 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS, named
 from repose.core.targets import Targets
 from repose.strategies import answer
 from repose.strategies.response_surface import screening, surface
@@ -100,7 +100,7 @@ def run_surface(
     _write(screening.analysis(models, targets), out)
     write_table(out / "predictions.csv", surface.predictions(models, best, targets, section["checks"]))
     found = {
-        "parameters": check.loc[0, list(PARAMETERS)].astype(float).to_dict(),
+        "parameters": check.loc[0, list(named(check))].astype(float).to_dict(),
         "coded": dict(zip(models[0].factors, best.coded.tolist(), strict=True)),
         "met": best.met,
         "desirability": best.desirability,

@@ -1,0 +1,42 @@
+"""Rolling resistance as a spring without dashpot: `epsd` with the tangential stiffness in place of the normal one.
+
+    M_r = -k_r theta_r,     |M_r| <= mu_r F_c R,     k_r = k_s R^2,  k_s = 8 G* a
+
+with the lever R, the limit and the twisting spring of `epsd`. A sphere that the spring holds swings about its place.
+
+References
+----------
+Iwashita and Oda, J. Eng. Mech. 124 (1998) 285. LIGGGHTS(R)-PUBLIC, rolling friction model epsd2.
+"""
+
+from collections import namedtuple
+from typing import Any
+
+import numpy as np
+
+from .epsd import LAW as EPSD
+from .epsd import constants, resist
+from .law import Law
+
+Epsd2 = namedtuple("Epsd2", "tension friction_limit")
+
+
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """The torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
+    resist(t, c, at, dt, 1, 0.0)
+
+
+LAW = Law(
+    name="epsd2",
+    options=Epsd2,
+    constants=constants,
+    n_constants=EPSD.n_constants,
+    n_rows=EPSD.n_rows,
+    n_state=EPSD.n_state,
+    kernel=kernel,
+    words={
+        "rolling": "elastic-plastic spring against the rotation of one body relative to the other, without damping "
+        "(LIGGGHTS: epsd2), at most mu_r times {limit} times the reduced lever; spin about the normal is resisted by "
+        "at most 3 pi / 16 mu_s times {limit} times the radius of the contact circle"
+    },
+)

@@ -1,0 +1,118 @@
+"""Hertz-Mindlin contact with a cohesion in proportion to the area of contact: the simplified JKR model of LIGGGHTS.
+
+The normal force of `hertz_mindlin_rescaled` less k A, with the cohesion energy density k [J/m3] and the area A of the
+circle in which two spheres of radii r_a and r_b, at a distance r of their centres, cut each other; on a wall r_a = R:
+
+    A = pi/4 (r_a + r_b - r) (r + r_a - r_b) (r - r_a + r_b) (r + r_a + r_b) / r^2,     A = pi (R^2 - r^2)
+
+With delta = r_a + r_b - r, R* = r_a r_b / (r_a + r_b) and S = r_a + r_b both are
+
+    A = pi/4 delta (2 S - delta) (4 R* S - 2 S delta + delta^2) / (S - delta)^2,    for a wall with 1/S = 0,
+
+about 2 pi R* delta. Of a smooth body r is the root of the product of its two radii of curvature at the contact. There
+is no attraction across a gap, and the strongest pull depends on the stiffness: at rest without load
+sqrt(delta) = 3 pi k sqrt(R*) / (2 E*), about. Friction is limited by the normal force without cohesion, as there.
+
+References
+----------
+LIGGGHTS(R)-PUBLIC, cohesion model sjkr.
+"""
+
+import math
+from collections import namedtuple
+from typing import Any
+
+import numpy as np
+
+from ..constants import COHESION_ENERGY_DENSITY
+from ..kernels import clump_tile as ct
+from ..kernels import state as st
+from ..kernels import tile as tl
+from ..kernels.jit import inlined
+from ..kernels.rows import Rows
+from ..materials import Contact, Material
+from . import hertz_mindlin
+from .hertz_mindlin import CIRCLE, contact_sizes, contact_time, oscillator, push
+from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
+from .hertz_mindlin_rescaled import LAW as RESCALED
+from .law import Law
+from .tangential import slip
+
+L = st.LANES
+
+SimplifiedJkr = namedtuple("SimplifiedJkr", "tension friction_limit")
+
+_rows = Rows(tl.LAW)
+_rows.take(hertz_mindlin.LAW.n_rows)
+DENSITY = _rows.take()  # k
+INVERSE_SUM = _rows.take()  # 1 / (r_a + r_b), 0 on a wall
+
+
+def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
+    """Those of `hertz_mindlin`, its other rows, and k (n,); SI."""
+    values = np.zeros(hertz_mindlin.LAW.n_rows + 1)
+    values[: hertz_mindlin.LAW.n_constants] = hertz_mindlin.constants(a, b, contact, tension)
+    values[-1] = contact.constants[COHESION_ENERGY_DENSITY.name]
+    return values
+
+
+@inlined
+def area(overlap: float, radius: float, inverse_sum: float) -> float:
+    """Area of the circle in which two spheres cut each other; radius is R*, inverse_sum 1 / (r_a + r_b)."""
+    share = min(overlap * inverse_sum, 0.5)  # finite in unused lanes, where a body lies on itself
+    middle = max(4.0 * radius - 2.0 * overlap + overlap * share, 0.0)
+    return 0.25 * math.pi * overlap * (2.0 - share) * middle / ((1.0 - share) * (1.0 - share))
+
+
+def geometry(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int) -> None:
+    """1 / (r_a + r_b) of each lane, as `law.geometry` asks for it."""
+    for k in range(L):
+        if on_wall:
+            t[INVERSE_SUM + k] = 0.0
+        elif of_spheres:
+            total = c[ct.REACH + k]
+            t[INVERSE_SUM + k] = 1.0 / total if total > 0.0 else 0.0
+        else:
+            a = t[tl.HA + 3 * L + k] * t[tl.HA + 5 * L + k] - t[tl.HA + 4 * L + k] * t[tl.HA + 4 * L + k]
+            b = t[tl.HB + 3 * L + k] * t[tl.HB + 5 * L + k] - t[tl.HB + 4 * L + k] * t[tl.HB + 4 * L + k]
+            t[INVERSE_SUM + k] = 1.0 / (math.sqrt(a) + math.sqrt(b))
+
+
+@inlined
+def pull(t: np.ndarray, c: np.ndarray) -> None:
+    """Take the cohesion from the forces of each lane."""
+    for k in range(L):
+        gap = t[tl.GAP + k]
+        overlap = -gap if gap < 0.0 else 0.0
+        force = t[DENSITY + k] * area(overlap, t[tl.RADIUS + k], t[INVERSE_SUM + k])
+        t[tl.TO_A + k] += force * c[st.NORMAL + k]
+        t[tl.TO_A + L + k] += force * c[st.NORMAL + L + k]
+        t[tl.TO_A + 2 * L + k] += force * c[st.NORMAL + 2 * L + k]
+
+
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """The forces of each lane, as `law.contact_forces` asks for them."""
+    contact_sizes(t)
+    keep_force(t, c, at + SPRING, at + LAST_CIRCLE, CIRCLE)
+    slip(t, c, at + SPRING, dt)
+    push(t, c, at + SPRING, law.tension, law.friction_limit)
+    pull(t, c)
+
+
+LAW = Law(
+    name="sjkr",
+    options=SimplifiedJkr,
+    constants=constants,
+    n_constants=hertz_mindlin.LAW.n_rows + 1,
+    n_rows=_rows.count,
+    n_state=RESCALED.n_state,
+    kernel=kernel,
+    words={
+        "normal": RESCALED.words["normal"] + ", less k times the area of contact (LIGGGHTS: sjkr)",
+        "tangential": RESCALED.words["tangential"] + ", without cohesion",
+    },
+    contact_time=contact_time,
+    oscillator=oscillator,
+    asks=(COHESION_ENERGY_DENSITY,),
+    geometry=geometry,
+)

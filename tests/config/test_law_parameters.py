@@ -1,0 +1,79 @@
+"""The parameters that a contact law adds: in the configuration, the design, the tables and the simulation."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.apparatus.scene import _contacts
+from repose.chain.card import laws
+from repose.chain.design import design
+from repose.config.study import Study
+from repose.core.errors import InputError
+from repose.core.parameter_sets import read_sample
+from repose.core.parameters import LABELS, PARAMETERS, named, of_law
+
+ROOT = Path(__file__).parents[2]
+COHESION = {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.02}}
+
+
+def study(contact_law, **parameters):
+    overrides = {"simulation": {"contact_law": contact_law}, "parameters": parameters}
+    return Study.load(ROOT / "config/config.yaml", overrides=overrides)
+
+
+def test_a_law_adds_its_parameters_to_the_six(tmp_path):
+    space = study("jkr", **COHESION).parameters
+    assert space.names == (*PARAMETERS, "gamma_gg", "gamma_gp")
+    assert space.free == (*PARAMETERS, "gamma_gg")
+    table = design(space, 12, "lhsdesign", 1)[0]
+    assert list(table) == ["sample", *space.names]
+    assert set(table["gamma_gp"]) == {0.02}
+    assert len(set(np.ceil(120.0 * table["gamma_gg"]))) == 12
+    table.to_csv(tmp_path / "samples.csv", index=False)
+    assert tuple(read_sample(tmp_path / "samples.csv", 3)) == space.names
+    np.testing.assert_allclose(space.values(space.unit(table[list(space.names)])), table[list(space.names)])
+    contacts = _contacts(space.centre)
+    assert contacts["berry", "berry"].constants == {"surface_energy_j_m2": 0.05}
+    assert contacts["berry", "wall"].constants == {"surface_energy_j_m2": 0.02}
+    assert LABELS["gamma_gp"] == "surface energy (J/m2), grain-wall"
+
+
+def test_the_card_names_the_convention_of_the_surface_energy():
+    words = laws(study("jkr", **COHESION).config)
+    assert "w = 2 gamma" in words["normal"]
+    assert "3 pi gamma R*" in words["normal"]
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters", "message"),
+    [
+        (
+            "jkr",
+            {},
+            r"contact_law is 'jkr'; allowed: jkr with parameters.gamma_gg .* and parameters.gamma_gp",
+        ),
+        ("jkr", {"gamma_gg": [0.0, 0.1]}, r"allowed: jkr with parameters.gamma_gp \(surface energy"),
+        (
+            "sjkr",
+            COHESION,
+            r"allowed: sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)",
+        ),
+        (
+            "hertz_mindlin",
+            {"gamma_gg": [0.0, 0.1]},
+            "gamma_gg is .*; allowed: absent: it belongs to .* jkr, not hertz",
+        ),
+        ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; allowed: a pair .* from 0 to"),
+    ],
+)
+def test_parameters_and_law_belong_together(law, parameters, message):
+    with pytest.raises(InputError, match=message):
+        study(law, **parameters)
+
+
+def test_tables_of_the_six_stay_as_they_were():
+    assert named(pd.DataFrame(columns=["sample", *PARAMETERS, "aor_deg"])) == PARAMETERS
+    assert of_law("hertz_mindlin_rescaled") == ()
+    assert study("hertz_mindlin").parameters.names == PARAMETERS

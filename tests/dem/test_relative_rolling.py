@@ -1,0 +1,82 @@
+"""The rolling laws `constant_torque` and `epsd2`: what they keep, how they slow a sphere, and where they hold it."""
+
+import math
+
+import numpy as np
+import pytest
+from dem.common import BERRY, DENSITY, GOJI, random_direction
+from dem.test_epsd import GRAVITY, RADIUS, STIFF, angular_momentum, on_floor, scene, smooth
+
+from repose.dem import Contact, Shape, random_quaternion
+from repose.dem.laws.epsd import HERTZ_TWIST
+
+LAWS = ["constant_torque", "epsd2"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+def test_bodies_that_spin_and_meet_keep_their_angular_momentum(law):
+    rng = np.random.default_rng(7)
+    for _ in range(4):
+        berry = Shape.ellipsoid(BERRY[0], DENSITY, "body")
+        s = scene(berry, Contact(0.3, 0.5, 0.2), dt=5e-5, gravity=(0.0, 0.0, 0.0), rolling_law=law)
+        direction = random_direction(rng)
+        s.add("body", (0, 0, 0), random_quaternion(rng), angular_velocity_rad_s=40.0 * rng.normal(size=3))
+        s.add("body", 0.0215 * direction, random_quaternion(rng), -direction, 40.0 * rng.normal(size=3))
+        before, energy = angular_momentum(s), s.kinetic_energies().sum()
+        s.run_steps(1500)
+        assert s.kinetic_energies().sum() < 0.95 * energy
+        np.testing.assert_allclose(angular_momentum(s), before, rtol=0.0, atol=1e-9 * np.abs(before).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+def test_a_sphere_that_spins_on_a_smooth_floor_is_slowed_by_the_rolling_friction(law):
+    """omega_0 - 5 mu_r g t / (2 R): the torque mu_r m g R over the moment 0.4 m R^2."""
+    rolling, began = 0.1, 200.0
+    s = on_floor(smooth(), Contact(0.2, 0.0, rolling), spin=(began, 0.0, 0.0), rolling_law=law)
+    s.run_steps(5000)
+    expected = began - 2.5 * rolling * GRAVITY / RADIUS * 5000 * s.time_step_s
+    assert s.angular_velocities[0, 0] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+def test_spin_about_the_normal_is_slowed_by_the_twisting_friction(law):
+    """By mu_t m g a over 0.4 m R^2, as long as the sphere spins on."""
+    twisting, began = 0.5, 50.0
+    s = on_floor(
+        smooth(),
+        Contact(0.2, 0.4, 0.1, twisting),
+        spin=(0.0, 0.0, began),
+        material=GOJI,
+        rolling_law=law,
+        dt=2e-5,
+    )
+    s.run_steps(2000)
+    circle = math.sqrt(RADIUS * s.wall_overlaps()[2][0])
+    before = s.angular_velocities[0, 2]
+    s.run_steps(5000)
+    slowed = twisting * GRAVITY * circle / (0.4 * RADIUS**2) * 5000 * s.time_step_s
+    assert before - s.angular_velocities[0, 2] == pytest.approx(slowed, rel=5e-3)
+    assert twisting != HERTZ_TWIST * 0.4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+def test_a_sphere_rolls_down_a_slope_above_the_rolling_friction_and_below_it_is_held(law):
+    rolling = 0.1
+    s = on_floor(smooth(), Contact(0.2, 2.0, rolling), 0.15, rolling_law=law)
+    s.run_steps(4000)
+    before = s.velocities[0, 0]
+    s.run_steps(10000)
+    angle = math.atan(0.15)
+    expected = 5.0 / 7.0 * GRAVITY * (math.sin(angle) - rolling * math.cos(angle))
+    assert (s.velocities[0, 0] - before) / 0.1 == pytest.approx(expected, rel=1e-2)
+    s = on_floor(smooth(), Contact(0.2, 2.0, rolling), 0.05, material=STIFF, rolling_law=law)
+    s.run_steps(20000)
+    place = s.positions[0, 0]
+    s.run_steps(20000)
+    # the spring swings about its place; the constant torque resists only what already rolls
+    allowed = 1e-5 if law == "epsd2" else 1e-3 * 0.5 * 5.0 / 7.0 * GRAVITY * 0.05 * 0.2**2
+    assert abs(s.positions[0, 0] - place) < allowed
