@@ -15,12 +15,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.apparatus")  # makes the responses known by name
 
 
-def _once(function):
-    """A function whose results are kept, as long as it is called with equal arguments."""
+def _once(function, when=lambda *_: True):
+    """A function whose results are kept for calls with equal arguments, if `when` holds for the arguments."""
     kept = {}
 
     @functools.wraps(function)
     def wrapper(*arguments):
+        if not when(*arguments):
+            return function(*arguments)
         key = pickle.dumps(arguments)
         if key not in kept:
             kept[key] = function(*arguments)
@@ -29,10 +31,19 @@ def _once(function):
     return wrapper
 
 
-# Hundreds of tests read the same defaults (PyYAML needs 50 ms for them) and fit the same berry (2 s).
-for module, name in (("repose.config.reading", "parse"), ("repose.particle.support_fit", "fit_components")):
+def _is_built(_berry, section):
+    """Whether the particle's mesh is built from axes and mass, not read from a file, which may change."""
+    return section["stl"] is None
+
+
+# Hundreds of tests read the same defaults (PyYAML needs 50 ms for them) and make the same berry (3 s).
+for module, name, *when in (
+    ("repose.config.reading", "parse"),
+    ("repose.particle.support_fit", "fit_components"),
+    ("repose.particle.build", "of_settings", _is_built),
+):
     module = importlib.import_module(module)
-    setattr(module, name, _once(getattr(module, name)))
+    setattr(module, name, _once(getattr(module, name), *when))
 
 # Each set of kernels takes a minute to compile, so tests that call the same ones stay on one worker: those of a study's
 # contact law, those of the library's, and those of clumps and the linear spring. Those of `repose.verification` come

@@ -1,4 +1,4 @@
-"""Slow and obvious twins of the fast kernels; nobody should have to doubt these."""
+"""Slow and obvious twins of the fast kernels; they must be beyond doubt."""
 
 import numpy as np
 from scipy.optimize import brentq, minimize

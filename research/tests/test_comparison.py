@@ -238,6 +238,7 @@ def tables(files, tmp_path_factory):
         }
 
 
+@pytest.mark.slow
 def test_accuracy_has_every_training_set_with_intervals(tables):
     table = tables[1]["accuracy"]
     trained = table[table["response"] == "aor_deg"]
@@ -253,6 +254,7 @@ def test_accuracy_has_every_training_set_with_intervals(tables):
     assert "explainable" in accuracy.message(table)
 
 
+@pytest.mark.slow
 def test_surrogates_are_compared_at_equal_budgets(tables):
     table = tables[1]["surrogates"]
     assert set(table["model"]) == set(models.MODELS)
@@ -263,6 +265,7 @@ def test_surrogates_are_compared_at_equal_budgets(tables):
     assert table[table["model"] == "random forest"]["coverage_90"].isna().all()
 
 
+@pytest.mark.slow
 def test_sampling_says_what_is_emulated_and_what_is_real(tables):
     table = tables[1]["sampling"]
     assert set(table["data"]) == {"emulated", "real"}
@@ -274,6 +277,7 @@ def test_sampling_says_what_is_emulated_and_what_is_real(tables):
     assert (tables[0] / "emulator.json").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["accuracy", "surrogates", "sampling"])
 def test_each_comparison_can_be_drawn(tables, name, tmp_path):
     config = Study.load("config/quick.yaml").config
@@ -290,6 +294,7 @@ def of_many(count, seeds, k, seed):
     return points.Points(X, 50 + 10 * (X[:, :k] - X[:, 1 : k + 1] ** 2)[:, None] + noise)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [1, 4])
 def test_comparisons_take_any_number_of_responses(k, monkeypatch, tmp_path):
     names = ("drum_slip_deg", "packing_percent", "height_mm", "discharge_s")[:k]

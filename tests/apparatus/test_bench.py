@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from goji import recommended
+from refusals import not_refused
 
 from repose.apparatus import bench, bench_tests, names, register
 from repose.apparatus.job import measure_job, pour_job
@@ -77,6 +79,42 @@ def test_its_section_is_part_of_the_configuration(config):
     del config["drop"]
     with pytest.raises(InputError, match=r"targets\.2\.apparatus is 'drop'; .*has a section"):
         Study.of(config)
+
+
+IMPOSSIBLE = [
+    ("cylinder", "duration_s", 8.0, "above 8.2475"),
+    ("cylinder", "core_margin_mm", 90.0, "there is no core"),
+    ("cylinder", "berries", 0, "1 to 20000"),
+    ("discharge", "open_from_s", 1.2, "above 1.2475"),
+    ("discharge", "outlet_diameter_mm", 150.0, "below discharge.inlet_diameter_mm, 150"),
+    ("discharge", "rim_radius_mm", 20.0, "at most 18.75"),
+    ("discharge", "berries", 0, "1 to 20000"),
+    ("turning", "rotate_from_s", 1.0, "above 1.798"),
+    ("turning", "measure_until_s", 2.55, "at least 2.6"),
+    ("turning", "wall_thickness_mm", 100.0, "below half of turning.outer_diameter_mm, 200"),
+    ("turning", "factory_height_mm", 96.0, "between -95 and 95"),
+    ("turning", "record_s", 0.0, "0.001 to 10"),
+]
+
+
+def test_a_bench_test_that_cannot_run_is_refused():
+    cases = [((name, {key: value}), rf"{name}\.{key}.*{text}") for name, key, value, text in IMPOSSIBLE]
+    assert not not_refused(lambda case: Study.of(recommended(case[0], **case[1])), cases, InputError)
+
+
+@pytest.mark.parametrize(
+    ("name", "keys"),
+    [
+        ("cylinder", {"diameter_mm": 20.0}),
+        ("discharge", {"outlet_diameter_mm": 9.0, "inlet_diameter_mm": 20.0}),
+        ("turning", {"length_mm": 20.0, "factory_height_mm": 90.0}),
+    ],
+)
+def test_a_berry_has_to_fit(name, keys):
+    axes_mm = (21.1, 11.4, 9.9)
+    too_small = [key for key, _ in bench(name).misfits(recommended(name, **keys), axes_mm)]
+    assert too_small == [f"{name}.{key}" for key in keys]
+    assert not list(bench(name).misfits(recommended(name), axes_mm))
 
 
 def test_the_job_pours_and_measures_it(drop, config, tmp_path):

@@ -1,10 +1,10 @@
 """Bounds of a pour: a good one keeps them, and one that breaks them is called unstable, with what helps."""
 
 import copy
-from pathlib import Path
 
 import numpy as np
 import pytest
+from goji import AXES_MM, BERRY, PARTICLE, ROOT
 
 from repose import dem
 from repose.apparatus import bench, scene
@@ -12,17 +12,9 @@ from repose.apparatus.bounds import EVERY, Bounded, Unstable
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.dem import time_steps
-from repose.particle.build import ellipsoid_mesh, fit_particle
 
-CONFIG = Study.load(Path(__file__).parents[2] / "config/quick.yaml").config
-BERRY = {
-    "shear_modulus_pa": 4.3e4,
-    "poisson_ratio": 0.32,
-    "long_mm": 21.14,
-    "major_mm": 11.37,
-    "minor_mm": 9.88,
-}
-PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+CONFIG = Study.load(ROOT / "config/quick.yaml").config
+BERRY = BERRY | dict(zip(("long_mm", "major_mm", "minor_mm"), AXES_MM, strict=True))
 SET = dict.fromkeys(PARAMETERS, 0.3)
 SMALL = {
     "funnel": {"berries": 12, "duration_s": 3.0},

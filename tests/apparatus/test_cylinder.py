@@ -3,32 +3,22 @@
 import copy
 import dataclasses
 import math
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
-from refusals import not_refused
+from goji import BERRY, PARTICLE, named, recommended
 
 from repose.apparatus import bench, cylinder
 from repose.apparatus.job import run_once
-from repose.config.study import Study
-from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
-BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
-PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
-SET = dict(zip(PARAMETERS, (0.25, 0.5, 0.03, 0.3, 0.6, 0.2), strict=True))
+SET = named((0.25, 0.5, 0.03, 0.3, 0.6, 0.2))
 SMALL = {"berries": 90, "rate_per_s": 150.0, "duration_s": 1.6, "diameter_mm": 60.0, "height_mm": 30.0}
 SMALL |= {"collar_mm": 60.0, "core_margin_mm": 5.0}
 
 
-def config(**keys):
-    """The recommended configuration with some keys of its cylinder changed."""
-    whole = Study.load(ROOT / "config" / "config.yaml").config
-    whole["cylinder"].update(keys)
-    return whole
+config = partial(recommended, "cylinder")
 
 
 def lattice(spacing_m, top_m):
@@ -110,23 +100,6 @@ def test_a_filling_is_judged():
     assert cylinder.status_of(full, 1e-6, config(), 0.021)[0] == "not_at_rest"
     assert cylinder.status_of(full + np.array([0.02, 0, 0]), 1e-12, config(), 0.021)[0] == "lost"
     assert cylinder.status_of(full, 1e-12, config(), 0.021, "why") == ("unstable", "why")
-
-
-def test_a_cylinder_that_cannot_be_filled_is_refused():
-    cases = [
-        ("duration_s", 8.0, "above 8.2475"),
-        ("core_margin_mm", 90.0, "there is no core"),
-        ("berries", 0, "1 to 20000"),
-    ]
-    wrong = [({key: value}, rf"cylinder\.{key}.*{allowed}") for key, value, allowed in cases]
-    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
-
-
-def test_a_berry_has_to_fit():
-    assert [key for key, _ in cylinder.misfits(config(diameter_mm=20.0), (21.1, 11.4, 9.9))] == [
-        "cylinder.diameter_mm"
-    ]
-    assert not list(cylinder.misfits(config(), (21.1, 11.4, 9.9)))
 
 
 def test_a_small_filling():

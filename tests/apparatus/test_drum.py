@@ -3,35 +3,26 @@
 import dataclasses
 import json
 import math
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
+from goji import BERRY, PARTICLE, named, recommended
 from PIL import Image
 
 from repose.apparatus import drum, drum_tables
 from repose.apparatus.job import measure_job, pour_job
-from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
 from repose.measure import bed
-from repose.particle.build import ellipsoid_mesh, fit_particle
 from repose.pictures import film
 
-ROOT = Path(__file__).parents[2]
-BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
-PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
-REPRESENTATIVE = dict(zip(PARAMETERS, (0.203, 0.642, 0.037, 0.244, 0.483, 0.185), strict=True))
+REPRESENTATIVE = named((0.203, 0.642, 0.037, 0.244, 0.483, 0.185))
 RADIUS_M = 0.095
 SMALL = {"berries": 60, "length_mm": 60.0, "outer_diameter_mm": 120.0, "factory_height_mm": 20.0}
 SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 1.4, "report_s": 2.0, "longest_rotation_s": 1.0}
 
 
-def config(**keys):
-    """The recommended configuration with some keys of its drum changed."""
-    whole = Study.load(ROOT / "config" / "config.yaml").config
-    whole["drum"].update(keys)
-    return whole
+config = partial(recommended, "drum")
 
 
 def half_filled(angle_deg, count=1500, seed=4):

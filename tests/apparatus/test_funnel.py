@@ -8,24 +8,19 @@ import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from goji import AXES_MM, BERRY, ROOT, named, particle
 from numba import typeof
 
 from repose.apparatus import funnel, scene
 from repose.apparatus.job import measure_job, pour_job, run_once
 from repose.config.study import Study
-from repose.core.parameters import PARAMETERS
 from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
 from repose.measure import pile
-from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
-BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
-AXES_MM = np.array([21.14, 11.37, 9.88])
 REPRESENTATIVE = (0.203, 0.642, 0.037, 0.244, 0.483, 0.185)
 CENTRE = (0.25, 0.55, 0.045, 0.35, 0.60, 0.20)
 STEEP = (0.10, 0.75, 0.07, 0.20, 0.80, 0.30)
@@ -53,16 +48,6 @@ def config(**keys):
     whole["simulation"]["time_step_s"] = 2e-4
     whole["measure"]["views"] = 18
     return whole
-
-
-def particle(axes_mm=AXES_MM):
-    """The ellipsoid of given axes."""
-    return fit_particle(ellipsoid_mesh(axes_mm), 840.47)
-
-
-def named(values):
-    """Six numbers as the mapping the scene takes."""
-    return dict(zip(PARAMETERS, values, strict=True))
 
 
 def one_run(task):

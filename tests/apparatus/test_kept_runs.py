@@ -19,7 +19,7 @@ SET = dict.fromkeys(PARAMETERS, 0.3)
 
 @pytest.fixture
 def pours():
-    """A function that pours with a bench test of no cost, and tells which seeds it ran."""
+    """A function that pours with a bench test of no cost, and returns the seeds that it ran."""
 
     def pour(folder, seeds, config=CONFIG, parameters=SET, keeps_runs=True):
         ran = []

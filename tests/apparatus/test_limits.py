@@ -103,7 +103,7 @@ def range_low(config, name):
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "reason"),
     [
         ({"simulation.time_step_s": 4.5e-4}, "1/15 of the contact time"),
         ({"simulation.time_step_s": 3.0e-4, "berry.size_distribution": "measured"}, "smallest scale, 0.781"),
@@ -123,12 +123,12 @@ def range_low(config, name):
         ),
     ],
 )
-def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, told):
+def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, reason):
     config = copy.deepcopy(CONFIG)
     for key, value in changes.items():
         section, _, name = key.partition(".")
         config[section][name] = value
-    with pytest.raises(InputError, match=rf"simulation\.time_step_s is .*{told}"):
+    with pytest.raises(InputError, match=rf"simulation\.time_step_s is .*{reason}"):
         Study.of(config).check_inputs()
 
 

@@ -1,32 +1,21 @@
 """The drum in steady turning: how a run is judged, the mean of the steady part, and beds with and without friction."""
 
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
-from refusals import not_refused
+from goji import BERRY, PARTICLE, named, recommended
 
 from repose.apparatus import bench, turning
 from repose.apparatus.job import run_once
-from repose.config.study import Study
-from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
-from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
-BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
-PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
-ROUGH = dict(zip(PARAMETERS, (0.2, 0.6, 0.04, 0.25, 0.6, 0.2), strict=True))
+ROUGH = named((0.2, 0.6, 0.04, 0.25, 0.6, 0.2))
 SMOOTH = ROUGH | {"mus_gg": 0.0, "mur_gg": 0.0, "mus_gp": 0.0, "mur_gp": 0.0}
 SMALL = {"berries": 60, "length_mm": 60.0, "outer_diameter_mm": 120.0, "factory_height_mm": 20.0}
 SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 0.6, "measure_from_s": 1.2, "measure_until_s": 1.8}
 
 
-def config(**keys):
-    """The recommended configuration with some keys of its turning drum changed."""
-    whole = Study.load(ROOT / "config" / "config.yaml").config
-    whole["turning"].update(keys)
-    return whole
+config = partial(recommended, "turning")
 
 
 def bed(angle_deg, count=400):
@@ -61,26 +50,6 @@ def test_a_run_is_judged():
     assert turning.status_of(True) == ("ok", "")
     assert turning.status_of(True, "why") == ("unstable", "why")
     assert turning.status_of(False)[0] == "lost"
-
-
-def test_a_drum_that_cannot_run_is_refused():
-    cases = [
-        ("rotate_from_s", 1.0, "above 1.798"),
-        ("measure_until_s", 2.55, "at least 2.6"),
-        ("wall_thickness_mm", 100.0, "below half of turning.outer_diameter_mm, 200"),
-        ("factory_height_mm", 96.0, "between -95 and 95"),
-        ("record_s", 0.0, "0.001 to 10"),
-    ]
-    wrong = [({key: value}, rf"turning\.{key}.*{allowed}") for key, value, allowed in cases]
-    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
-
-
-def test_a_berry_has_to_fit():
-    own = config(length_mm=20.0, factory_height_mm=90.0)
-    assert [key for key, _ in turning.BENCH.misfits(own, (21.1, 11.4, 9.9))] == [
-        "turning.length_mm",
-        "turning.factory_height_mm",
-    ]
 
 
 def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():

@@ -112,7 +112,7 @@ def holder(config, key):
 
 
 def faults_of(config):
-    """Faults that a check tells, by key."""
+    """Faults that a check reports, by key."""
     with pytest.raises(InputError) as caught:
         Study.of(config, "mine.yaml")
     found = getattr(caught.value, "faults", [caught.value])

@@ -64,7 +64,7 @@ def files_of(verb):
             yield name, keywords
 
 
-# What these read is told in their own tests: any file has a provenance, and a report takes files by name.
+# What these read has its own tests: any file has a provenance, and a report takes files by name.
 ELSEWHERE = ("run", "provenance", "report")
 READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
 

@@ -47,7 +47,7 @@ def test_there_are_three_of_different_shape():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
-    """No section of the goji berry lies under it, and its README tells the source of each number."""
+    """No section of the goji berry lies under it, and its README gives the source of each number."""
     monkeypatch.chdir(CROPS / name)
     config = Study.load(inputs=True).config
     Study.of(config, name)

@@ -4,6 +4,7 @@ import math
 import pandas as pd
 import pytest
 import shared
+from shared import one_run
 
 from repose.apparatus import bench
 from repose.chain import dataset
@@ -15,22 +16,6 @@ TARGETS = Targets.of(shared.TARGETS)
 RECORDED = bench("funnel").recorded
 DEFINITIONS = {"aor_deg": {"measure.response": "flank"}}
 VALUES = (0.2, 0.6, 0.04, 0.25, 0.5, 0.18)
-
-
-def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
-    ok = status == "ok"
-    return {
-        "seed": seed,
-        "status": status,
-        "reason": reason,
-        "aor_deg": aor if ok else None,
-        "height_mm": height if ok else None,
-        "discharge_s": 15.0 + seed,
-        "berries_on_plate": 500,
-        "berries_in_pile": 460,
-        "berries_off_plate": 0,
-        "kinetic_energy_J": 1e-12,
-    }
 
 
 @pytest.fixture

@@ -3,20 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+from shared import RANGES
 
 from repose.chain import design, exchange_search
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-
-RANGES = {
-    "e_gg": (0.1, 0.4),
-    "mus_gg": (0.35, 0.75),
-    "mur_gg": (0.02, 0.07),
-    "e_gp": (0.2, 0.5),
-    "mus_gp": (0.4, 0.8),
-    "mur_gp": (0.1, 0.3),
-}
 
 
 def strata_are_filled_once(points):

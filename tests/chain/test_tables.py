@@ -52,7 +52,7 @@ def changed(study, name, row, column, value):
 
 
 @pytest.mark.parametrize(
-    ("name", "column", "value", "told"),
+    ("name", "column", "value", "message"),
     [
         ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is inf; allowed: a finite number"),
         ("dataset.csv", "aor_deg", "nan", "row 3: aor_deg is nan; allowed: a number from 1 to 89"),
@@ -78,9 +78,9 @@ def changed(study, name, row, column, value):
         ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; allowed: 6"),
     ],
 )
-def test_a_damaged_cell_is_reported(study, name, column, value, told):
+def test_a_damaged_cell_is_reported(study, name, column, value, message):
     changed(study, name, 2, column, value)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read(study)
 
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from shared import RANGES
 
 from repose.chain import dataset, design, invert, train, validate
 from repose.core.errors import InputError
@@ -31,14 +32,6 @@ MIGA = {
     "distance": 0.02,
     "answer": "least_expected_loss",
     "seed": 1,
-}
-RANGES = {
-    "e_gg": [0.1, 0.4],
-    "mus_gg": [0.35, 0.75],
-    "mur_gg": [0.02, 0.07],
-    "e_gp": [0.2, 0.5],
-    "mus_gp": [0.4, 0.8],
-    "mur_gp": [0.1, 0.3],
 }
 PRIORS = {"e_gp": {"fixed": 0.3}, "mus_gp": {"prior": {"mean": 0.5, "sd": 0.02}, "range": [0.4, 0.8]}}
 # Each response: its value where all parameters are in the middle, what rolling and wall friction add, a run's scatter.

@@ -137,12 +137,12 @@ def test_check_prints_the_number_of_pours(capsys):
     out = capsys.readouterr().out
     assert "150 parameter sets x 6 seeds = 900 pours" in out
     assert "min on 2 cores" in out
-    for told in (
+    for line in (
         "time step: simulation.time_step_s is",
         "stiffness: the pile sinks by",
         "volume: WARNING: 500 grains hold",
     ):
-        assert told in out
+        assert line in out
 
 
 BAD_OPTIONS_OF_HEAP = (
@@ -253,7 +253,7 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} < set(values)
     # outside a study the angle of repose is the line fit
     assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30, abs=0.5)
-    assert values["aor_secant_deg"] is None, "nobody told the height of a grain"
+    assert values["aor_secant_deg"] is None, "the height of a grain is not known"
     assert values["height_mm"] == pytest.approx(20, abs=0.3)
     assert (tmp_path / "out/pile.png").is_file()
     assert main([*words, "--config", "config/config.yaml"]) == 0
@@ -306,7 +306,7 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
 
 
 @pytest.mark.parametrize(
-    ("words", "own", "told"),
+    ("words", "own", "warned"),
     [
         (["design"], None, True),
         (["design", "--config=small.yaml"], None, True),
@@ -316,7 +316,7 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
     ],
 )
 def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
-    words, own, told, tmp_path, monkeypatch, capsys
+    words, own, warned, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     Path("small.yaml").write_text("design: {samples: 20, method: lhsdesign}")
@@ -327,4 +327,4 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
         words = [*words, f"--config={own}"]
     monkeypatch.setattr("repose.chain.design.run", lambda *_: None)
     assert main(words) == 0
-    assert ("built-in goji example" in capsys.readouterr().err) is told
+    assert ("built-in goji example" in capsys.readouterr().err) is warned

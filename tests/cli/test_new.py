@@ -61,7 +61,7 @@ def test_it_holds_what_a_user_needs(folder):
 
 
 def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
-    """Nothing is made up: the template holds no measurement. All of it is told at once, as YAML has it."""
+    """Nothing is made up: the template holds no measurement. All of it is reported at once, as YAML has it."""
     assert main(["check", "--config", "config.yaml"]) == 2
     output = capsys.readouterr().err
     nulls = [

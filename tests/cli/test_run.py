@@ -113,7 +113,7 @@ def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
         (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
@@ -126,13 +126,13 @@ def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatc
     ],
 )
 def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(
-    words, told, tmp_path, monkeypatch, capsys
+    words, message, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.yaml").write_text("a: [")
     monkeypatch.setattr("snakemake.cli.main", lambda _words: pytest.fail("snakemake was called"))
     assert main(["run", *words]) == 2
-    assert f"repose: error: {told}" in capsys.readouterr().err
+    assert f"repose: error: {message}" in capsys.readouterr().err
 
 
 def test_a_target_that_nothing_makes_is_bad_input(monkeypatch, capsys):

@@ -70,7 +70,7 @@ def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
 
 
 def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
-    """It tells its grain; what it lacks is named, and no number of the program's own crop stands in for it."""
+    """It defines its grain; missing keys are reported, and no number of the program's own crop stands in for it."""
     mine = folder / "wheat.yaml"
     mine.write_text("label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
     assert loader.layers([mine]) == [METHOD, mine]

@@ -5,26 +5,11 @@ import subprocess
 import sys
 
 import pytest
+from shared import one_run
 
 from repose.core.runs import Recorded, error_of, summarise_runs
 
 RECORDED = Recorded(("aor_deg", "height_mm", "discharge_s"), ("discharge_s",), ("aor_deg", "berries"))
-
-
-def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
-    ok = status == "ok"
-    return {
-        "seed": seed,
-        "status": status,
-        "reason": reason,
-        "aor_deg": aor if ok else None,
-        "height_mm": height if ok else None,
-        "discharge_s": 15.0 + seed,
-        "berries_on_plate": 500,
-        "berries_in_pile": 460,
-        "berries_off_plate": 0,
-        "kinetic_energy_J": 1e-12,
-    }
 
 
 def test_mean_and_standard_error_by_hand():

@@ -70,7 +70,7 @@ def pages() -> list[str]:
 
 
 def steps(text: str) -> Iterator[tuple[str, str]]:
-    """What a page tells to do, in its order: ("heading", line), ("command", line), or (name of a file, its content)."""
+    """The steps of a page, in its order: ("heading", line), ("command", line), or (name of a file, its content)."""
     name, fence, prose, blank = "", None, "", False
     lines = iter(text.splitlines())
     for line in lines:

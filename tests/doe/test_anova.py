@@ -178,7 +178,7 @@ def test_standard_error_of_the_centre_of_a_replicated_mean():
 
 
 @pytest.mark.parametrize(
-    ("coded", "response", "order", "told"),
+    ("coded", "response", "order", "message"),
     [
         ([[0.0], [1.0]], [1.0, math.nan], "linear", "not finite"),
         ([[0.0], [1.0]], [1.0, 2.0], "quadratic", "allowed: all 3"),
@@ -186,6 +186,6 @@ def test_standard_error_of_the_centre_of_a_replicated_mean():
         ([[0.0], [1.0]], [1.0, 2.0], "cubic", "allowed: linear"),
     ],
 )
-def test_runs_that_determine_no_model(coded, response, order, told):
-    with pytest.raises(ValueError, match=told):
+def test_runs_that_determine_no_model(coded, response, order, message):
+    with pytest.raises(ValueError, match=message):
         fit(coded, response, ["A"], order)

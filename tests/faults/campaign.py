@@ -58,7 +58,7 @@ class Study:
     """A folder with the workflow, and a tiny study in it."""
 
     def __init__(self, folder, jobs):
-        self.folder, self.jobs, self.told = Path(folder), jobs, Path(f"{folder}.log")
+        self.folder, self.jobs, self.log = Path(folder), jobs, Path(f"{folder}.log")
         self.targets, self.more = TARGETS, ()
 
     def prepared(self):
@@ -81,7 +81,7 @@ class Study:
         """Start the workflow; its process number."""
         words = ("--forcerun", *forced) if forced else ()
         words = (*words, *COMMAND, *self.more, "--", *self.targets)
-        return forked.start_workflow(self.folder, self.jobs, words, self.told)
+        return forked.start_workflow(self.folder, self.jobs, words, self.log)
 
     def run(self, *forced):
         """Run the workflow to its end; its exit status."""
@@ -112,12 +112,12 @@ class Study:
 
     def last_words(self):
         """The last line that the workflow printed."""
-        lines = [line for line in self.told.read_text(errors="replace").splitlines() if line.strip()]
+        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
         return lines[-1] if lines else ""
 
     def remove_what_it_named(self):
-        """Remove the files that the workflow refused, as it tells to; how many there were."""
-        named = re.findall(r"^repose: error: (\S+): ", self.told.read_text(errors="replace"), re.MULTILINE)
+        """Remove the files that the workflow refused, as its message says; how many there were."""
+        named = re.findall(r"^repose: error: (\S+): ", self.log.read_text(errors="replace"), re.MULTILINE)
         found = [self.folder / name for name in set(named) if (self.folder / name).is_file()]
         for path in found:
             path.unlink()
@@ -278,7 +278,7 @@ def changes(place, jobs, finished, wanted, table):
     while not jobs.running():
         time.sleep(0.01)
     second = Study(study.folder, jobs).configured(simulation={"gravity_m_s2": 1.62})
-    second.told = Path(f"{study.folder}_second.log")
+    second.log = Path(f"{study.folder}_second.log")
     refused = second.run()
     status = ended(os.waitpid(first, 0)[1])
     words = second.last_words()
@@ -325,7 +325,7 @@ def no_room(place, jobs, wanted, targets, table):
             table.add(f"disk full at {share:.0%}", "results", first, same, again[1])
             if number == 1:
                 subprocess.run(["mount", "-o", "remount,ro", str(results)], check=True)
-                status, result = study.run("network"), study.told.read_text()
+                status, result = study.run("network"), study.log.read_text()
                 subprocess.run(["mount", "-o", "remount,rw", str(results)], check=True)
                 again = _again(study, {})
                 table.add(
@@ -372,7 +372,7 @@ def main():
         try:
             finished = Study(place / "undisturbed", jobs).prepared()
             if finished.run():
-                sys.exit(finished.told.read_text())
+                sys.exit(finished.log.read_text())
             took, wanted = time.monotonic() - began, finished.results()
             names = sorted(str(path.relative_to(finished.folder)) for path in finished.finished())
             targets = (*TARGETS, *(name for name in names if "/runs/" not in name))

@@ -138,7 +138,7 @@ def _job(caller):
     return status
 
 
-def start_workflow(folder, jobs, words, told):
+def start_workflow(folder, jobs, words, log):
     """Start `snakemake WORDS` in a folder; its process number, at once.
 
     Parameters
@@ -146,7 +146,7 @@ def start_workflow(folder, jobs, words, told):
     folder : Path
     jobs : Jobs
     words : sequence of str
-    told : Path
+    log : Path
         Gets what it prints.
     """
     child = os.fork()
@@ -154,7 +154,7 @@ def start_workflow(folder, jobs, words, told):
         return child
     status = 1
     try:
-        out = os.open(told, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         _become(folder, 0, out, out)
         sys.executable = str(jobs.bin / "python")  # the jobs' Python lies beside the workflow's
         sys.argv = ["snakemake", "--nocolor", *words]

@@ -58,9 +58,9 @@ def test_an_overlay_never_replaces_what_was_there(tmp_path, capsys, there):
         place.mkdir()
     elif there == "other":
         photograph(place)
-    status, told = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out)
+    status, message = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out)
     assert status == 2
-    assert "allowed: a" in told
+    assert "allowed: a" in message
     assert (tmp_path / "pile.png").read_bytes() == before
     assert there != "link" or place.is_symlink()
     assert there != "other" or place.read_bytes() == before
@@ -90,19 +90,19 @@ STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones
 )
 def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, background, reason):
     photograph(tmp_path / "pile.png", corners, background)
-    status, told = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)
+    status, message = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)
     assert status == 2
-    assert reason in told
-    assert "out/pile.png shows the part taken for the pile" in told
+    assert reason in message
+    assert "out/pile.png shows the part taken for the pile" in message
     assert (tmp_path / "out/pile.png").is_file()
 
 
 @pytest.mark.parametrize("scale", ["1e9", "0", "-1", "nan", "inf", "1e-9"])
 def test_a_scale_that_no_camera_has_is_refused(tmp_path, capsys, scale):
     photograph(tmp_path / "pile.png")
-    status, told = measure(capsys, tmp_path / "pile.png", f"--mm-per-pixel={scale}")
+    status, message = measure(capsys, tmp_path / "pile.png", f"--mm-per-pixel={scale}")
     assert status == 2
-    assert "allowed: a number from 0.001 to 100" in told
+    assert "allowed: a number from 0.001 to 100" in message
     assert [path.name for path in tmp_path.iterdir()] == ["pile.png"]
 
 

@@ -1,12 +1,7 @@
 """The configuration of the made-up inputs."""
 
-from shared import TARGETS
+from shared import RANGES, TARGETS
 
-from repose.core.parameters import PARAMETERS
-
-RANGES = dict(
-    zip(PARAMETERS, ([0.1, 0.4], [0.35, 0.75], [0.02, 0.07], [0.2, 0.5], [0.4, 0.8], [0.1, 0.3]), strict=True)
-)
 CONFIG = {
     "berry": {"spheres": 14, "surface": "smooth"},
     "small_run": False,

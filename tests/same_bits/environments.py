@@ -98,8 +98,8 @@ def run(name, work, pythons):
     command = [python, str(HERE / "chain.py")]
     if own.read_only:
         command = ["unshare", "-m", "bash", "-c", UNSHARED.format(root=ROOT), "bash", *command]
-    with (work / name / "told.txt").open("wb") as told:
-        status = subprocess.run(command, cwd=folder, env=variables, stdout=told, stderr=told).returncode
+    with (work / name / "log.txt").open("wb") as log:
+        status = subprocess.run(command, cwd=folder, env=variables, stdout=log, stderr=log).returncode
     done.write_text(f"{status}\n")
     return status
 

@@ -74,9 +74,9 @@ def test_the_start_fills_the_ranges_and_repeats_each_sample(study):
 @pytest.mark.slow
 def test_the_answer_meets_the_targets_of_a_known_simulator(found):
     answer = pd.DataFrame([found.summary["representative"]])
-    told = simulate(answer, noise=0.0).iloc[0]
+    exact = simulate(answer, noise=0.0).iloc[0]
     for k, one in enumerate(found.study.targets):
-        assert abs(told[one.name] - one.aim) < 4 * found.error[k]
+        assert abs(exact[one.name] - one.aim) < 4 * found.error[k]
     assert found.summary["feasible"]
     chance = found.probability
     assert 0.5 < chance["within_1_percent"] <= chance["within_2_percent"] <= 1
@@ -117,16 +117,16 @@ def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path):
-    record, told, k, stop = tmp_path / "runs.csv", None, 0, None
+    record, runs, k, stop = tmp_path / "runs.csv", None, 0, None
     following = study.ask()
     while not stop:
         simulate(following, seed=k).to_csv(tmp_path / "new.csv", index=False)
-        told = add_runs(study, tmp_path / "new.csv", record)
+        runs = add_runs(study, tmp_path / "new.csv", record)
         now = study_of(CONTENT, record)
         following, stop, k = now.ask(), now.done, k + 1
     assert now.proposal.notes["stop"] == "probability"
-    assert len(told) == 32 + 16 * (k - 1)
-    assert (following["sample"] == told["sample"].max() + 1).all()
+    assert len(runs) == 32 + 16 * (k - 1)
+    assert (following["sample"] == runs["sample"].max() + 1).all()
     off = simulate(following, noise=0.0)[["angle_deg", "time_s"]].iloc[0] / [30.0, 4.0] - 1
     assert abs(off).max() < 0.02
 
@@ -157,12 +157,12 @@ def test_a_fixed_parameter_needs_no_column(study, table, tmp_path):
     new, record = tmp_path / "new.csv", tmp_path / "runs.csv"
     for part in (table[:6], table[6:].drop(columns="restitution")):
         part.to_csv(new, index=False)
-        told = add_runs(study, new, record)
-    assert (told["restitution"] == 0.4).all()
-    assert len(told) == len(table)
+        runs = add_runs(study, new, record)
+    assert (runs["restitution"] == 0.4).all()
+    assert len(runs) == len(table)
 
 
-def test_single_runs_tell_the_noise_roughly_and_warn(study):
+def test_single_runs_give_a_rough_noise_and_a_warning(study):
     """A Latin hypercube of 32, each run once; the noise is 2 % of the responses."""
     single = study_of(SINGLE).ask()
     exact, noisy = (simulate(single, noise=noise, seed=3)[["angle_deg", "time_s"]] for noise in (0.0, 0.02))
@@ -188,12 +188,12 @@ def test_how_rough_the_estimate_is(samples, low, high):
     assert low < np.min(ratios) <= np.max(ratios) < high
 
 
-def test_noise_that_is_told_stands_in_for_replicates_and_not_beside_them(study, table):
-    told = study_of(changed("targets.angle_deg.noise_sd", 0.7))
-    single = noise_of(told, table[::2])
+def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table):
+    known = study_of(changed("targets.angle_deg.noise_sd", 0.7))
+    single = noise_of(known, table[::2])
     assert single.covariance[0, 0] == pytest.approx(0.49)
     assert single.sources == {"angle_deg": "noise_sd", "time_s": "estimated from single runs"}
-    both = noise_of(told, table)
+    both = noise_of(known, table)
     assert both.covariance == pytest.approx(noise_of(study, table).covariance)
     assert both.warning is None
 

@@ -1,4 +1,4 @@
-"""The table and the verb: results beside references, and an exit status that tells a miss."""
+"""The table and the verb: results beside references, and an exit status that reports a miss."""
 
 import csv
 

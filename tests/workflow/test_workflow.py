@@ -51,7 +51,7 @@ def test_the_workflow_runs_from_either_file(project):
     itself = planned(project, "--configfile", "config/quick.yaml", "-s", "workflow/Snakefile")
     assert through_top.pop("everything") == itself.pop("all") == 1
     assert through_top == itself
-    assert itself["pour"] == 20
+    assert itself["pour"] == 14
 
 
 def test_samples_are_run_in_every_bench_test_of_the_targets(project):
@@ -59,17 +59,17 @@ def test_samples_are_run_in_every_bench_test_of_the_targets(project):
         (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
         words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "dataset")
         jobs = planned(project, *words)
-        assert (jobs["pour"], jobs["measure_runs"]) == (20 * len(folders), 20 * len(folders))
+        assert (jobs["pour"], jobs["measure_runs"]) == (14 * len(folders), 14 * len(folders))
         shown = snakemake(project, "-n", "-p", *words).stdout
         for folder in folders:
-            assert f"results/quick/{folder}/020.json" in shown
+            assert f"results/quick/{folder}/014.json" in shown
         assert "--apparatus drum" in shown
 
 
 def test_the_small_run_has_the_same_rules(project):
     small = planned(project, "--configfile", "config/quick.yaml")
     assert set(small) == set(planned(project))
-    assert (small["pour"], small["drum_run"]) == (20, 2)
+    assert (small["pour"], small["drum_run"]) == (14, 2)
 
 
 @pytest.mark.essential
@@ -106,7 +106,7 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     done = snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml")
     assert done.returncode == 0, done.stderr
     resolved = json.loads((project / "results/quick/config.json").read_text())
-    assert resolved["design"]["samples"] == 20
+    assert resolved["design"]["samples"] == 14
 
     target = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
     assert set(planned(project, *target)) == {"warm_up", "pour", "measure_runs", "total"}
