@@ -8,9 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from repose.apparatus import bench_tests
 from repose.config import loader
 from repose.config.making import Making
-from repose.config.reading import read
+from repose.config.reading import get, read
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, write_json
@@ -265,10 +266,16 @@ class Study:
 
     @cached_property
     def definitions(self) -> Definitions:
-        """For each response of the bench tests of the targets the keys that define it, with their values."""
-        from repose.config.definitions import definitions_of
+        """For each response of the bench tests of the targets the keys that define it, with their values.
 
-        return definitions_of(self.config)
+        Other bench tests are left out: the study's files do not change with them.
+        """
+        return {
+            response.name: {key: get(self.config, key) for key in response.definition}
+            for test in bench_tests()
+            if test.name in self.targets.apparatus
+            for response in test.responses
+        }
 
     def published(self, table: str) -> Path | None:
         """A table in the folder of the published solutions, such as ``table3.csv``; None if it is not there."""
