@@ -119,7 +119,7 @@ def folder(wildcards, output):
 
 
 def of_stage(name, folder=folder):
-    """Params of the rule of a stage: the configuration, the folder that it writes, the settings that it reads."""
+    """Params for a stage: the configuration, the folder that it writes, the settings that it reads."""
     depends = stands_on.settings_of(config, name)
     return {"config": CONFIG, "folder": folder, "depends": depends}
 

@@ -49,6 +49,7 @@ CHATTER = (
     "Will exit after finishing",
     "host:",
 )
+REFUSED = "repose: error"  # begins the last line of a job whose input was at fault
 # A job's failure is reported by the job's own event.
 REPORTED_BY_THE_JOB = ("CalledProcessError", "RuleException", "SpawnedJobError")
 
@@ -197,8 +198,10 @@ class LogHandler(LogHandlerBase):
         if self.live is not None:
             self.live.stop()
             self.live = None
-        failed, self.progress.failed = self.progress.failed, {}
-        for job in failed.values():
+        # a fault of the input is the workflow's own last line
+        failed = [job for job in self.progress.failed.values() if not _refused(job)]
+        self.progress.failed = {}
+        for job in failed:
             self.console.print(Text(f"failed: {job.message}{_log_of(job)}", style="red"))
         if failed:
             self.console.print("When the cause is mended, the same command goes on.")
@@ -313,6 +316,11 @@ def _snakemakes_own(settings):
 
 def _log_of(job):
     return f"; its log: {job.log}" if job.log else ""
+
+
+def _refused(job):
+    """Whether a job ended with a fault of its input."""
+    return job.log != "" and last_lines(Path(job.log))[-1].startswith(f"{REFUSED}: ")
 
 
 def rough_time(seconds: float) -> str:
