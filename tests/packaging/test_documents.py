@@ -18,7 +18,9 @@ def sections(document, between="\n"):
     parts = re.split(r"^#+ (.+)$", (ROOT / document).read_text(), flags=re.MULTILINE)
     found = {}
     for heading, text in zip(parts[1::2], parts[2::2], strict=True):
-        blocks = re.findall(r"^```(?:python|{code-cell} ipython3)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+        blocks = re.findall(
+            r"^```(?:python|{code-cell} ipython3)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL
+        )
         if blocks:
             found[heading] = between.join(blocks)
     return found
