@@ -193,9 +193,11 @@ def test_a_parameter_of_the_contact_law_is_an_input_like_the_six(tmp_path):
     train.run(dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
     model = load(tmp_path / "out/network.json")
     assert model.inputs == (*PARAMETERS, "gamma_gg")
-    assert train.restore(*(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv")))
+    assert train.restore(
+        *(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv"))
+    )
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
-    with pytest.raises(InputError, match="gamma_gg is -0.1"):
+    with pytest.raises(InputError, match=r"gamma_gg is -0\.1"):
         train.run(dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
 
 
