@@ -1,0 +1,333 @@
+"""The lifted cylinder: an open tube stands on a plate, is filled, and is lifted; the berries flow out and form a pile.
+
+The commonest test of the field's papers. Fast lifting takes the support away at once and the berries run wide, so the
+angle falls with the speed: 18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s for one set of wheat (Sugirbay et al.
+2022, Agriculture 12, 1497). The pile is measured as the funnel's, by the same code.
+
+The tube's wall has no thickness but for its rounded lower edge; from outside only this edge is touched. It moves with the
+tube and drags berries along by friction, and rolling is resisted against space, for nothing turns.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field
+
+from repose import dem
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.funnel import BERRY, LARGEST_LOSS, LINE, SEEN, SMALLEST_PILE, narrow_openings
+from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
+from repose.apparatus.settings import SimulationSettings
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+from repose.core.section import Berries, Section, Seeds
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+NAME = "lifted_cylinder"
+STATUSES = ("ok", "unstable", "not_filled", "jammed", "left_plate", "not_at_rest", "no_flank")
+TUBE = ("tube", "rim")  # the walls that are lifted
+FLOOR_M = -0.05  # a berry below this height has left the plate and is gone
+LOOK_S = 0.05  # simulated time between two looks whether the berries rest, or have left the tube
+
+# --- responses ------------------------------------------------------------------------------------
+
+LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "diameter_mm", "lifting_mm_s"))
+RESPONSES = (
+    Response(
+        "lifted_aor_deg",
+        "deg",
+        "angle of repose, lifted cylinder",
+        "AoR, lifted",
+        NAME,
+        1.0,
+        89.0,
+        (*LIFT, *SEEN, *LINE, "measure.response"),
+    ),
+    Response(
+        "lifted_height_mm",
+        "mm",
+        "Height, lifted cylinder",
+        "Height, lifted",
+        NAME,
+        1.0,
+        2000.0,
+        (*LIFT, *SEEN),
+    ),
+    Response(
+        "lifted_foot_mm",
+        "mm",
+        "foot radius, lifted cylinder",
+        "foot, lifted",
+        NAME,
+        0.0,
+        1e4,
+        (*LIFT, *SEEN, BERRY),
+    ),
+    Response(
+        "lifted_loose_percent",
+        "%",
+        "loose berries, lifted cylinder",
+        "loose, lifted",
+        NAME,
+        0.0,
+        100.0,
+        (*LIFT, f"{NAME}.plate_diameter_mm"),
+    ),
+)
+MEASURED = tuple(response.name for response in RESPONSES)
+RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "filling_mm", "lifted_mm", "berries_in_pile"))
+# Names of the same numbers in the measurement of a pile.
+OF_PILE = dict(zip(MEASURED, ("aor_deg", "height_mm", "base_radius_mm", "loose_percent"), strict=True))
+
+# --- section of the configuration -----------------------------------------------------------------
+
+
+class Settings(Section):
+    """The section `lifted_cylinder` of the configuration; config/README.md explains its keys."""
+
+    berries: Berries
+    rate_per_s: float = Field(ge=0.1, le=10000)
+    lift_from_s: float = Field(ge=0.1, le=600)
+    lifting_mm_s: float = Field(ge=0.1, le=5000)
+    settle_s: float = Field(ge=0.1, le=600)
+    seeds: Seeds
+    diameter_mm: float = Field(ge=1, le=5000)
+    length_mm: float = Field(ge=1, le=5000)
+    rim_radius_mm: float = Field(ge=0.05, le=20)
+    plate_diameter_mm: float = Field(ge=10, le=20000)
+
+
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Keys of a tube that cannot be filled before it is lifted, or is as wide as the plate, and what is allowed."""
+    section = config[NAME]
+    last = last_berry_s(section)
+    if last >= section["lift_from_s"]:
+        yield f"{NAME}.lift_from_s", f"above {last:g}, when the last berry appears"
+    wide = section["diameter_mm"] + 4 * section["rim_radius_mm"]
+    if section["plate_diameter_mm"] <= wide:
+        yield f"{NAME}.plate_diameter_mm", f"above {wide:g}, the tube's outer diameter"
+
+
+def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Keys of a tube that is too narrow for the mean berry, whose axes are given, the longest first."""
+    yield from narrow_openings(config, NAME, {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]})
+
+
+# --- build and run --------------------------------------------------------------------------------
+
+
+def build(
+    config: Config,
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The empty simulation of the tube on its plate."""
+    section = config[NAME]
+    radius, length, edge, plate = (
+        1e-3 * value
+        for value in (
+            0.5 * section["diameter_mm"],
+            section["length_mm"],
+            section["rim_radius_mm"],
+            0.5 * section["plate_diameter_mm"],
+        )
+    )
+    reach, up = largest_scale * particle.bounding_radius_m, (0.0, 0.0, 1.0)
+    half = plate + 2.0 * reach
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        section["berries"],
+        walls={
+            "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate),
+            "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach, radius, "wall"),
+            # its lowest point touches the plate; what lies beside the tube's wall is the wall's
+            "rim": dem.RingEdge(radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge),
+        },
+        lower=(-half, -half, 0.0),
+        upper=(half, half, length + 4.0 * reach),
+        largest_scale=largest_scale,
+        floor_height_m=FLOOR_M,
+    )
+
+
+@dataclass(frozen=True)
+class Lifting:
+    """Numbers by which a run is judged."""
+
+    filled: int  # berries that found room in the tube
+    in_tube: int  # berries above the tube's lower edge at the end
+    off_plate: int
+    in_pile: int
+    energy_j: float  # mean of a berry on the plate at the end
+    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+
+
+def status_of(lifting: Lifting, config: Config) -> tuple[str, str]:
+    """Status and reason of a run before it is measured."""
+    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    berries = section["berries"]
+    if lifting.unstable:
+        return "unstable", lifting.unstable
+    if lifting.filled < berries:
+        return "not_filled", f"only {lifting.filled} of {berries} berries find room in the tube"
+    if lifting.in_tube:
+        return "jammed", f"{lifting.in_tube} berries hang in the tube, which was lifted by its own length"
+    if lifting.off_plate > LARGEST_LOSS * berries:
+        return "left_plate", f"{lifting.off_plate} of {berries} berries left the plate"
+    if not lifting.energy_j <= rest:
+        energy = f"kinetic energy {lifting.energy_j:.2e} J a berry {section['settle_s']:g} s after the lifting"
+        return "not_at_rest", f"{energy}, more than {rest:.0e}"
+    there = berries - lifting.off_plate
+    if lifting.in_pile < SMALLEST_PILE * there:
+        return "no_flank", f"only {lifting.in_pile} of {there} berries touch each other in the largest pile"
+    return "ok", ""
+
+
+def run(
+    config: Config,
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Run:
+    """Fill the tube, let the berries rest, lift it until none is left in it, and let the pile rest.
+
+    The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is lifted
+    at `lift_from_s`, or later when the berries are at rest, at most twice as late, and by at most its own length.
+    """
+    section, settings = config[NAME], SimulationSettings.of(config)
+    simulation, scales, reach = sized_simulation(
+        build, config, parameters, seed, particle, berry, section["berries"]
+    )
+    length, speed = 1e-3 * section["length_mm"], 1e-3 * section["lifting_mm_s"]
+    factory = Disc(0.5e-3 * section["diameter_mm"] - reach, length + reach)
+    bounded = Bounded(simulation, factory.height_m, speed)
+    filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
+    filled, filling_m, lifted_m = 0, math.nan, 0.0
+
+    def in_tube() -> np.ndarray:
+        return simulation.present & (simulation.positions[:, 2] > lifted_m)
+
+    def wait(until, last):
+        while not until() and simulation.steps < last:
+            filmed.run_to(min(last, simulation.steps + every))
+
+    def at_rest():
+        return simulation.kinetic_energies()[simulation.present].mean() <= settings.rest_energy_j
+
+    with bounded.guard():
+        latest = settings.steps(2.0 * section["lift_from_s"])
+        fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
+        filmed.run_to(settings.steps(section["lift_from_s"]))
+        wait(at_rest, latest)
+        filled, filling_m = simulation.n_bodies, float(simulation.positions[:, 2].max())
+        began_s = simulation.time_s
+        for wall in TUBE:
+            simulation.set_motion(wall, dem.Motion(velocity_m_s=(0.0, 0.0, speed)))
+        last = simulation.steps + settings.steps(length / speed)
+        while in_tube().any() and simulation.steps < last:
+            filmed.run_to(min(last, simulation.steps + every))
+            lifted_m = speed * (simulation.time_s - began_s)
+        wait(at_rest, simulation.steps + settings.steps(section["settle_s"]))
+    centres, there = simulation.positions.copy(), simulation.present
+    hanging = in_tube()
+    on_plate = there & (centres[:, 2] > 0.0) & ~hanging
+    in_pile = largest_cluster(simulation.contacts(), on_plate)
+    energies = simulation.kinetic_energies()[on_plate]
+    lifting = Lifting(
+        filled=filled,
+        in_tube=int(hanging.sum()),
+        off_plate=int(len(centres) - hanging.sum() - on_plate.sum()),
+        in_pile=int(in_pile.sum()),
+        energy_j=float(energies.mean()) if len(energies) else math.nan,
+        unstable=bounded.broken,
+    )
+    status, reason = status_of(lifting, config)
+    record = {
+        "seed": int(seed),
+        "status": status,
+        "reason": reason,
+        "filling_mm": None if math.isnan(filling_m) else 1e3 * filling_m,
+        "lifted_mm": 1e3 * lifted_m,
+        "berries_in_pile": lifting.in_pile,
+        "berries_off_plate": lifting.off_plate,
+    }
+    arrays = {
+        "position": centres.astype(np.float32),
+        "quaternion": simulation.quaternions.astype(np.float32),
+        "in_pile": in_pile,
+        "scale": simulation.scales.astype(np.float32),
+    }
+    return Run(record, arrays, filmed.frames())
+
+
+# --- measure --------------------------------------------------------------------------------------
+
+
+def measure(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Config,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The record with the responses of the pile; a pile that lacks a target gets the status ``no_flank``."""
+    from repose.measure.pile import MeasureSettings
+    from repose.measure.saved_piles import pile_responses
+
+    measured: dict[str, Any] = dict.fromkeys(MEASURED)
+    if record["status"] != "ok":
+        return {**record, **measured}
+    settings = MeasureSettings.of(config["measure"], berry)
+    plate_mm = config[NAME]["plate_diameter_mm"]
+    of_pile, reasons = pile_responses(
+        arrays, particle, settings, plate_mm, ("base_radius_mm", "loose_percent")
+    )
+    measured = {name: of_pile.get(other) for name, other in OF_PILE.items()}
+    missing = [one.name for one in BENCH.target_responses(config) if measured[one.name] is None]
+    judged = {}
+    if missing:
+        reason = reasons.get(OF_PILE[missing[0]], f"{missing[0]} cannot be measured")
+        judged = {"status": "no_flank", "reason": reason}
+    return {**record, **judged, **measured}
+
+
+def duration_s(config: Config) -> float:
+    """The longest simulated time: filling, lifting by the tube's length, and rest."""
+    section = config[NAME]
+    lifting = section["length_mm"] / section["lifting_mm_s"]
+    return 2.0 * section["lift_from_s"] + lifting + section["settle_s"]
+
+
+BENCH = register(
+    BenchTest(
+        name=NAME,
+        responses=RESPONSES,
+        recorded=RECORDED,
+        statuses=STATUSES,
+        settings=Settings,
+        build=build,
+        run=run,
+        measure=measure,
+        duration_s=duration_s,
+        contradictions=contradictions,
+        misfits=misfits,
+        kept=("position", "quaternion", "in_pile"),
+        in_words="angle of repose {lifted_aor_deg:.2f} deg, Height {lifted_height_mm:.1f} mm, "
+        "foot radius {lifted_foot_mm:.1f} mm, {lifted_loose_percent:.1f} % loose",
+    )
+)
