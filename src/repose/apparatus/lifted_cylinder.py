@@ -187,7 +187,9 @@ def status_of(lifting: Lifting, config: Config) -> tuple[str, str]:
     if lifting.off_plate > LARGEST_LOSS * berries:
         return "left_plate", f"{lifting.off_plate} of {berries} berries left the plate"
     if not lifting.energy_j <= rest:
-        energy = f"kinetic energy {lifting.energy_j:.2e} J a berry {section['settle_s']:g} s after the lifting"
+        energy = (
+            f"kinetic energy {lifting.energy_j:.2e} J a berry {section['settle_s']:g} s after the lifting"
+        )
         return "not_at_rest", f"{energy}, more than {rest:.0e}"
     there = berries - lifting.off_plate
     if lifting.in_pile < SMALLEST_PILE * there:
@@ -215,7 +217,8 @@ def run(
     )
     length, speed = 1e-3 * section["length_mm"], 1e-3 * section["lifting_mm_s"]
     factory = Disc(0.5e-3 * section["diameter_mm"] - reach, length + reach)
-    bounded = Bounded(simulation, factory.height_m, speed)
+    # berries that hang in the tube are lifted with it
+    bounded = Bounded(simulation, factory.height_m + length, speed)
     filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
     filled, filling_m, lifted_m = 0, math.nan, 0.0
 

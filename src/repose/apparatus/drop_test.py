@@ -1,0 +1,212 @@
+"""The drop test: one berry falls on a plate; height and duration of its rebound give the coefficient of restitution.
+
+A camera sees how high the berry rebounds; its centre leaves the plate with sqrt(2 g h). A microphone hears it touch the plate
+twice; between the two sounds it flies for T and left with g T / 2. Either speed over that of the fall is a restitution. Both are those
+of the centre of mass: a berry that is no sphere turns after the hit, which takes some of the energy, and touches again in
+another orientation. So do real ones, and both responses scatter with the orientation in which the berry falls.
+
+Real hits last microseconds. Here, where berries may be softened, T is the time of flight, without the hits themselves.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from repose import dem
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.factory import random_orientation
+from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
+from repose.apparatus.settings import SimulationSettings
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+from repose.core.section import Section, Seeds
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+NAME = "drop_test"
+STATUSES = ("ok", "unstable", "no_rebound")
+LOOK_S = 1e-3  # longest simulated time between two looks at the berry
+HIT_S = 1.0  # longest duration of a hit
+
+# --- responses ------------------------------------------------------------------------------------
+
+FALL = tuple(f"{NAME}.{key}" for key in ("surface", "height_mm", "orientation"))
+RESPONSES = (
+    Response("height_restitution", "", "restitution, by height", "e, height", NAME, 0.0, 1.0, FALL),
+    Response("sound_restitution", "", "restitution, by sound", "e, sound", NAME, 0.0, 1.0, FALL),
+)
+MEASURED = tuple(response.name for response in RESPONSES)
+RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "rebound_height_mm", "flight_s"))
+
+# --- section of the configuration -----------------------------------------------------------------
+
+
+class Settings(Section):
+    """The section `drop_test` of the configuration; config/README.md explains its keys."""
+
+    surface: Literal["wall", "berry"]
+    height_mm: float = Field(ge=1, le=10000)
+    orientation: Literal["random", "lying", "upright"]
+    seeds: Seeds
+
+
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """A fall so short that it takes fewer than 100 time steps, and what is allowed."""
+    settings = SimulationSettings.of(config)
+    least = 0.5e3 * settings.gravity_m_s2 * (100 * settings.time_step_s) ** 2
+    if config[NAME]["height_mm"] < least:
+        yield f"{NAME}.height_mm", f"at least {least:.3g}, or the fall takes fewer than 100 time steps"
+
+
+# --- build and run --------------------------------------------------------------------------------
+
+
+def build(
+    config: Config,
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The plate, and room for one berry above it."""
+    reach = largest_scale * particle.bounding_radius_m
+    top = 1e-3 * config[NAME]["height_mm"] + 2.0 * reach
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        capacity=1,
+        walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), config[NAME]["surface"])},
+        lower=(-4.0 * reach, -4.0 * reach, 0.0),
+        upper=(4.0 * reach, 4.0 * reach, top),
+        largest_scale=largest_scale,
+    )
+
+
+def run(
+    config: Config,
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Run:
+    """Drop one berry and follow it until it touches the plate for the second time.
+
+    The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the berry leaves the plate until it
+    touches it again, and ``drop_m``, the height of its fall.
+    """
+    section, settings = config[NAME], SimulationSettings.of(config)
+    simulation, scales, reach = sized_simulation(build, config, parameters, seed, particle, berry, 1)
+    height, scale = 1e-3 * section["height_mm"], float(scales[0])
+    turn = random_orientation(section["orientation"], np.random.default_rng(seed))
+    down = dem.rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
+    depth = scale * float(particle.support_point(down[None])[0] @ down)
+    simulation.add("berry", (0.0, 0.0, height + depth), turn, scale=scale)
+    bounded = Bounded(simulation, height + 2.0 * reach)
+    follow = _Follow(Filmed(bounded, interval_s, progress), scale * particle.bounding_radius_m, settings)
+    rows: list[tuple[float, float]] = []
+    with bounded.guard():
+        follow.fly()
+        if follow.hit():
+            rows = follow.fly()
+    status, reason = "ok", ""
+    if bounded.broken:
+        status, reason = "unstable", bounded.broken
+    elif not rows:
+        status, reason = "no_rebound", f"the berry still touches the plate {HIT_S:g} s after it fell on it"
+    times, heights = np.array(rows).reshape(-1, 2).T
+    arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
+    return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, follow.filmed.frames())
+
+
+class _Follow:
+    """Follows a berry above a plate: step by step where it may touch, in longer strides while it flies."""
+
+    def __init__(self, filmed, reach_m, settings):
+        self.filmed, self.simulation = filmed, filmed.simulation
+        self.reach_m, self.settings = reach_m, settings
+
+    def touches(self):
+        return len(self.simulation.wall_overlaps()[0]) > 0
+
+    def fly(self):
+        """Fly until the berry touches the plate; time and height of its centre on the way."""
+        rows = [self._row()]
+        while not self.touches():
+            self.filmed.run_to(self.simulation.steps + self._stride())
+            rows.append(self._row())
+        return rows
+
+    def hit(self):
+        """Go on until the berry has left the plate; False where it does not."""
+        last = self.simulation.steps + self.settings.steps(HIT_S)
+        while self.touches() and self.simulation.steps < last:
+            self.filmed.run_to(self.simulation.steps + 1)
+        return not self.touches()
+
+    def _row(self):
+        return self.simulation.time_s, self.simulation.positions[0, 2]
+
+    def _stride(self):
+        """Time steps in half of the time until the ball around the berry reaches the plate."""
+        gravity, up = self.settings.gravity_m_s2, self.simulation.velocities[0, 2]
+        above = max(self.simulation.positions[0, 2] - self.reach_m, 0.0)
+        until_s = (up + math.sqrt(up**2 + 2.0 * gravity * above)) / gravity if above > 0.0 else 0.0
+        return max(1, self.settings.steps(min(LOOK_S, 0.5 * until_s)))
+
+
+# --- measure --------------------------------------------------------------------------------------
+
+
+def measure(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Config,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The record with both restitutions; None where the berry did not rebound."""
+    measured: dict[str, Any] = dict.fromkeys((*MEASURED, "rebound_height_mm", "flight_s"))
+    if record["status"] == "ok":
+        time_s, height_m = np.asarray(arrays["time_s"], float), np.asarray(arrays["height_m"], float)
+        drop, gravity = float(arrays["drop_m"][0]), SimulationSettings.of(config).gravity_m_s2
+        rebound, flight = float(height_m.max() - height_m[0]), float(time_s[-1] - time_s[0])
+        measured = {
+            "height_restitution": math.sqrt(rebound / drop),
+            "sound_restitution": 0.5 * gravity * flight / math.sqrt(2.0 * gravity * drop),
+            "rebound_height_mm": 1e3 * rebound,
+            "flight_s": flight,
+        }
+    return {**record, **measured}
+
+
+def duration_s(config: Config) -> float:
+    """The longest simulated time: the fall, the hit, and a rebound to the height of the fall."""
+    fall = math.sqrt(2e-3 * config[NAME]["height_mm"] / SimulationSettings.of(config).gravity_m_s2)
+    return 3.0 * fall + HIT_S
+
+
+BENCH = register(
+    BenchTest(
+        name=NAME,
+        responses=RESPONSES,
+        recorded=RECORDED,
+        statuses=STATUSES,
+        settings=Settings,
+        build=build,
+        run=run,
+        measure=measure,
+        duration_s=duration_s,
+        contradictions=contradictions,
+        kept=("time_s", "height_m", "drop_m"),
+        in_words="restitution {height_restitution:.3f} by height, {sound_restitution:.3f} by sound",
+    )
+)

@@ -1,0 +1,268 @@
+"""The inclined plane: a plane tilts slowly until a sled slides, and until a single berry rolls.
+
+A sled, berries glued side by side, cannot roll: it slides where the slope is the coefficient of friction, at atan(mu_s).
+It is one berry here whose rolling friction is so high that it cannot roll, for Coulomb's limit is the same for any
+load. A sphere rolls where the slope exceeds its coefficient of rolling friction, unless it slides before. A berry of
+another shape tips over, or rolls about the axis on which it happens to lie.
+
+Gravity turns and the plane stays. In the frame of the plane this is the same but for forces that go with the square of
+the rate, or with the rate and the berry's speed: at 1 degree per second and 100 mm from the axis they are 3e-6 of the weight. So
+nothing turns against space, and every law of rolling resistance, relative to space or to the other body, resists the
+rotation on the plane (a plane that turns would need `rolling_frame_rad_s`).
+
+The berry begins to move with an acceleration that grows evenly with the angle, so its speed goes with the square of the
+angle beyond the limit. The angle of the beginning is where the line of the root of the speed over the angle meets zero.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from repose import dem
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.factory import random_orientation
+from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
+from repose.apparatus.settings import SimulationSettings
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+from repose.core.section import Section, Seeds
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+NAME = "inclined_plane"
+STATUSES = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
+SLED, SINGLE = "sled", "berry"  # what lies on the plane
+LOOK_S = 0.005  # simulated time between two looks at the berry
+FAR = 0.25  # the berry has moved when it is this share of its shortest axis away
+FROM_SHARE = 0.3  # the line goes through speeds above this share of the last one
+SLIDING = 0.5  # of the speed: a berry whose lowest point is faster than this slides, and does not roll
+
+# --- responses ------------------------------------------------------------------------------------
+
+SURFACE = (f"{NAME}.surface",)
+RESPONSES = (
+    Response("slip_deg", "deg", "angle of slip", "slip", NAME, 0.0, 89.0, SURFACE),
+    Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
+)
+MEASURED = tuple(response.name for response in RESPONSES)
+RECORDED = Recorded(means=MEASURED, single=MEASURED)
+
+# --- section of the configuration -----------------------------------------------------------------
+
+
+class Settings(Section):
+    """The section `inclined_plane` of the configuration; config/README.md explains its keys."""
+
+    surface: Literal["wall", "berry"]
+    tilting_deg_s: float = Field(ge=0.01, le=20)
+    steepest_deg: float = Field(ge=1, le=89)
+    settle_s: float = Field(ge=0.01, le=100)
+    seeds: Seeds
+
+
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """A tilting so fast that there are fewer than 100 looks at the berry, and what is allowed."""
+    section = config[NAME]
+    fastest = section["steepest_deg"] / (100 * LOOK_S)
+    if section["tilting_deg_s"] > fastest:
+        yield f"{NAME}.tilting_deg_s", f"at most {fastest:g}, or the angle has too few steps"
+
+
+# --- build and run --------------------------------------------------------------------------------
+
+
+def build(
+    config: Config,
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The plane without a berry, level."""
+    reach = largest_scale * particle.bounding_radius_m
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        capacity=1,
+        walls={"plane": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), config[NAME]["surface"])},
+        lower=(-4.0 * reach, -4.0 * reach, 0.0),
+        upper=(4.0 * reach, 4.0 * reach, 4.0 * reach),
+        largest_scale=largest_scale,
+    )
+
+
+def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
+    """The parameters of a sled: it would roll where the slope is twice the coefficient of friction, and slides before."""
+    pair = "gg" if surface == "berry" else "gp"
+    rolling = max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])
+    return {**parameters, f"mur_{pair}": rolling}
+
+
+def run(
+    config: Config,
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Run:
+    """Lay down a sled and tilt the plane until it slides, then do the same with a berry that can roll.
+
+    The arrays are, for each of them, ``WHAT_angle_deg`` (T,), ``WHAT_speed_m_s`` (T,) and ``WHAT_slide_m_s`` (T,), the
+    speed of the lowest point. Frames are of the berry that can roll, with gravity down.
+    """
+    section = config[NAME]
+    record: dict[str, Any] = {"seed": int(seed), "status": "ok", "reason": ""}
+    arrays: dict[str, np.ndarray] = {}
+    frames = None
+    for what, values in ((SLED, held(parameters, section["surface"])), (SINGLE, parameters)):
+        simulation, scales, reach = sized_simulation(build, config, values, seed, particle, berry, 1)
+        bounded = Bounded(simulation, 4.0 * reach)
+        filmed = Filmed(bounded, interval_s if what == SINGLE else None, progress)
+        rows: list[tuple[float, float, float]] = []
+        with bounded.guard():
+            _lay_down(simulation, config, seed, particle, float(scales[0]), filmed)
+            rows = _tilt(simulation, config, particle, filmed)
+        if bounded.broken:
+            record |= {"status": "unstable", "reason": f"{what}: {bounded.broken}"}
+        elif not rows:
+            reason = f"the {what} still moves {section['settle_s']:g} s after it was laid down"
+            record |= {"status": "not_at_rest", "reason": reason}
+        columns = np.array(rows).reshape(-1, 3).T
+        arrays |= {f"{what}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)}
+        frames = filmed.frames()
+    if frames is not None:
+        frames = tilted(frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0)))
+    return Run(record, arrays, frames)
+
+
+COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
+
+
+def _lay_down(simulation, config, seed, particle, scale, filmed):
+    """Lay a berry on the level plane, its long axis level in a random direction, and let it rest."""
+    settings, rng = SimulationSettings.of(config), np.random.default_rng(seed)
+    turn = random_orientation("lying", rng)
+    down = dem.rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
+    depth = scale * float(particle.support_point(down[None])[0] @ down)
+    simulation.add("berry", (0.0, 0.0, depth), turn, scale=scale)
+    every, last = settings.steps(0.01), settings.steps(config[NAME]["settle_s"])
+    filmed.run_to(every)
+    while simulation.kinetic_energies()[0] > settings.rest_energy_j and simulation.steps < last:
+        filmed.run_to(min(last, simulation.steps + every))
+
+
+def _tilt(simulation, config, particle, filmed):
+    """Turn gravity until the berry has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
+    section, settings = config[NAME], SimulationSettings.of(config)
+    if simulation.kinetic_energies()[0] > settings.rest_energy_j:
+        return []
+    rows, began = [], simulation.positions[0].copy()
+    far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[0]
+    every, start = max(1, settings.steps(LOOK_S)), simulation.steps
+    while True:
+        angle_deg = section["tilting_deg_s"] * (simulation.steps - start) * settings.time_step_s
+        angle = math.radians(angle_deg)
+        height = simulation.positions[0, 2]
+        speed, spin = simulation.velocities[0], simulation.angular_velocities[0]
+        lowest = speed + np.cross(spin, (0.0, 0.0, -height))
+        rows.append((angle_deg, float(np.hypot(*speed[:2])), float(np.hypot(*lowest[:2]))))
+        if np.hypot(*(simulation.positions[0] - began)[:2]) > far or angle_deg >= section["steepest_deg"]:
+            return rows
+        simulation.physics.gravity[:] = (
+            settings.gravity_m_s2 * math.sin(angle),
+            0.0,
+            -settings.gravity_m_s2 * math.cos(angle),
+        )
+        filmed.run_to(simulation.steps + every)
+
+
+def tilted(
+    frames: Mapping[str, np.ndarray], section: Mapping[str, Any], last_deg: float
+) -> dict[str, np.ndarray]:
+    """Frames of the plane's frame in that of the laboratory, where the plane tilts; ``tilt_deg`` (T,) comes with them."""
+    times = np.asarray(frames["time_s"])
+    tilt = last_deg + section["tilting_deg_s"] * (times - times.max(initial=0.0))
+    tilt = np.maximum(tilt, 0.0)
+    half, angle = np.radians(tilt) / 2.0, np.radians(tilt)
+    x, y, z = np.moveaxis(np.asarray(frames["position"], float), -1, 0)
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    position = np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
+    # a rotation by the angle about +y, which lowers +x
+    c, s = np.cos(half)[:, None], np.sin(half)[:, None]
+    qw, qx, qy, qz = np.moveaxis(np.asarray(frames["quaternion"], float), -1, 0)
+    quaternion = np.stack([c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1)
+    return {**frames, "position": position, "quaternion": quaternion, "tilt_deg": tilt}
+
+
+# --- measure --------------------------------------------------------------------------------------
+
+
+def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float:
+    """Angle at which a motion began; the root of the speed is a line over the angle beyond it."""
+    root = np.sqrt(speed_m_s)
+    used = np.arange(len(root)) >= np.flatnonzero(root < FROM_SHARE * root[-1])[-1] + 1
+    slope, shift = np.polyfit(angle_deg[used], root[used], 1)
+    return float(-shift / slope)
+
+
+def measure(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Config,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The record with both angles; None where the sled or the berry stays, or the berry slides and does not roll."""
+    measured: dict[str, Any] = dict.fromkeys(MEASURED)
+    if record["status"] != "ok":
+        return {**record, **measured}
+    steepest = config[NAME]["steepest_deg"]
+    why = {}
+    for name, what in zip(MEASURED, (SLED, SINGLE), strict=True):
+        angle, speed, slide = (np.asarray(arrays[f"{what}_{column}"], float) for column in COLUMNS)
+        if angle[-1] >= steepest:
+            why[name] = f"the {what} stays up to {steepest:g} degrees"
+        elif what == SINGLE and slide[-1] > SLIDING * speed[-1]:
+            why[name] = f"the berry slides at {angle[-1]:.1f} degrees and does not roll"
+        else:
+            measured[name] = beginning_deg(angle, speed)
+    judged = {}
+    for target in BENCH.target_responses(config):
+        if measured[target.name] is None:
+            status = "no_slip" if target.name == "slip_deg" else "no_roll"
+            judged = {"status": status, "reason": why[target.name]}
+            break
+    return {**record, **judged, **measured}
+
+
+def duration_s(config: Config) -> float:
+    """The longest simulated time of both tiltings."""
+    section = config[NAME]
+    return 2.0 * (section["settle_s"] + section["steepest_deg"] / section["tilting_deg_s"])
+
+
+BENCH = register(
+    BenchTest(
+        name=NAME,
+        responses=RESPONSES,
+        recorded=RECORDED,
+        statuses=STATUSES,
+        settings=Settings,
+        build=build,
+        run=run,
+        measure=measure,
+        duration_s=duration_s,
+        contradictions=contradictions,
+        kept=tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS),
+        in_words="the sled slides at {slip_deg:.2f} deg, the berry rolls at {roll_deg:.2f} deg",
+    )
+)

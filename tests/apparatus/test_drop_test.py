@@ -1,0 +1,83 @@
+"""The drop test: a stiff sphere returns the restitution that was asked; known flights; how a run is judged."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import not_refused
+
+from repose.apparatus import bench, drop_test
+from repose.apparatus.job import run_once
+from repose.apparatus.scene import longest_time_step
+from repose.config.study import Study
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+FILES = [ROOT / "config" / "config.yaml", ROOT / "examples" / "bench_tests" / "drop_test.yaml"]
+STIFF = {"shear_modulus_pa": 1e10, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
+SPHERE = fit_particle(ellipsoid_mesh(np.full(3, 10.0)), 1200.0)
+LONG = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+
+
+def config(**keys):
+    """The example's configuration with some keys of its drop changed."""
+    whole = Study.load(*FILES).config
+    whole["drop_test"].update(keys)
+    return whole
+
+
+def dropped(e_wall, e_berry=0.5, particle=SPHERE, berry=STIFF, step_share=0.25, seed=1, **keys):
+    """A drop with a share of the longest time step."""
+    own = config(**keys)
+    values = dict(zip(PARAMETERS, (e_berry, 0.5, 0.1, e_wall, 0.5, 0.1), strict=True))
+    longest = longest_time_step(own, values, particle, berry)
+    own["simulation"]["time_step_s"] = step_share * longest.time_step_s
+    return run_once(bench("drop_test"), own, values, seed, particle, berry)
+
+
+@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.9])
+def test_a_stiff_sphere_returns_what_was_asked(restitution):
+    found, _ = dropped(restitution, height_mm=100.0)
+    assert found["height_restitution"] == pytest.approx(restitution, abs=0.002)
+    assert found["sound_restitution"] == pytest.approx(restitution, abs=0.002)
+
+
+def test_the_other_plate_is_of_the_berries_own_material():
+    found, _ = dropped(0.2, 0.7, height_mm=100.0, surface="berry")
+    assert found["height_restitution"] == pytest.approx(0.7, abs=0.002)
+
+
+def test_a_flight_of_known_height_and_duration():
+    time_s = np.linspace(0.0, 0.1, 201)
+    heights = 0.005 + 0.5 * 9.81 * time_s * (0.1 - time_s)
+    arrays = {"time_s": time_s, "height_m": heights, "drop_m": np.array([0.05])}
+    found = drop_test.measure({"status": "ok"}, arrays, config(), SPHERE, STIFF)
+    asked = 0.5 * 9.81 * 0.1 / math.sqrt(2.0 * 9.81 * 0.05)
+    assert found["height_restitution"] == pytest.approx(asked, rel=1e-6)
+    assert found["sound_restitution"] == pytest.approx(asked, rel=1e-6)
+    assert found["rebound_height_mm"] == pytest.approx(1e3 * 9.81 * 0.1**2 / 8)
+    failed = drop_test.measure({"status": "no_rebound"}, arrays, config(), SPHERE, STIFF)
+    assert failed["height_restitution"] is None
+
+
+def test_a_long_berry_loses_height_to_its_rotation():
+    soft = STIFF | {"shear_modulus_pa": 1e6}
+    falls = [dropped(0.8, particle=LONG, berry=soft, step_share=0.5, seed=seed) for seed in (1, 2, 3)]
+    found = [record["height_restitution"] for record, _ in falls]
+    assert max(found) < 0.8
+    assert np.ptp(found) > 0.02
+    again, _ = dropped(0.8, particle=LONG, berry=soft, step_share=0.5, seed=3)
+    assert again == falls[2][0]
+
+
+def test_a_fall_without_time_steps_is_refused():
+    cases = [
+        ({"height_mm": 2.0}, r"height_mm.*at least 3\.07, or the fall takes fewer than 100"),
+        ({"surface": "steel"}, r"surface.*wall.*berry"),
+        ({"orientation": "flat"}, r"orientation.*lying"),
+    ]
+    wrong = [(keys, rf"drop_test\.{allowed}") for keys, allowed in cases]
+    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)

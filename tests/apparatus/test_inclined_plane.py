@@ -1,0 +1,103 @@
+"""The inclined plane: a sled slides at atan(mu_s), a sphere rolls at atan(mu_r) or stays; how a run is judged."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import not_refused
+
+from repose.apparatus import bench, inclined_plane
+from repose.apparatus.job import run_once
+from repose.config.study import Study
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+FILES = [ROOT / "config" / "config.yaml", ROOT / "examples" / "bench_tests" / "inclined_plane.yaml"]
+BERRY = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
+SPHERE = fit_particle(ellipsoid_mesh(np.full(3, 10.0)), 1200.0)
+LONG = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+ROLLS = {
+    "response": "roll_deg",
+    "apparatus": "inclined_plane",
+    "value": 10.0,
+    "sd": 1.0,
+    "repetitions": 5,
+    "range": [9.0, 11.0],
+}
+
+
+def config(**keys):
+    """The example's configuration with some keys of its plane changed."""
+    whole = Study.load(*FILES).config
+    whole["inclined_plane"].update({"steepest_deg": 45.0} | keys)
+    whole["simulation"]["time_step_s"] = 1.5e-4
+    return whole
+
+
+def on_plane(friction, rolling, particle=SPHERE, own=None):
+    """A sled and a body on a wall with these coefficients, or on a plate of their own material."""
+    values = dict(zip(PARAMETERS, (0.3, friction, rolling, 0.3, friction, rolling), strict=True))
+    return run_once(bench("inclined_plane"), own or config(), values, 1, particle, BERRY)[0]
+
+
+@pytest.mark.parametrize(("friction", "rolling"), [(0.2, 0.05), (0.5, 0.2), (0.8, 0.4)])
+def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(friction, rolling):
+    found = on_plane(friction, rolling)
+    assert found["status"] == "ok"
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(friction)), abs=0.1)
+    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(rolling)), abs=0.1)
+
+
+def test_a_sled_of_another_shape_slides_at_the_same_angle():
+    found = on_plane(0.4, 0.1, LONG)
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.1)
+
+
+def test_a_sphere_that_cannot_roll_slides_or_stays():
+    slides = on_plane(0.3, 0.5)
+    assert (slides["status"], slides["roll_deg"]) == ("ok", None)  # the angle of rolling is no target
+    own = config()
+    own["targets"].append(ROLLS)
+    slides = on_plane(0.3, 0.5, own=own)
+    assert (slides["status"], slides["slip_deg"]) == ("no_roll", pytest.approx(16.70, abs=0.1))
+    assert "slides at 1" in slides["reason"]
+    own = config(steepest_deg=20.0, tilting_deg_s=4.0)
+    own["targets"].append(ROLLS)
+    stays = on_plane(0.5, 0.5, own=own)
+    assert (stays["status"], stays["slip_deg"], stays["roll_deg"]) == ("no_slip", None, None)
+    assert stays["reason"] == "the sled stays up to 20 degrees"
+
+
+def test_the_other_surface_is_of_the_berries_own_material():
+    values = dict(zip(PARAMETERS, (0.3, 0.3, 0.1, 0.3, 0.6, 0.3), strict=True))
+    own = config(surface="berry", tilting_deg_s=2.0)
+    found = run_once(bench("inclined_plane"), own, values, 1, SPHERE, BERRY)[0]
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.3)), abs=0.1)
+    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.1)), abs=0.1)
+
+
+def test_the_resistance_against_the_other_body_rolls_at_the_same_angle():
+    own = config()
+    own["simulation"]["rolling_law"] = "epsd"
+    found = on_plane(0.5, 0.2, own=own)
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.5)), abs=0.1)
+    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.2)), abs=0.1)
+
+
+def test_the_beginning_is_where_the_root_of_the_speed_meets_zero():
+    angle = np.arange(0.0, 22.0, 0.01)
+    speed = 3.0 * np.maximum(angle - 20.0, 0.0) ** 2 + 1e-9
+    assert inclined_plane.beginning_deg(angle, speed) == pytest.approx(20.0, abs=1e-3)
+
+
+def test_a_plane_that_tilts_too_fast_is_refused():
+    cases = [
+        ({"tilting_deg_s": 20.0, "steepest_deg": 5.0}, r"tilting_deg_s.*at most 10"),
+        ({"surface": "glass"}, r"surface.*wall.*berry"),
+        ({"steepest_deg": 90.0}, r"steepest_deg.*1 to 89"),
+    ]
+    wrong = [(keys, rf"inclined_plane\.{allowed}") for keys, allowed in cases]
+    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)

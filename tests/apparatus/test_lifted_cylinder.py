@@ -1,0 +1,111 @@
+"""The lifted cylinder: how a run is judged, the funnel's measurement, a small run, and the effect of the speed of lifting."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import not_refused
+
+from repose.apparatus import bench, funnel, lifted_cylinder
+from repose.apparatus.job import run_once
+from repose.config.study import Study
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+FILES = [ROOT / "config" / "config.yaml", ROOT / "examples" / "bench_tests" / "lifted_cylinder.yaml"]
+BERRY = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
+SPHERE = fit_particle(ellipsoid_mesh(np.full(3, 10.0)), 1200.0)
+SET = dict(zip(PARAMETERS, (0.3, 0.5, 0.1, 0.3, 0.5, 0.1), strict=True))
+TUBE = {"berries": 200, "rate_per_s": 400.0, "lift_from_s": 1.0, "settle_s": 2.0, "diameter_mm": 60.0}
+TUBE |= {"length_mm": 130.0, "rim_radius_mm": 0.5}
+GOOD = lifted_cylinder.Lifting(filled=300, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12)
+
+
+def config(**keys):
+    """The example's configuration with some keys of its tube changed."""
+    whole = Study.load(*FILES).config
+    whole["lifted_cylinder"].update(keys)
+    whole["simulation"]["time_step_s"] = 1.5e-4
+    return whole
+
+
+def lifted(seed, **keys):
+    """A small tube of spheres, run and measured once."""
+    return run_once(bench("lifted_cylinder"), config(**TUBE | keys), SET, seed, SPHERE, BERRY)
+
+
+def test_a_run_is_judged():
+    def status(**changes):
+        return lifted_cylinder.status_of(dataclasses.replace(GOOD, **changes), config())[0]
+
+    assert status() == "ok"
+    assert status(unstable="why") == "unstable"
+    assert status(filled=299) == "not_filled"
+    assert status(in_tube=4) == "jammed"
+    assert (status(off_plate=30), status(off_plate=31)) == ("ok", "left_plate")
+    assert status(energy_j=1e-6) == status(energy_j=float("nan")) == "not_at_rest"
+    assert status(in_pile=149) == "no_flank"
+
+
+def test_a_tube_that_cannot_be_filled_or_lifted_is_refused():
+    cases = [
+        ("lift_from_s", 1.4, "above 1.495, when the last berry appears"),
+        ("plate_diameter_mm", 104.0, "above 104, the tube's outer diameter"),
+        ("lifting_mm_s", 0.0, "0.1 to 5000"),
+        ("speed", 20.0, "no such key"),
+    ]
+    wrong = [({key: value}, rf"lifted_cylinder\.{key}.*{allowed}") for key, value, allowed in cases]
+    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
+
+
+def test_a_berry_has_to_fit():
+    found = dict(lifted_cylinder.misfits(config(diameter_mm=20.0), (21.1, 11.4, 9.9)))
+    assert list(found) == ["lifted_cylinder.diameter_mm"]
+    assert not list(lifted_cylinder.misfits(config(), (21.1, 11.4, 9.9)))
+
+
+def test_a_small_pile_is_measured_as_that_of_the_funnel():
+    own = TUBE | {"berries": 60, "lifting_mm_s": 200.0}
+    record, run = lifted(1, **own)
+    assert (record["status"], record["berries_off_plate"]) == ("ok", 0)
+    assert record["lifted_mm"] > record["lifted_height_mm"] - 10.0
+    of_funnel = funnel.measure({"seed": 1, "status": "ok", "reason": ""}, run.arrays, config(), SPHERE, BERRY)
+    for name in ("aor_deg", "height_mm"):
+        assert record[f"lifted_{name}"] == of_funnel[name]
+    loose = 100.0 * (1.0 - run.arrays["in_pile"].mean())
+    assert record["lifted_loose_percent"] == pytest.approx(loose)
+    again, _ = lifted(1, **own)
+    assert again == record
+
+
+def test_a_tube_that_is_too_short_is_not_filled():
+    record, _ = lifted(1, berries=60, length_mm=20.0, diameter_mm=40.0)
+    assert record["status"] == "not_filled"
+    assert record["lifted_aor_deg"] is None
+
+
+def test_wide_berries_jam_in_a_rough_tube():
+    record, _ = run_once(
+        bench("lifted_cylinder"),
+        config(**TUBE | {"berries": 40, "diameter_mm": 14.0, "length_mm": 400.0, "lifting_mm_s": 400.0}),
+        SET | {"mus_gp": 2.0, "mur_gp": 2.0, "mus_gg": 2.0},
+        1,
+        SPHERE,
+        BERRY,
+    )
+    assert record["status"] == "jammed"
+
+
+@pytest.mark.slow
+def test_the_faster_the_lifting_the_flatter_the_pile():
+    """18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s for one set of wheat: order and sign, of six pours each."""
+    speeds = (10.0, 50.0, 200.0)
+    names = ("lifted_aor_deg", "lifted_height_mm")
+    runs = [[lifted(seed, lifting_mm_s=speed)[0] for seed in range(1, 7)] for speed in speeds]
+    found = np.array([[[run[name] for name in names] for run in own] for own in runs])
+    mean, error = found.mean(axis=1), found.std(axis=1, ddof=1) / np.sqrt(6)
+    assert (np.diff(mean, axis=0) < 0.0).all()
+    assert (mean[0] - mean[2] > 3.0 * np.hypot(error[0], error[2])).all()
