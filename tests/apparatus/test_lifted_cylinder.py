@@ -1,4 +1,4 @@
-"""The lifted cylinder: how a run is judged, the funnel's measurement, a small run, and the effect of the speed of lifting."""
+"""The lifted cylinder: how a run is judged, the funnel's measurement, the effect of the speed of lifting."""
 
 import dataclasses
 from pathlib import Path

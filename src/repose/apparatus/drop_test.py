@@ -1,9 +1,10 @@
 """The drop test: one berry falls on a plate; height and duration of its rebound give the coefficient of restitution.
 
-A camera sees how high the berry rebounds; its centre leaves the plate with sqrt(2 g h). A microphone hears it touch the plate
-twice; between the two sounds it flies for T and left with g T / 2. Either speed over that of the fall is a restitution. Both are those
-of the centre of mass: a berry that is no sphere turns after the hit, which takes some of the energy, and touches again in
-another orientation. So do real ones, and both responses scatter with the orientation in which the berry falls.
+A camera sees how high the berry rebounds: its centre leaves the plate with sqrt(2 g h). A microphone hears it touch the
+plate twice: between the two sounds it flies for T, so it left with g T / 2. Either speed over that of the fall is a
+restitution. Both are of the centre of mass: a berry that is no sphere turns after the hit, which takes some of the
+energy, and touches again in another orientation. So do real ones, and both responses scatter with the orientation in
+which the berry falls.
 
 Real hits last microseconds. Here, where berries may be softened, T is the time of flight, without the hits themselves.
 """

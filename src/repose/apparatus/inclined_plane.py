@@ -1,21 +1,21 @@
 """The inclined plane: a plane tilts slowly until a sled slides, and until a single berry rolls.
 
-A sled, berries glued side by side, cannot roll: it slides where the slope is the coefficient of friction, at atan(mu_s).
-It is one berry here whose rolling friction is so high that it cannot roll, for Coulomb's limit is the same for any
-load. A sphere rolls where the slope exceeds its coefficient of rolling friction, unless it slides before. A berry of
-another shape tips over, or rolls about the axis on which it happens to lie.
+A sled, berries glued side by side, cannot roll: it slides where the slope is the coefficient of friction, at
+atan(mu_s). Here it is one berry whose rolling friction is so high that it cannot roll, for Coulomb's limit is the same
+for any load. A sphere rolls where the slope exceeds its coefficient of rolling friction, unless it slides before. A
+berry of another shape tips over, or rolls about the axis on which it happens to lie.
 
-Gravity turns and the plane stays. In the frame of the plane this is the same but for forces that go with the square of
-the rate, or with the rate and the berry's speed: at 1 degree per second and 100 mm from the axis they are 3e-6 of the weight. So
-nothing turns against space, and every law of rolling resistance, relative to space or to the other body, resists the
-rotation on the plane (a plane that turns would need `rolling_frame_rad_s`).
+Gravity turns and the plane stays. In the frame of the plane this is exact but for the forces of a turning frame: at 1
+degree per second and 100 mm from the axis they are 3e-6 of the weight. So nothing turns against space, and every law of
+rolling resistance, relative to space or to the other body, resists the rotation on the plane. A plane that turns would
+need `rolling_frame_rad_s`.
 
 The berry begins to move with an acceleration that grows evenly with the angle, so its speed goes with the square of the
 angle beyond the limit. The angle of the beginning is where the line of the root of the speed over the angle meets zero.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -99,7 +99,7 @@ def build(
 
 
 def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
-    """The parameters of a sled: it would roll where the slope is twice the coefficient of friction, and slides before."""
+    """The parameters of a sled: it would roll at twice the slope at which it slides."""
     pair = "gg" if surface == "berry" else "gp"
     rolling = max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])
     return {**parameters, f"mur_{pair}": rolling}
@@ -188,7 +188,7 @@ def _tilt(simulation, config, particle, filmed):
 def tilted(
     frames: Mapping[str, np.ndarray], section: Mapping[str, Any], last_deg: float
 ) -> dict[str, np.ndarray]:
-    """Frames of the plane's frame in that of the laboratory, where the plane tilts; ``tilt_deg`` (T,) comes with them."""
+    """Frames as the laboratory sees them, where the plane tilts; ``tilt_deg`` (T,) comes with them."""
     times = np.asarray(frames["time_s"])
     tilt = last_deg + section["tilting_deg_s"] * (times - times.max(initial=0.0))
     tilt = np.maximum(tilt, 0.0)

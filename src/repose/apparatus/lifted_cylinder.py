@@ -4,8 +4,8 @@ The commonest test of the field's papers. Fast lifting takes the support away at
 angle falls with the speed: 18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s for one set of wheat (Sugirbay et al.
 2022, Agriculture 12, 1497). The pile is measured as the funnel's, by the same code.
 
-The tube's wall has no thickness but for its rounded lower edge; from outside only this edge is touched. It moves with the
-tube and drags berries along by friction, and rolling is resisted against space, for nothing turns.
+The tube's wall has no thickness but for its rounded lower edge, which berries also touch from outside. The rising wall
+drags berries along by friction. Nothing turns, so rolling is resisted against space.
 """
 
 import math
@@ -208,8 +208,8 @@ def run(
 ) -> Run:
     """Fill the tube, let the berries rest, lift it until none is left in it, and let the pile rest.
 
-    The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is lifted
-    at `lift_from_s`, or later when the berries are at rest, at most twice as late, and by at most its own length.
+    The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is
+    lifted at `lift_from_s`, or later when the berries are at rest, at most twice as late, by at most its own length.
     """
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation, scales, reach = sized_simulation(
@@ -239,12 +239,12 @@ def run(
         wait(at_rest, latest)
         filled, filling_m = simulation.n_bodies, float(simulation.positions[:, 2].max())
         began_s = simulation.time_s
-        for wall in TUBE:
-            simulation.set_motion(wall, dem.Motion(velocity_m_s=(0.0, 0.0, speed)))
+        _move(simulation, speed)
         last = simulation.steps + settings.steps(length / speed)
         while in_tube().any() and simulation.steps < last:
             filmed.run_to(min(last, simulation.steps + every))
             lifted_m = speed * (simulation.time_s - began_s)
+        _move(simulation, 0.0)
         wait(at_rest, simulation.steps + settings.steps(section["settle_s"]))
     centres, there = simulation.positions.copy(), simulation.present
     hanging = in_tube()
@@ -276,6 +276,12 @@ def run(
         "scale": simulation.scales.astype(np.float32),
     }
     return Run(record, arrays, filmed.frames())
+
+
+def _move(simulation, speed_m_s):
+    """Let the tube rise at a speed."""
+    for wall in TUBE:
+        simulation.set_motion(wall, dem.Motion(velocity_m_s=(0.0, 0.0, speed_m_s)))
 
 
 # --- measure --------------------------------------------------------------------------------------

@@ -1,0 +1,337 @@
+"""The drawdown box: a chamber with a slot in its floor is filled and drained into the chamber below.
+
+One filling gives two angles. Above, the berries that stay lean against both walls and fall off towards the slot: the
+angle at which a bed drains. Below, those that fell lie as a pile of the box's depth: the angle at which a poured heap
+comes to rest, flatter for the fall. Mass and rate of what drains come with them.
+
+The two wedges above, put back to back, have the shape of a pile. So both angles are measured by the code and the
+definition (`measure.response`) of every pile, in the view along the slot. The gate is taken away downwards, faster than
+the berries fall, so that it drags none of them along.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field
+
+from repose import dem
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.discharge import LID_M_S, rate_kg_s
+from repose.apparatus.factory import Strip, fill, last_berry_s
+from repose.apparatus.funnel import LINE, narrow_openings
+from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
+from repose.apparatus.settings import SimulationSettings
+from repose.core.errors import NoFlankError
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+from repose.core.section import Berries, Section, Seeds
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+NAME = "drawdown"
+STATUSES = ("ok", "unstable", "not_filled", "lost", "not_at_rest", "jammed", "no_flank")
+LOOK_S = 0.05  # simulated time between two looks whether the berries rest
+FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # of a block
+
+# --- responses ------------------------------------------------------------------------------------
+
+BOX = tuple(
+    f"{NAME}.{key}" for key in ("berries", "width_mm", "depth_mm", "slot_mm", "lower_width_mm", "drop_mm")
+)
+SEEN = (*BOX, "measure.mm_per_pixel", *LINE, "measure.response")
+RESPONSES = (
+    Response("drawdown_above_deg", "deg", "drawdown, angle above", "above", NAME, 1.0, 89.0, SEEN),
+    Response("drawdown_below_deg", "deg", "drawdown, angle below", "below", NAME, 1.0, 89.0, SEEN),
+    Response("drawdown_mass_g", "g", "drawdown, mass below", "mass below", NAME, 0.0, 1e7, BOX),
+    Response("drawdown_flow_g_s", "g/s", "drawdown, rate", "rate", NAME, 0.0, 1e6, BOX),
+)
+MEASURED = tuple(response.name for response in RESPONSES)
+RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_below"))
+
+# --- section of the configuration -----------------------------------------------------------------
+
+
+class Settings(Section):
+    """The section `drawdown` of the configuration; config/README.md explains its keys."""
+
+    berries: Berries
+    rate_per_s: float = Field(ge=0.1, le=10000)
+    open_from_s: float = Field(ge=0.1, le=600)
+    longest_s: float = Field(ge=0.1, le=600)
+    seeds: Seeds
+    width_mm: float = Field(ge=10, le=5000)
+    depth_mm: float = Field(ge=1, le=5000)
+    height_mm: float = Field(ge=1, le=5000)
+    slot_mm: float = Field(ge=1, le=5000)
+    floor_mm: float = Field(ge=0.5, le=100)
+    edge_radius_mm: float = Field(ge=0.05, le=20)
+    lower_width_mm: float = Field(ge=10, le=20000)
+    drop_mm: float = Field(ge=1, le=5000)
+
+
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Keys of a box that cannot be built or filled, and what is allowed."""
+    section = config[NAME]
+    last = last_berry_s(section)
+    if last >= section["open_from_s"]:
+        yield f"{NAME}.open_from_s", f"above {last:g}, when the last berry appears"
+    if section["slot_mm"] >= section["width_mm"]:
+        yield f"{NAME}.slot_mm", f"below {NAME}.width_mm, {section['width_mm']:g}"
+    if 4 * section["edge_radius_mm"] > section["floor_mm"]:
+        yield f"{NAME}.edge_radius_mm", f"at most a quarter of {NAME}.floor_mm, {section['floor_mm'] / 4:g}"
+    if section["drop_mm"] <= section["floor_mm"]:
+        yield f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {section['floor_mm']:g}"
+    wide = section["width_mm"] + 2 * section["floor_mm"]
+    if section["lower_width_mm"] < wide:
+        yield f"{NAME}.lower_width_mm", f"at least {wide:g}, the upper chamber with its walls"
+
+
+def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Keys of a box that is too narrow for the mean berry, whose axes are given, the longest first."""
+    sizes = {"slot_mm": axes_mm[2], "depth_mm": axes_mm[0], "width_mm": axes_mm[0], "height_mm": axes_mm[0]}
+    yield from narrow_openings(config, NAME, sizes)
+
+
+# --- build and run --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Box:
+    """The box: x across the slot, y along it, z up from the lower floor; all lengths in m."""
+
+    half_width: float
+    half_depth: float
+    half_slot: float
+    half_lower: float
+    floor: float  # height of the upper floor's upper side
+    thickness: float  # of upper floor, its walls and the gate
+    top: float  # of the upper chamber
+
+    @classmethod
+    def of(cls, section: Mapping[str, Any]) -> "Box":
+        """The box that a section of the configuration describes."""
+        halves = (0.5e-3 * section[f"{key}_mm"] for key in ("width", "depth", "slot", "lower_width"))
+        drop, thickness = 1e-3 * section["drop_mm"], 1e-3 * section["floor_mm"]
+        return cls(*halves, floor=drop, thickness=thickness, top=drop + 1e-3 * section["height_mm"])
+
+    @property
+    def gate(self) -> float:
+        """Height of the gate's upper side, the lower side of the floor."""
+        return self.floor - self.thickness
+
+    def walls(self, edge_radius_m: float, room_m: float) -> "dict[str, dem.Plane | dem.Mesh]":
+        """All walls by name; the upper ones are `room_m` higher than the chamber."""
+        y, t = self.half_depth + 2.0 * self.thickness, self.thickness
+        walls: dict[str, dem.Plane | dem.Mesh] = {
+            "lower_floor": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
+            "front": dem.Plane((0.0, -self.half_depth, 0.0), (0.0, 1.0, 0.0), "wall"),
+            "back": dem.Plane((0.0, self.half_depth, 0.0), (0.0, -1.0, 0.0), "wall"),
+        }
+        for name, side in (("left", -1.0), ("right", 1.0)):
+            walls[f"lower_{name}"] = dem.Plane((side * self.half_lower, 0.0, 0.0), (-side, 0.0, 0.0), "wall")
+            floor = side * self.half_slot, side * (self.half_width + t)
+            wall = side * self.half_width, side * (self.half_width + t)
+            walls[f"{name}_floor"] = _block(floor, (-y, y), (self.gate, self.floor), edge_radius_m)
+            walls[f"{name}_wall"] = _block(wall, (-y, y), (self.gate, self.top + room_m), edge_radius_m)
+        across = (-self.half_slot - t, self.half_slot + t)
+        walls["gate"] = _block(across, (-y, y), (self.gate - t, self.gate), edge_radius_m)
+        return walls
+
+    def holds(self, centres_m: np.ndarray) -> np.ndarray:
+        """Mask (N,) of the berries whose centres lie inside the box."""
+        x, y, z = centres_m.T
+        return (np.abs(x) < self.half_lower) & (np.abs(y) < self.half_depth) & (z > 0.0)
+
+
+def _block(x, y, z, edge_radius_m):
+    """A rectangular block as a wall of triangles, between two places along each axis."""
+    corners = np.array([(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)])
+    faces = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
+    return dem.Mesh(corners, faces, "wall", edge_radius_m)
+
+
+def build(
+    config: Config,
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The empty simulation of the box, its gate closed."""
+    section = config[NAME]
+    box, reach = Box.of(section), largest_scale * particle.bounding_radius_m
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        section["berries"],
+        walls=box.walls(1e-3 * section["edge_radius_mm"], 4.0 * reach),
+        lower=(-box.half_lower, -box.half_depth, 0.0),
+        upper=(box.half_lower, box.half_depth, box.top + 4.0 * reach),
+        largest_scale=largest_scale,
+        exit_height_m=box.gate,
+    )
+
+
+@dataclass(frozen=True)
+class Drained:
+    """Numbers by which a run is judged."""
+
+    filled: int  # berries that found room in the upper chamber
+    early: int  # berries that were below the gate before it was opened
+    held: bool  # whether all berries are inside the box
+    over_slot: int  # berries that rest above the middle of the slot
+    energy_j: float  # mean of a berry at the end
+    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+
+
+def status_of(drained: Drained, config: Config) -> tuple[str, str]:
+    """Status and reason of a run before it is measured."""
+    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    if drained.unstable:
+        return "unstable", drained.unstable
+    if drained.filled < section["berries"]:
+        return "not_filled", f"only {drained.filled} of {section['berries']} berries find room above the gate"
+    if drained.early or not drained.held:
+        return "lost", "a berry lies outside the box, or left the closed chamber"
+    if not drained.energy_j <= rest:
+        after = f"{section['longest_s']:g} s after the opening"
+        return "not_at_rest", f"kinetic energy {drained.energy_j:.2e} J a berry {after}, more than {rest:.0e}"
+    if drained.over_slot:
+        return "jammed", f"{drained.over_slot} berries rest above the middle of the slot"
+    return "ok", ""
+
+
+def run(
+    config: Config,
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Run:
+    """Fill the upper chamber, let the berries rest, open the gate, and let what stays and what fell rest.
+
+    The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, and ``exit_s`` (N,), when
+    each berry left the slot after the opening [s], NaN where it stayed. The gate is opened at `open_from_s`, or later
+    when the berries are at rest, at most twice as late.
+    """
+    section, settings, box = config[NAME], SimulationSettings.of(config), Box.of(config[NAME])
+    simulation, scales, reach = sized_simulation(
+        build, config, parameters, seed, particle, berry, section["berries"]
+    )
+    factory = Strip(box.half_width - reach, box.half_depth - reach, box.top + reach)
+    bounded = Bounded(simulation, factory.height_m, LID_M_S)
+    filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
+    filled, early, opened_s = 0, 0, np.nan
+
+    def rest(last):
+        while simulation.kinetic_energies().mean() > settings.rest_energy_j and simulation.steps < last:
+            filmed.run_to(min(last, simulation.steps + every))
+
+    with bounded.guard():
+        latest = settings.steps(2.0 * section["open_from_s"])
+        fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
+        filmed.run_to(settings.steps(section["open_from_s"]))
+        rest(latest)
+        filled, opened_s = simulation.n_bodies, simulation.time_s
+        early = int(np.isfinite(simulation.exit_times_s).sum())
+        simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
+        filmed.run_to(simulation.steps + every)
+        rest(simulation.steps + settings.steps(section["longest_s"]))
+    centres = simulation.positions.copy()
+    over = (centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
+    drained = Drained(
+        filled=filled,
+        early=early,
+        held=bool(simulation.present.all() and box.holds(centres).all()),
+        over_slot=int(over.sum()),
+        energy_j=float(simulation.kinetic_energies().mean()),
+        unstable=bounded.broken,
+    )
+    status, reason = status_of(drained, config)
+    arrays = {
+        "position": centres.astype(np.float32),
+        "quaternion": simulation.quaternions.astype(np.float32),
+        "scale": simulation.scales.astype(np.float32),
+        "exit_s": simulation.exit_times_s - opened_s,
+    }
+    return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, filmed.frames())
+
+
+# --- measure --------------------------------------------------------------------------------------
+
+
+def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
+    """The berries of both wedges with their outer walls at x = 0 and the floor at z = 0: the shape of a pile."""
+    moved = centres_m - (0.0, 0.0, box.floor)
+    moved[:, 0] -= np.sign(moved[:, 0]) * box.half_width
+    return moved
+
+
+def measure(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Config,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The record with angles, mass and rate; a run that lacks a target gets the status ``no_flank``."""
+    from repose.measure.pile import MeasureSettings, measure_pile
+
+    measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_below"))
+    if record["status"] != "ok":
+        return {**record, **measured}
+    box = Box.of(config[NAME])
+    settings = replace(MeasureSettings.of(config["measure"], berry), views=1)
+    centres, scales = (np.asarray(arrays[key], float) for key in ("position", "scale"))
+    exits, masses = np.asarray(arrays["exit_s"], float), particle.mass_kg * scales**3
+    left = np.isfinite(exits)
+    measured |= {"berries_below": int(left.sum()), "drawdown_mass_g": 1e3 * float(masses[left].sum())}
+    rate = rate_kg_s(exits[left], masses[left]) if left.any() else np.nan
+    measured["drawdown_flow_g_s"] = 1e3 * rate if np.isfinite(rate) else None
+    reasons = {}
+    parts = {
+        # both wedges, though they need not touch
+        "drawdown_above_deg": (~left, back_to_back(centres, box), replace(settings, largest_pile_only=False)),
+        "drawdown_below_deg": (left, centres, settings),
+    }
+    for name, (these, places, how) in parts.items():
+        bodies = places[these], arrays["quaternion"][these], particle
+        try:
+            seen = measure_pile(*bodies, how, scales=scales[these]).record()
+            measured[name] = seen["aor_deg"]
+        except NoFlankError as error:
+            reasons[name] = error.reason
+    judged = {}
+    missing = [one.name for one in BENCH.target_responses(config) if measured[one.name] is None]
+    if missing:
+        reason = reasons.get(missing[0], f"{missing[0]} cannot be measured")
+        judged = {"status": "no_flank", "reason": reason}
+    return {**record, **judged, **measured}
+
+
+BENCH = register(
+    BenchTest(
+        name=NAME,
+        responses=RESPONSES,
+        recorded=RECORDED,
+        statuses=STATUSES,
+        settings=Settings,
+        build=build,
+        run=run,
+        measure=measure,
+        duration_s=lambda config: 2.0 * config[NAME]["open_from_s"] + config[NAME]["longest_s"],
+        contradictions=contradictions,
+        misfits=misfits,
+        kept=("position", "quaternion", "scale", "exit_s"),
+        in_words="{drawdown_above_deg:.1f} deg above, {drawdown_below_deg:.1f} deg below, "
+        "{drawdown_mass_g:.0f} g at {drawdown_flow_g_s:.0f} g/s",
+    )
+)
