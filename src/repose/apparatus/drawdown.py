@@ -22,7 +22,7 @@ from repose.apparatus.bounds import Bounded
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
 from repose.apparatus.factory import Strip, fill, last_berry_s
 from repose.apparatus.funnel import LINE, narrow_openings
-from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
+from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import NoFlankError
 from repose.core.responses import Response
@@ -218,9 +218,9 @@ def run(
 ) -> Run:
     """Fill the upper chamber, let the berries rest, open the gate, and let what stays and what fell rest.
 
-    The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, and ``exit_s`` (N,), when
-    each berry left the slot after the opening [s], NaN where it stayed. The gate is opened at `open_from_s`, or later
-    when the berries are at rest, at most twice as late.
+    The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, ``exit_s`` (N,), when each
+    berry left the slot after the opening [s], NaN where it stayed, and ``in_pile`` (N,), the largest cluster below. The
+    gate is opened at `open_from_s`, or later when the berries are at rest, at most twice as late.
     """
     section, settings, box = config[NAME], SimulationSettings.of(config), Box.of(config[NAME])
     simulation, scales, reach = sized_simulation(
@@ -261,6 +261,7 @@ def run(
         "quaternion": simulation.quaternions.astype(np.float32),
         "scale": simulation.scales.astype(np.float32),
         "exit_s": simulation.exit_times_s - opened_s,
+        "in_pile": largest_cluster(simulation.contacts(), np.isfinite(simulation.exit_times_s)),
     }
     return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, filmed.frames())
 
@@ -296,17 +297,18 @@ def measure(
     measured |= {"berries_below": int(left.sum()), "drawdown_mass_g": 1e3 * float(masses[left].sum())}
     rate = rate_kg_s(exits[left], masses[left]) if left.any() else np.nan
     measured["drawdown_flow_g_s"] = 1e3 * rate if np.isfinite(rate) else None
-    reasons = {}
+    pile = np.asarray(arrays["in_pile"], bool) if settings.largest_pile_only else left
+    # both wedges, though they need not touch
+    apart = replace(settings, largest_pile_only=False)
     parts = {
-        # both wedges, though they need not touch
-        "drawdown_above_deg": (~left, back_to_back(centres, box), replace(settings, largest_pile_only=False)),
-        "drawdown_below_deg": (left, centres, settings),
+        "drawdown_above_deg": (~left, back_to_back(centres, box), apart),
+        "drawdown_below_deg": (pile, centres, settings),
     }
+    reasons = {}
     for name, (these, places, how) in parts.items():
         bodies = places[these], arrays["quaternion"][these], particle
         try:
-            seen = measure_pile(*bodies, how, scales=scales[these]).record()
-            measured[name] = seen["aor_deg"]
+            measured[name] = measure_pile(*bodies, how, scales=scales[these]).record()["aor_deg"]
         except NoFlankError as error:
             reasons[name] = error.reason
     judged = {}
@@ -330,7 +332,7 @@ BENCH = register(
         duration_s=lambda config: 2.0 * config[NAME]["open_from_s"] + config[NAME]["longest_s"],
         contradictions=contradictions,
         misfits=misfits,
-        kept=("position", "quaternion", "scale", "exit_s"),
+        kept=("position", "quaternion", "scale", "exit_s", "in_pile"),
         in_words="{drawdown_above_deg:.1f} deg above, {drawdown_below_deg:.1f} deg below, "
         "{drawdown_mass_g:.0f} g at {drawdown_flow_g_s:.0f} g/s",
     )

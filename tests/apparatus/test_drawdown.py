@@ -1,0 +1,119 @@
+"""The drawdown box: wedges of known slope, how a run is judged, conserved mass, and the angles above and below."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import not_refused
+
+from repose.apparatus import bench, drawdown
+from repose.apparatus.job import run_once
+from repose.config.study import Study
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+FILES = [ROOT / "config" / "config.yaml", ROOT / "examples" / "bench_tests" / "drawdown.yaml"]
+BERRY = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
+SPHERE = fit_particle(ellipsoid_mesh(np.full(3, 10.0)), 1200.0)
+SET = dict(zip(PARAMETERS, (0.3, 0.4, 0.05, 0.3, 0.4, 0.05), strict=True))
+SMALL = {"berries": 550, "rate_per_s": 600.0, "open_from_s": 1.5, "longest_s": 4.0, "width_mm": 160.0}
+SMALL |= {"depth_mm": 60.0, "height_mm": 140.0, "slot_mm": 60.0, "lower_width_mm": 360.0, "drop_mm": 120.0}
+GOOD = drawdown.Drained(filled=600, early=0, held=True, over_slot=0, energy_j=1e-12)
+
+
+def config(**keys):
+    """The example's configuration with some keys of its box changed."""
+    whole = Study.load(*FILES).config
+    whole["drawdown"].update(keys)
+    whole["simulation"]["time_step_s"] = 1.5e-4
+    return whole
+
+
+def test_a_run_is_judged():
+    def status(**changes):
+        return drawdown.status_of(dataclasses.replace(GOOD, **changes), config())[0]
+
+    assert status() == "ok"
+    assert status(unstable="why") == "unstable"
+    assert status(filled=599) == "not_filled"
+    assert status(early=1) == status(held=False) == "lost"
+    assert status(energy_j=1e-6) == status(energy_j=math.nan) == "not_at_rest"
+    assert status(over_slot=1) == "jammed"
+
+
+def test_a_box_that_cannot_be_built_is_refused():
+    cases = [
+        ("open_from_s", 1.4, "above 1.4975, when the last berry appears"),
+        ("slot_mm", 260.0, "below drawdown.width_mm, 260"),
+        ("edge_radius_mm", 1.5, "at most a quarter of drawdown.floor_mm, 1"),
+        ("drop_mm", 4.0, "above drawdown.floor_mm, 4"),
+        ("lower_width_mm", 267.0, "at least 268, the upper chamber with its walls"),
+    ]
+    wrong = [({key: value}, rf"drawdown\.{key}.*{allowed}") for key, value, allowed in cases]
+    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
+
+
+def test_a_berry_has_to_fit():
+    found = dict(drawdown.misfits(config(depth_mm=20.0, slot_mm=9.0), (21.1, 11.4, 9.9)))
+    assert list(found) == ["drawdown.slot_mm", "drawdown.depth_mm"]
+    assert not list(drawdown.misfits(config(), (21.1, 11.4, 9.9)))
+
+
+def slopes(above_deg, below_deg):
+    """Centres of small spheres that fill two wedges above and a pile below, of these slopes, 0.5 mm apart."""
+    own = config()["drawdown"]
+    box = drawdown.Box.of(own)
+    x, z = np.meshgrid(np.arange(-0.13, 0.13, 5e-4), np.arange(5e-4, 0.1, 5e-4), indexing="ij")
+    x, z = x.ravel(), z.ravel()
+    wedge = (np.abs(x) > box.half_slot) & (z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot))
+    pile = z < 0.04 - math.tan(math.radians(below_deg)) * np.abs(x)
+    xs = np.concatenate([x[wedge], x[pile]])
+    zs = np.concatenate([z[wedge] + box.floor, z[pile]])
+    stays = np.arange(len(xs)) < wedge.sum()
+    arrays = {
+        "position": np.column_stack([xs, np.zeros_like(xs), zs]),
+        "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (len(xs), 1)),
+        "scale": np.full(len(xs), 0.1),
+        "exit_s": np.where(stays, np.nan, np.linspace(0.0, 2.0, len(xs))),
+        "in_pile": ~stays,
+    }
+    return arrays
+
+
+def test_both_slopes_are_measured():
+    arrays = slopes(33.0, 24.0)
+    berry = BERRY | {"long_mm": 1.0, "major_mm": 1.0, "minor_mm": 1.0}
+    found = drawdown.measure({"status": "ok"}, arrays, config(), SPHERE, berry)
+    assert found["drawdown_above_deg"] == pytest.approx(33.0, abs=0.5)
+    assert found["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
+    below = int(arrays["in_pile"].sum())
+    assert found["drawdown_mass_g"] == pytest.approx(below * SPHERE.mass_kg)  # 0.1^3 kg are g
+
+
+@pytest.mark.slow
+def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
+    """An ensemble of four fillings; what drained and what stayed are all that was filled in."""
+    runs = [run_once(bench("drawdown"), config(**SMALL), SET, seed, SPHERE, BERRY) for seed in (1, 2, 3, 4)]
+    for record, run in runs:
+        assert record["status"] == "ok", record["reason"]
+        stays = ~np.isfinite(run.arrays["exit_s"])
+        assert record["berries_below"] + stays.sum() == 550
+        assert record["drawdown_mass_g"] == pytest.approx(1e3 * SPHERE.mass_kg * (550 - stays.sum()))
+        floor_m = 1e-3 * SMALL["drop_mm"]
+        assert (run.arrays["position"][stays, 2] > floor_m).all()
+        assert (run.arrays["position"][~stays, 2] < floor_m).all()
+        assert record["drawdown_flow_g_s"] > 0.0
+    names = ("drawdown_above_deg", "drawdown_below_deg")
+    angles = np.array([[record[name] for name in names] for record, _ in runs])
+    more = angles[:, 0] - angles[:, 1]
+    assert more.mean() > 3.0 * more.std(ddof=1) / 2.0
+
+
+def test_a_narrow_slot_jams():
+    record, _ = run_once(bench("drawdown"), config(**SMALL | {"slot_mm": 18.0}), SET, 1, SPHERE, BERRY)
+    assert record["status"] == "jammed"
+    assert record["drawdown_mass_g"] is None
