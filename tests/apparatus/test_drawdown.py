@@ -69,7 +69,9 @@ def slopes(above_deg, below_deg):
     box = drawdown.Box.of(own)
     x, z = np.meshgrid(np.arange(-0.13, 0.13, 5e-4), np.arange(5e-4, 0.1, 5e-4), indexing="ij")
     x, z = x.ravel(), z.ravel()
-    wedge = (np.abs(x) > box.half_slot) & (z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot))
+    wedge = (np.abs(x) > box.half_slot) & (
+        z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot)
+    )
     pile = z < 0.04 - math.tan(math.radians(below_deg)) * np.abs(x)
     xs = np.concatenate([x[wedge], x[pile]])
     zs = np.concatenate([z[wedge] + box.floor, z[pile]])

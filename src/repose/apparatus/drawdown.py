@@ -263,7 +263,7 @@ def run(
         "exit_s": simulation.exit_times_s - opened_s,
         "in_pile": largest_cluster(simulation.contacts(), np.isfinite(simulation.exit_times_s)),
     }
-    return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, filmed.frames())
+    return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, filmed.frames(walls=True))
 
 
 # --- measure --------------------------------------------------------------------------------------

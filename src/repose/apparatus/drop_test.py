@@ -125,7 +125,9 @@ def run(
         status, reason = "no_rebound", f"the berry still touches the plate {HIT_S:g} s after it fell on it"
     times, heights = np.array(rows).reshape(-1, 2).T
     arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
-    return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, follow.filmed.frames())
+    return Run(
+        {"seed": int(seed), "status": status, "reason": reason}, arrays, follow.filmed.frames(walls=True)
+    )
 
 
 class _Follow:

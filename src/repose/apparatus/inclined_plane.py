@@ -138,7 +138,7 @@ def run(
             record |= {"status": "not_at_rest", "reason": reason}
         columns = np.array(rows).reshape(-1, 3).T
         arrays |= {f"{what}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)}
-        frames = filmed.frames()
+        frames = filmed.frames(walls=True)
     if frames is not None:
         frames = tilted(frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0)))
     return Run(record, arrays, frames)
@@ -200,7 +200,10 @@ def tilted(
     c, s = np.cos(half)[:, None], np.sin(half)[:, None]
     qw, qx, qy, qz = np.moveaxis(np.asarray(frames["quaternion"], float), -1, 0)
     quaternion = np.stack([c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1)
-    return {**frames, "position": position, "quaternion": quaternion, "tilt_deg": tilt}
+    planes = np.array(frames["planes"], float)
+    planes[:, 0, 3:6] = -np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
+    moved = {"position": position, "quaternion": quaternion, "planes": planes}
+    return {**frames, **moved, "tilt_deg": tilt}
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -222,7 +225,7 @@ def measure(
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
     """The record with both angles; None where the sled or the berry stays, or the berry slides and does not roll."""
-    measured: dict[str, Any] = dict.fromkeys(MEASURED)
+    measured: dict[str, Any] = dict.fromkeys((*MEASURED, "motion"))
     if record["status"] != "ok":
         return {**record, **measured}
     steepest = config[NAME]["steepest_deg"]
@@ -235,6 +238,8 @@ def measure(
             why[name] = f"the berry slides at {angle[-1]:.1f} degrees and does not roll"
         else:
             measured[name] = beginning_deg(angle, speed)
+            why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
+    measured["motion"] = "; ".join(why.values())
     judged = {}
     for target in BENCH.target_responses(config):
         if measured[target.name] is None:
@@ -263,6 +268,6 @@ BENCH = register(
         duration_s=duration_s,
         contradictions=contradictions,
         kept=tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS),
-        in_words="the sled slides at {slip_deg:.2f} deg, the berry rolls at {roll_deg:.2f} deg",
+        in_words="{motion}",
     )
 )

@@ -275,7 +275,7 @@ def run(
         "in_pile": in_pile,
         "scale": simulation.scales.astype(np.float32),
     }
-    return Run(record, arrays, filmed.frames())
+    return Run(record, arrays, filmed.frames(walls=True))
 
 
 def _move(simulation, speed_m_s):

@@ -147,11 +147,12 @@ class Filmed:
         if self.progress is not None:
             self.progress(self.simulation.time_s)
 
-    def frames(self) -> dict[str, np.ndarray] | None:
+    def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
         """The frames; None if none were requested.
 
         ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies
-        that there is room for; NaN where a body is not there.
+        that there is room for; NaN where a body is not there. With `walls` also where the walls are, as
+        `repose.dem.Recorder.frames` has them, for a film of walls that move.
         """
         if self.recorder is None:
             return None
@@ -163,7 +164,7 @@ class Filmed:
             "time_s": kept["time_s"],
             "position": np.pad(kept["position"], absent, constant_values=np.nan),
             "quaternion": np.pad(kept["quaternion"], absent, constant_values=np.nan),
-        }
+        } | ({name: kept[name] for name in ("planes", "wall_frames")} if walls else {})
 
 
 def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:

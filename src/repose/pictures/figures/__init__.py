@@ -7,6 +7,7 @@ from typing import Any
 from repose.core.errors import InputError
 
 from . import (
+    bench_scenes,
     berries,
     checks,
     discrepancy,
@@ -58,6 +59,10 @@ FIGURES = {
     "perturbation": (response_surface.perturbation, ("samples", "dataset")),
     "contours": (response_surface.contours, ("samples", "dataset", "optimum")),
     "sequential": (sequential.sequential, ("batches", "check")),
+    "lifted_cylinder": (bench_scenes.lifted_cylinder, ()),
+    "inclined_plane": (bench_scenes.inclined_plane, ()),
+    "drop_test": (bench_scenes.drop_test, ()),
+    "drawdown": (bench_scenes.drawdown, ()),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
@@ -66,6 +71,8 @@ OPTIONAL = {
     "figure14": ("published",),
     "convergence": ("summary",),
     "design": ("comparison",),
+    "drawdown": ("runs", "particle"),
+    "lifted_cylinder": ("runs", "particle"),
     "plane": ("pool", "fresh"),
     "validation": ("published",),
 }

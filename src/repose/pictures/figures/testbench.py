@@ -130,10 +130,15 @@ def _levels(panel: Axes, funnel: Mapping[str, Any], factory: float, half_view: f
     panel.plot([-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4)
 
 
-def _dimensions(
-    panel: Axes, funnel: Mapping[str, Any], top: float, half_inlet: float, half_view: float
+def dimension(
+    panel: Axes,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    text: str,
+    place: tuple[float, float],
+    **options: Any,
 ) -> None:
-    """Measured arrows with their numbers."""
+    """A measured arrow from start to end with its number at a place; `options` go to its text."""
     style_of = {
         "arrowstyle": "<->",
         "color": style.BLUE,
@@ -142,21 +147,19 @@ def _dimensions(
         "shrinkB": 0,
         "mutation_scale": 7,
     }
+    panel.annotate("", start, xytext=end, arrowprops=style_of, zorder=5)
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
+    panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, **options)
 
-    def arrow(
-        start: tuple[float, float],
-        end: tuple[float, float],
-        text: str,
-        place: tuple[float, float],
-        **options: Any,
-    ) -> None:
-        panel.annotate("", start, xytext=end, arrowprops=style_of, zorder=5)
-        box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
-        panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, **options)
 
+def _dimensions(
+    panel: Axes, funnel: Mapping[str, Any], top: float, half_inlet: float, half_view: float
+) -> None:
+    """Measured arrows with their numbers."""
     outlet, z_outlet = funnel["outlet_diameter_mm"] / 2, funnel["outlet_height_mm"]
     over = top + funnel["factory_height_mm"] + 14
-    arrow(
+    dimension(
+        panel,
         (-half_inlet, over),
         (half_inlet, over),
         f"inlet {2 * half_inlet:g}",
@@ -165,10 +168,21 @@ def _dimensions(
         va="bottom",
     )
     below = z_outlet - 11
-    arrow((-outlet, below), (outlet, below), f"{2 * outlet:g}", (outlet + 4, below), ha="left", va="center")
+    dimension(
+        panel,
+        (-outlet, below),
+        (outlet, below),
+        f"{2 * outlet:g}",
+        (outlet + 4, below),
+        ha="left",
+        va="center",
+    )
     side = -half_inlet - 32
-    arrow((side, 0), (side, z_outlet), f"{z_outlet:g}", (side - 4, z_outlet / 2), ha="right", va="center")
-    arrow(
+    dimension(
+        panel, (side, 0), (side, z_outlet), f"{z_outlet:g}", (side - 4, z_outlet / 2), ha="right", va="center"
+    )
+    dimension(
+        panel,
         (side, z_outlet),
         (side, top),
         f"{top - z_outlet:.0f}",

@@ -1,0 +1,50 @@
+"""Run one of the bench tests of this folder once with goji berries: its responses, a sketch with dimensions, a film.
+
+    python examples/bench_tests/run.py lifted_cylinder
+
+The sketch and the film are written to results/examples/.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from repose.apparatus import bench
+from repose.config.study import Study
+from repose.core.parameter_space import ParameterSpace
+from repose.pictures import figures, film
+
+HERE = Path(__file__).parent
+NAMES = sorted(path.stem for path in HERE.glob("*.yaml"))
+# Views of the films: elevation and azimuth of the camera in degrees, and simulated time between two frames.
+VIEWS = {
+    "lifted_cylinder": (12, -70, 0.1),
+    "inclined_plane": (4, -90, 0.25),
+    "drop_test": (4, -90, 0.004),
+    "drawdown": (4, -90, 0.05),
+}
+
+
+def main(name, out="results/examples", pictures=48, width=420):
+    """Run the bench test at the centre of the ranges and write the pictures; returns the measured run."""
+    study = Study.load("config/config.yaml", HERE / f"{name}.yaml")
+    test, config = bench(name), study.config
+    values = ParameterSpace.of(config["parameters"]).centre
+    elevation, azimuth, interval_s = VIEWS[name]
+    run = test.run(config, values, 1, study.particle, study.grain, interval_s)
+    measured = test.measure(run.record, run.arrays, config, study.particle, study.grain)
+    print(test.in_words.format(**measured) if measured["status"] == "ok" else measured)
+    out = Path(out)
+    figures.draw(name, {}, out / f"{name}.png", config)
+    frames = run.frames | {"shape": np.zeros(len(run.frames["scale"]), int)}
+    scene = test.build(config, values, study.particle, study.grain)
+    view = {"elevation_deg": elevation, "azimuth_deg": azimuth, "width": width, "colour": config["colour"]}
+    film.animate(scene, frames, out / f"{name}.gif", pictures, **view)
+    return measured
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("name", choices=NAMES)
+    main(parser.parse_args().name)

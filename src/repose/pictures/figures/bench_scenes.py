@@ -1,0 +1,153 @@
+"""Bench tests from the side with their dimensions in mm, and the berries of a saved run if given."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from repose.config.reading import section
+from repose.measure.saved_pours import first_pour
+from repose.measure.silhouette import outlines
+from repose.particle.build import Particle
+
+from . import style
+from .testbench import dimension
+
+PLATE = "#C9CED3"
+BODY_MM = 12.0  # of the single berry that a sketch shows
+
+
+def lifted_cylinder(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """The tube on its plate, and how it is lifted. Optional inputs: ``runs`` of a job, and ``particle``."""
+    own = section(config, "lifted_cylinder")
+    radius, length, rim = own["diameter_mm"] / 2, own["length_mm"], own["rim_radius_mm"]
+    half = 2.2 * radius
+    panel = _panel((-half, half), (-0.12 * length, 1.3 * length))
+    _berries(panel, inputs, config["colour"])
+    _solid(panel, (-half, half), (-0.05 * length, 0))
+    for side in (-1, 1):
+        _solid(panel, (side * radius, side * (radius + max(2 * rim, 0.03 * radius))), (0, length), style.GREY)
+    over = 1.06 * length
+    dimension(panel, (-radius, over), (radius, over), f"{2 * radius:g}", (0, 1.08 * length), ha="center")
+    beside = -1.5 * radius
+    dimension(panel, (beside, 0), (beside, length), f"{length:g}", (1.05 * beside, length / 2), ha="right")
+    speed = f"{own['lifting_mm_s']:g} mm/s"
+    _motion(panel, (1.3 * radius, 0.5 * length), (1.3 * radius, 0.8 * length), speed)
+    _words(panel, (0, -0.06 * length), f"plate, diameter {own['plate_diameter_mm']:g}")
+    return panel.figure
+
+
+def inclined_plane(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """The plane at its steepest with a berry, and the rate at which it tilts; no length is that of a part."""
+    own = section(config, "inclined_plane")
+    steepest = math.radians(own["steepest_deg"])
+    panel = _panel((-15, 130), (-12, 115))
+    along = np.array([math.cos(steepest), math.sin(steepest)])
+    across = np.array([-along[1], along[0]])
+    panel.plot([0, 120], [0, 0], color=style.GREY, lw=0.8, ls="--")
+    panel.plot(*np.transpose([(0, 0), 100 * along]), color=style.BLACK, lw=3)
+    turn = np.linspace(0, 2 * math.pi, 60)
+    body = 60 * along + (0.5 * BODY_MM + 1) * across
+    outline = body[:, None] + 0.5 * BODY_MM * np.array([np.cos(turn), np.sin(turn)])
+    panel.fill(*outline, facecolor=config["colour"], edgecolor=style.BLACK, lw=0.4)
+    arc = np.linspace(0, steepest, 40)
+    panel.plot(45 * np.cos(arc), 45 * np.sin(arc), color=style.BLUE, lw=0.8)
+    rate = f"0 to {own['steepest_deg']:g}°,\n{own['tilting_deg_s']:g}° per second"
+    _words(panel, (50 * math.cos(steepest / 2), 50 * math.sin(steepest / 2)), rate, ha="left")
+    _words(panel, (60, -8), f"surface: {own['surface']}")
+    panel.set(xlabel="", ylabel="", xticks=[], yticks=[])
+    return panel.figure
+
+
+def drop_test(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """The berry above its plate."""
+    own = section(config, "drop_test")
+    height = own["height_mm"]
+    half = max(0.35 * height, 2 * BODY_MM)
+    panel = _panel((-half, half), (-0.1 * height, 1.1 * height + 2 * BODY_MM))
+    _solid(panel, (-half, half), (-0.04 * height, 0))
+    turn = np.linspace(0, 2 * math.pi, 60)
+    around = 0.5 * BODY_MM * np.array([np.cos(turn), np.sin(turn)])
+    panel.fill(
+        around[0], height + 0.5 * BODY_MM + around[1], facecolor=config["colour"], edgecolor=style.BLACK
+    )
+    beside = -0.6 * half
+    dimension(panel, (beside, 0), (beside, height), f"{height:g}", (1.05 * beside, height / 2), ha="right")
+    _words(panel, (0, -0.07 * height), f"plate: {own['surface']}")
+    _motion(panel, (0, 0.9 * height), (0, 0.7 * height), "")
+    return panel.figure
+
+
+def drawdown(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """Both chambers, slot and gate. Optional inputs: ``runs`` of a job, and ``particle``."""
+    own = section(config, "drawdown")
+    width, slot, lower, floor = (
+        own[key] / 2 for key in ("width_mm", "slot_mm", "lower_width_mm", "floor_mm")
+    )
+    floor *= 2
+    drop, top = own["drop_mm"], own["drop_mm"] + own["height_mm"]
+    panel = _panel((-1.2 * lower, 1.2 * lower), (-0.12 * top, 1.12 * top))
+    _berries(panel, inputs, config["colour"])
+    _solid(panel, (-1.02 * lower, 1.02 * lower), (-0.03 * top, 0))
+    for side in (-1, 1):
+        _solid(panel, (side * lower, side * 1.02 * lower), (0, drop), style.GREY)
+        _solid(panel, (side * slot, side * (width + floor)), (drop - floor, drop), style.BLACK)
+        _solid(panel, (side * width, side * (width + floor)), (drop, top), style.GREY)
+    panel.plot([-slot, slot], [drop - 1.5 * floor] * 2, color=style.RED, lw=1.2, ls=":")
+    _motion(panel, (0, drop - 2 * floor), (0, 0.72 * drop), "gate")
+    over, under = 1.04 * top, -0.06 * top
+    dimension(panel, (-width, over), (width, over), f"{2 * width:g}", (0, 1.06 * top), ha="center")
+    dimension(panel, (-lower, under), (lower, under), f"{2 * lower:g}", (0, under), ha="center", va="center")
+    above = drop + 0.06 * top
+    dimension(panel, (-slot, above), (slot, above), f"{2 * slot:g}", (0, above + 0.01 * top), ha="center")
+    beside = -1.1 * lower
+    dimension(panel, (beside, 0), (beside, drop), f"{drop:g}", (beside, drop / 2), ha="center")
+    height = f"{top - drop:g}"
+    dimension(panel, (beside, drop), (beside, top), height, (beside, (drop + top) / 2), ha="center")
+    _words(panel, (0.75 * lower, 0.9 * top), f"depth {own['depth_mm']:g}")
+    return panel.figure
+
+
+def _panel(across: Sequence[float], up: Sequence[float]) -> Axes:
+    """A panel to scale, in mm."""
+    wide, high = across[1] - across[0], up[1] - up[0]
+    width = 1.2 * style.COLUMN if wide > high else style.COLUMN
+    figure = style.new_figure(width, min(max((width - 0.5) * high / wide + 0.5, 2.0), 6.5))
+    panel = figure.subplots()
+    panel.set(xlim=across, ylim=up, aspect="equal", xlabel="x (mm)", ylabel="z (mm)")
+    return panel
+
+
+def _solid(panel: Axes, across: Sequence[float], up: Sequence[float], colour: str = PLATE) -> None:
+    """A filled rectangle."""
+    panel.fill_between(sorted(across), up[0], up[1], color=colour, lw=0, zorder=3)
+
+
+def _motion(panel: Axes, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
+    """An arrow in the direction of a motion, its words at the end."""
+    arrow = {"arrowstyle": "->", "color": style.RED, "lw": 1.2}
+    panel.annotate("", end, xytext=start, arrowprops=arrow, zorder=5)
+    panel.text(*end, f" {text}", color=style.RED, fontsize=6.5, ha="left", va="center", zorder=5)
+
+
+def _words(panel: Axes, place: Sequence[float], text: str, ha: str = "center") -> None:
+    """Words in the colour of dimensions."""
+    panel.text(*place, text, color=style.BLUE, fontsize=6.5, ha=ha, va="center", zorder=5)
+
+
+def _berries(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
+    """Outlines of the berries of the first run of a job as it ended, if it is given with its particle."""
+    if not {"runs", "particle"} <= inputs.keys():
+        return
+    run, particle = first_pour(inputs["runs"]), Particle.load(inputs["particle"])
+    centres = run["position"].astype(float)
+    order = np.argsort(-centres[:, 1])
+    bodies = centres[order], run["quaternion"][order], particle
+    outline = outlines(*bodies, [0.0], scales=run["scale"][order])[0]
+    panel.add_collection(
+        PolyCollection(1e3 * outline, facecolors=colour, edgecolors=style.BLACK, linewidths=0.25, zorder=2.5)
+    )
