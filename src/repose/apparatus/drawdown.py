@@ -243,6 +243,9 @@ def run(
         filled, opened_s = simulation.n_bodies, simulation.time_s
         early = int(np.isfinite(simulation.exit_times_s).sum())
         simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
+        # until it lies below the lower floor
+        filmed.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
+        simulation.set_motion("gate", dem.Motion())
         filmed.run_to(simulation.steps + every)
         rest(simulation.steps + settings.steps(section["longest_s"]))
     centres = simulation.positions.copy()

@@ -92,7 +92,8 @@ def build(
         berry,
         capacity=1,
         walls={"plane": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), config[NAME]["surface"])},
-        lower=(-4.0 * reach, -4.0 * reach, 0.0),
+        # pictures draw the plane as far as the box reaches, also when it is tilted
+        lower=(-4.0 * reach, -4.0 * reach, -4.0 * reach),
         upper=(4.0 * reach, 4.0 * reach, 4.0 * reach),
         largest_scale=largest_scale,
     )
