@@ -93,6 +93,18 @@ def test_the_beginning_is_where_the_root_of_the_speed_meets_zero():
     assert inclined_plane.beginning_deg(angle, speed) == pytest.approx(20.0, abs=1e-3)
 
 
+def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
+    values = dict(zip(PARAMETERS, (0.3, 0.5, 0.3, 0.3, 0.5, 0.3), strict=True))
+    own = config(tilting_deg_s=10.0, steepest_deg=45.0)
+    frames = bench("inclined_plane").run(own, values, 1, SPHERE, BERRY, interval_s=0.05).frames
+    normal = -frames["planes"][:, 0, 3:6]
+    above = (frames["position"][:, 0] * normal).sum(axis=1)
+    assert np.ptp(above) < 1e-4
+    assert np.degrees(np.arctan2(normal[:, 0], normal[:, 2])) == pytest.approx(frames["tilt_deg"])
+    assert frames["tilt_deg"][0] < 1.0
+    assert frames["tilt_deg"][-1] > 16.0
+
+
 def test_a_plane_that_tilts_too_fast_is_refused():
     cases = [
         ({"tilting_deg_s": 20.0, "steepest_deg": 5.0}, r"tilting_deg_s.*at most 10"),

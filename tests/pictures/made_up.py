@@ -159,6 +159,8 @@ def inputs_of(name, inputs):
         files["runs"] = "noise_runs"
     if name in ("corner", "region"):
         files["summary"] = "posterior_summary"
+    if name in ("lifted_cylinder", "drawdown"):
+        files["runs"] = "heap"
     if name == "approach":
         files["summary"] = "refined_summary"
     keys = figures.FIGURES[name][1] + figures.OPTIONAL.get(name, ())

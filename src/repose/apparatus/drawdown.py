@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 NAME = "drawdown"
 STATUSES = ("ok", "unstable", "not_filled", "lost", "not_at_rest", "jammed", "no_flank")
 LOOK_S = 0.05  # simulated time between two looks whether the berries rest
+HALVES = ("width", "depth", "slot", "lower_width")  # keys whose halves a `Box` has
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # of a block
 
 # --- responses ------------------------------------------------------------------------------------
@@ -114,9 +115,9 @@ class Box:
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Box":
         """The box that a section of the configuration describes."""
-        halves = (0.5e-3 * section[f"{key}_mm"] for key in ("width", "depth", "slot", "lower_width"))
+        width, depth, slot, lower = (0.5e-3 * section[f"{key}_mm"] for key in HALVES)
         drop, thickness = 1e-3 * section["drop_mm"], 1e-3 * section["floor_mm"]
-        return cls(*halves, floor=drop, thickness=thickness, top=drop + 1e-3 * section["height_mm"])
+        return cls(width, depth, slot, lower, drop, thickness, drop + 1e-3 * section["height_mm"])
 
     @property
     def gate(self) -> float:
@@ -259,7 +260,7 @@ def run(
         unstable=bounded.broken,
     )
     status, reason = status_of(drained, config)
-    arrays = {
+    arrays: dict[str, np.ndarray] = {
         "position": centres.astype(np.float32),
         "quaternion": simulation.quaternions.astype(np.float32),
         "scale": simulation.scales.astype(np.float32),

@@ -145,9 +145,8 @@ def _berries(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
         return
     run, particle = first_pour(inputs["runs"]), Particle.load(inputs["particle"])
     centres = run["position"].astype(float)
-    order = np.argsort(-centres[:, 1])
-    bodies = centres[order], run["quaternion"][order], particle
-    outline = outlines(*bodies, [0.0], scales=run["scale"][order])[0]
+    order, scales = np.argsort(-centres[:, 1]), run.get("scale", np.ones(len(centres)))
+    outline = outlines(centres[order], run["quaternion"][order], particle, [0.0], scales=scales[order])[0]
     panel.add_collection(
         PolyCollection(1e3 * outline, facecolors=colour, edgecolors=style.BLACK, linewidths=0.25, zorder=2.5)
     )
