@@ -20,7 +20,7 @@ from repose.core.seeds import pour_seeds
 from repose.core.sources import engine_hash, stage_hash
 from repose.dem.cache import source_hash
 from repose.strategies.refined import rounds
-from repose.studies import snapshot
+from repose.studies import next_measurement, snapshot
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")

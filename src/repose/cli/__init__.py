@@ -57,7 +57,7 @@ GROUPS = {
     "a study": ("new", "marker", "measure", "check", "plan", "run", "card", "export"),
     "your own simulator": ("design", "tell", "ask", "calibrate"),
     "one pile, one picture": ("heap", "figure", "film", "provenance"),
-    "how sure the answer is": ("noise", "posterior", "sensitivity"),
+    "how sure the answer is": ("noise", "posterior", "sensitivity", "next"),
     "the simulator": ("verify", "bench"),
 }
 TYPED = tuple(name for names in GROUPS.values() for name in names)

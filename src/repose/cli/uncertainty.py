@@ -1,11 +1,12 @@
-"""Verbs for the uncertainty of the answer: noise, posterior, sensitivity."""
+"""Verbs for the uncertainty of the answer: noise, posterior, sensitivity, next."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import NETWORK, RUNS, chosen_files, file_options
-from repose.cli.registry import Family
+from repose.cli.registry import Family, Option
 
 if TYPE_CHECKING:
     from repose.config.study import Study
@@ -64,3 +65,32 @@ def sensitivity(args: argparse.Namespace, study: "Study") -> None:
     defined = (study.definitions, args.config)
     table = sensitivity.run(args.network, space, targets, study.config["sensitivity"], args.out, *defined)
     print(sensitivity.message(table))
+
+
+@family.verb(
+    "choose parameter sets of the posterior, to be run in all bench tests for the verb next",
+    example="--draws results/posterior/draws.csv",
+    out="results/next/samples.csv",
+    options=[Option("--draws", default="results/posterior/draws.csv", help="file of the verb posterior")],
+)
+def plausible(args: argparse.Namespace, study: "Study") -> None:
+    from repose.studies import next_measurement
+
+    next_measurement.plausible_sets(args.draws, study.config["posterior"]["seed"], args.out)
+
+
+@family.verb(
+    "what to measure next: the information that each further response of saved runs would add",
+    example="results/next/heaps/001.pours.json results/next/heaps/002.pours.json",
+    out="results/next",
+    options=[
+        Option("pours", nargs="+", help="NAME.pours.json files of the sets of the stage plausible"),
+        *BERRY_AND_PARTICLE,
+    ],
+)
+def next(args: argparse.Namespace, study: "Study") -> None:
+    from repose.studies import next_measurement
+
+    berry, particle = berry_and_particle(study, args.berry, args.particle)
+    table = next_measurement.run(args.pours, study.config, study.targets, particle, berry, args.out)
+    print(next_measurement.message(table))

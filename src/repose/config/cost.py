@@ -128,6 +128,7 @@ SENTENCES = {
     "response_surface": "Another way to calibrate: screening, steepest ascent, a quadratic surface.",
     "sequential": "Another way to calibrate: few pours, each where it is most informative.",
     "uncertainty": "How sure the answer is: noise, posterior and sensitivity.",
+    "next": "What to measure next: the information of each further response and bench test.",
     "refined": "More pours near the answer, until it meets the targets.",
 }
 

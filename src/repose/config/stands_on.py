@@ -42,6 +42,8 @@ KEYS = {
     "noise": ("targets",),
     "posterior": ("parameters", "targets", "posterior"),
     "sensitivity": ("parameters", "targets", "sensitivity"),
+    "plausible": ("posterior.seed",),
+    "next": ("targets", "posterior.discrepancy_percent", "measure"),
     "sequential_start": ("parameters", "design.seed", "sequential.start_samples"),
     "sequential_batch": (*_SEQUENTIAL, *_keys("sequential", "batch", "probability", "most_pours")),
     "sequential_check": (*_SEQUENTIAL, "sequential.start_samples", *_SOLUTIONS),

@@ -18,6 +18,7 @@ PURPOSES = {
     "response_surface": 12,
     "sequential": 13,
     "joint_targets": 14,
+    "next": 15,
 }
 
 

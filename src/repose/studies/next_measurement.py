@@ -1,0 +1,148 @@
+"""What to measure next: the information that each further response would add to the present targets.
+
+Parameter sets are drawn from the posterior, and each is simulated a few times in every bench test of the configuration.
+A response that differs more between these sets than from run to run tells them apart. Between plausible sets it has
+the variance tau^2, its mean over n repetitions the error s^2 = sigma^2 / n + d^2, with the scatter sigma^2 of a run and
+the discrepancy d of the simulator. For normal variables the information is
+
+    bits = 1/2 log2(1 + tau^2 / s^2)
+
+(Cover & Thomas 2006, Elements of Information Theory, section 9.1). Responses share information: the table ranks the
+first response to add, and is made again once that one is a target.
+"""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from repose.apparatus import bench, bench_tests
+from repose.apparatus.job import measure_job
+from repose.core.errors import InputError
+from repose.core.files import read_table, write_table
+from repose.core.parameters import PARAMETERS, named
+from repose.core.responses import responses_of
+from repose.core.seeds import UNNAMED
+from repose.core.variance import variance_components
+from repose.measure.angles import MEAN_KEYS
+from repose.measure.further_responses import CALIBRATED_ANGLE
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+SETS = 16  # of the posterior's draws
+SEEDS = 2  # runs of each in each bench test: the fewest that show the scatter
+FEWEST_SETS = 4  # that must have two runs with a response
+
+
+def plausible_sets(draws_csv: str | os.PathLike, seed: int, out: str | os.PathLike) -> pd.DataFrame:
+    """Write and return `SETS` of the posterior's draws as samples; InputError if there are fewer."""
+    draws = read_table(draws_csv, PARAMETERS)
+    if len(draws) < SETS:
+        raise InputError(draws_csv, "rows", len(draws), f"{SETS} or more")
+    rows = np.sort(np.random.default_rng(seed).choice(len(draws), SETS, replace=False))
+    samples = draws.loc[rows, list(named(draws))].reset_index(drop=True)
+    samples.insert(0, "sample", range(1, SETS + 1))
+    write_table(out, samples, float_format="%.10g")
+    return samples
+
+
+def measured_runs(
+    pours: Iterable[str | os.PathLike],
+    config: Mapping[str, Any],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    out_dir: str | os.PathLike,
+) -> pd.DataFrame:
+    """All responses of saved runs: a row for each run and response, with apparatus, sample, response and value."""
+    every = [
+        {"response": response.name, "apparatus": test.name}
+        for test in bench_tests()
+        for response in test.responses
+    ]
+    rows = []
+    for path in map(Path, pours):
+        job = measure_job(
+            dict(config) | {"targets": every}, path, particle, berry, Path(out_dir) / path.parent.name
+        )
+        test = bench(job.get("apparatus", UNNAMED), path)
+        rows += [
+            {
+                "apparatus": test.name,
+                "sample": job["sample"],
+                "response": response.name,
+                "value": response.of(run),
+            }
+            for run in job["runs"]
+            for response in responses_of(test.name)
+        ]
+    return pd.DataFrame(rows).dropna(subset="value")
+
+
+def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float) -> pd.DataFrame:
+    """Bits that the mean of `repetitions` measurements of each response would add, most first.
+
+    `runs` is the table of `measured_runs`. The interval of the bits is that of the variance components. Responses
+    with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are left out.
+    """
+    rows = []
+    for (apparatus, name), own in runs.groupby(["apparatus", "response"], sort=False):
+        if (own.groupby("sample").size() > 1).sum() < FEWEST_SETS:
+            continue
+        found = variance_components(own["value"], own["sample"])
+        error = found.within / repetitions + (discrepancy_percent / 100 * found.mean) ** 2
+        if not error > 0:
+            continue
+        icc = np.array([found.icc, found.icc_low, found.icc_high]).clip(0, 1 - 1e-12)
+        bits = 0.5 * np.log2(1 + found.within * icc / (1 - icc) / error)
+        rows.append(
+            {
+                "response": name,
+                "apparatus": apparatus,
+                "mean": found.mean,
+                "sd_between_sets": np.sqrt(found.between),
+                "sd_of_a_run": np.sqrt(found.within),
+                "repetitions": repetitions,
+            }
+            | dict(zip(("bits", "bits_low", "bits_high"), bits, strict=True))
+            | {"sets": found.groups, "runs": found.values}
+        )
+    if not rows:
+        raise InputError("next", "runs", len(runs), f"{FEWEST_SETS} sets or more with two runs of a response")
+    return pd.DataFrame(rows).sort_values("bits", ascending=False, kind="stable", ignore_index=True)
+
+
+def run(
+    pours: Iterable[str | os.PathLike],
+    config: Mapping[str, Any],
+    targets: Sequence[Any],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    out_dir: str | os.PathLike,
+) -> pd.DataFrame:
+    """Measure the runs, write next.csv, return its table.
+
+    The `targets` are left out, as they are measured already; with the calibrated angle all other definitions of it.
+    """
+    measured = {target.name for target in targets}
+    if CALIBRATED_ANGLE in measured:
+        measured |= set(MEAN_KEYS.values())
+    runs = measured_runs(pours, config, particle, berry, out_dir)
+    runs = runs[~runs["response"].isin(measured)]
+    repetitions = round(np.mean([target.repetitions for target in targets]))
+    table = information(runs, repetitions, config["posterior"]["discrepancy_percent"])
+    write_table(Path(out_dir) / "next.csv", table, float_format="%.6g")
+    return table
+
+
+def message(table: pd.DataFrame) -> str:
+    """The table in lines, most informative response first."""
+    lines = [
+        f"{row.response} ({row.apparatus}): {row.bits:.2f} bits ({row.bits_low:.2f} to {row.bits_high:.2f})"
+        f" by the mean of {row.repetitions}"
+        for row in table.itertuples()
+    ]
+    return "\n".join(["Information that one more response would add, in bits:", *lines])

@@ -1,0 +1,59 @@
+# What to measure next, on request: `snakemake --cores 2 next`. Draws of the posterior in every bench test of the configuration.
+NEXT = f"{RESULTS}/next"
+
+
+rule plausible:
+    input:
+        draws=rules.posterior_tables.output.draws,
+    output:
+        samples=f"{NEXT}/samples.csv",
+    log:
+        f"{RESULTS}/logs/next/samples.log",
+    resources:
+        **needs(150),
+    params:
+        **of_stage("plausible"),
+    message:
+        "Plausible parameter sets"
+    shell:
+        "python -m repose stage plausible --config {params.config:q} --draws {input.draws:q} --out {output.samples:q}"
+        " > {log:q} 2>&1"
+
+
+use rule pour as next_pour with:
+    input:
+        **READY,
+        samples=rules.plausible.output.samples,
+    output:
+        pours=f"{NEXT}/{{runs}}/{{sample}}.pours.json",
+        berries=f"{NEXT}/{{runs}}/{{sample}}.npz",
+    log:
+        f"{RESULTS}/logs/next/{{runs}}/{{sample}}.log",
+    params:
+        purpose="next",
+        seeds=next_measurement.SEEDS,
+    message:
+        "Plausible set {wildcards.sample}, {wildcards.runs}"
+
+
+rule next:
+    input:
+        **GRAIN,
+        pours=expand(
+            rules.next_pour.output.pours,
+            runs=[runs for name, runs in RUN_FOLDERS.items() if config.get(name)],
+            sample=[f"{k:03d}" for k in range(1, next_measurement.SETS + 1)],
+        ),
+    output:
+        table=f"{NEXT}/next.csv",
+    log:
+        f"{RESULTS}/logs/next/table.log",
+    resources:
+        **needs(350, minutes=MINUTES_OF_RUNS),
+    params:
+        **of_stage("next"),
+    message:
+        "What to measure next"
+    shell:
+        "python -m repose next {input.pours:q} --config {params.config:q} --berry {input.berry:q}"
+        " --particle {input.particle:q} --out {params.folder:q} > {log:q} 2>&1"
