@@ -12,6 +12,9 @@ from repose.apparatus.job import run_once
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
+from repose.measure import pile
+from repose.measure.saved_piles import side_view
+from repose.measure.settings import MeasureSettings
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
 ROOT = Path(__file__).parents[2]
@@ -67,7 +70,7 @@ def test_a_berry_has_to_fit():
     assert not list(lifted_cylinder.misfits(config(), (21.1, 11.4, 9.9)))
 
 
-def test_a_small_pile_is_measured_as_that_of_the_funnel():
+def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it():
     own = TUBE | {"berries": 60, "lifting_mm_s": 200.0}
     record, run = lifted(1, **own)
     assert (record["status"], record["berries_off_plate"]) == ("ok", 0)
@@ -75,6 +78,12 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel():
     of_funnel = funnel.measure({"seed": 1, "status": "ok", "reason": ""}, run.arrays, config(), SPHERE, BERRY)
     for name in ("aor_deg", "height_mm"):
         assert record[f"lifted_{name}"] == of_funnel[name]
+    settings = MeasureSettings.of(config()["measure"], BERRY)
+    picture = side_view(run.arrays, SPHERE, pile.with_berry_height(settings, SPHERE))
+    base_row = picture.shape[0] - 0.5
+    photographed = pile.measure_image(picture, settings.mm_per_pixel, settings, base_row=base_row)
+    assert photographed.aor_deg == pytest.approx(of_funnel["aor_whole_view_deg"])
+    assert photographed.height_mm == pytest.approx(of_funnel["height_view_mm"])
     loose = 100.0 * (1.0 - run.arrays["in_pile"].mean())
     assert record["lifted_loose_percent"] == pytest.approx(loose)
     again, _ = lifted(1, **own)

@@ -1,8 +1,8 @@
 """The lifted cylinder: an open tube stands on a plate, is filled, and is lifted; the berries flow out and form a pile.
 
 The commonest test of the field's papers. Fast lifting takes the support away at once and the berries run wide, so the
-angle falls with the speed: 18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s for one set of wheat (Sugirbay et al.
-2022, Agriculture 12, 1497). The pile is measured as the funnel's, by the same code.
+angle falls with the speed: one simulated set of wheat gave 18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s (the
+project JoshuaMayo-vectr/DEM-calibration). The pile is measured as the funnel's, by the same code.
 
 The tube's wall has no thickness but for its rounded lower edge, which berries also touch from outside. The rising wall
 drags berries along by friction. Nothing turns, so rolling is resisted against space.
