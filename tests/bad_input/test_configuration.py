@@ -16,7 +16,10 @@ from repose.core.errors import InputError, YamlError
 from repose.core.parameters import FURTHER, PARAMETERS
 
 ROOT = Path(__file__).parents[2]
-GOOD = Study.load(ROOT / "config/config.yaml").config
+EXAMPLES = [parse(path.read_text(), path.name) for path in (ROOT / "examples/bench_tests").glob("*.yaml")]
+GOOD = Study.load(ROOT / "config/config.yaml").config | {
+    example["label"]: example[example["label"]] for example in EXAMPLES
+}
 NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
 
 

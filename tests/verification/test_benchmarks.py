@@ -54,8 +54,11 @@ def test_particles_are_poured_in_turn_after_a_small_pour_of_each(monkeypatch):
 
     monkeypatch.setattr(speed, "timed_pour", pour)
     found = speed.run(CONFIG, {"a": "A", "b": "B"}, "berry", REPRESENTATIVE)
-    assert asked == [("A", 2), ("B", 2)] + 3 * [("A", 500), ("B", 500)]
-    assert (found["berries"], found["time_step_s"]) == (500, 2e-4)
+    assert asked == [("A", 2), ("B", 2)] + 3 * [
+        ("A", CONFIG["funnel"]["berries"]),
+        ("B", CONFIG["funnel"]["berries"]),
+    ]
+    assert (found["berries"], found["time_step_s"]) == (CONFIG["funnel"]["berries"], 2e-4)
     assert [row["to_first"] for row in found["particles"]] == [1.0, 2.5]
 
 

@@ -16,7 +16,6 @@ from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, write_json
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 from repose.core.published import beside
 from repose.core.responses import Definitions
 from repose.core.targets import Targets
@@ -253,7 +252,7 @@ class Study:
     def parameters(self) -> ParameterSpace:
         """Ranges of the free parameters, fixed values, prior knowledge."""
         section = self.config["parameters"]
-        return ParameterSpace.of(section, names=tuple(section) if self._making is None else PARAMETERS)
+        return ParameterSpace.of(section, names=tuple(section) if self._making is None else None)
 
     @cached_property
     def targets(self) -> Targets:

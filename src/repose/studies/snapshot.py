@@ -58,6 +58,10 @@ def of_optional_studies(results_dir: str | Path, patterns: Iterable[str], made: 
 
 def _kept(source, patterns):
     """Files of a study that a snapshot keeps; the records beside them follow their files."""
+    patterns = list(patterns)
+    for pattern in patterns:
+        if Path(pattern).is_absolute():
+            raise InputError("command line", "--keep", pattern, "a path below the folder of results")
     found = {path for pattern in patterns for path in source.glob(pattern) if path.is_file()}
     return sorted(path for path in found if path.suffix in SUFFIXES)
 
