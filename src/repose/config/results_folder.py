@@ -18,7 +18,7 @@ from repose.core.seeds import UNNAMED
 # Folders of the project that results must never be written into.
 PROJECT_FOLDERS = (
     *("src", "config", "resources", "workflow", "profiles", "tests", "docs", "examples", "benchmarks"),
-    "results/published",
+    *("research", ".ci", "results/published"),
 )
 
 
