@@ -88,6 +88,7 @@ def test_a_mistyped_verb_or_stage_is_guessed(capsys):
     assert "did you mean dataset?" in error_of(capsys, "stage", "datset")
     assert "did you mean stage dataset?" in error_of(capsys, "datset")
     assert "did you mean" not in error_of(capsys, "xyzzy")
+    assert "research/README.md" in error_of(capsys, "compare_search")
 
 
 def test_a_verb_that_became_a_stage_still_runs_and_says_its_name(capsys):

@@ -63,6 +63,8 @@ GROUPS = {
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
 STAGE = "stage"
+# Verbs up to version 0.2 whose studies are rules of research/Snakefile now.
+MOVED = ("compare", "joint_targets", "measurement_study", "pool", "profiles", "second_responses", "shape")
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -136,6 +138,8 @@ def _unknown(words):
     name = words[1:2] if place == "stage" else words[:1]
     if not name or name[0].startswith("-") or name[0] in known:
         return None
+    if name[0].startswith(MOVED):
+        return InputError("command line", place, name[0], "no verb any more: the study is in `research/README.md`")
     near = difflib.get_close_matches(name[0], (*known, *STAGES), 1)
     guess = near[0] if near and near[0] in known else f"{STAGE} {near[0]}" if near else ""
     meant = f"did you mean {guess}? " if near else ""
