@@ -148,3 +148,29 @@ def test_a_study_of_our_bench_tests_is_the_same_loop():
     assert len(study.runs) <= 48
     answer = pd.DataFrame([found.parameters])
     assert abs(responses(answer)[0] / TARGETS.aim - 1).max() < 0.03
+
+
+@pytest.mark.essential
+@pytest.mark.slow
+def test_the_loop_as_a_user_writes_it():
+    random = np.random.default_rng(1)
+
+    def simulate(samples):
+        angle = 20 + 12 * samples["mus_gg"] + 60 * samples["mur_gg"] + 0.3 * random.normal(size=len(samples))
+        angle[random.random(len(samples)) < 0.1] = np.nan  # runs that failed
+        return pd.DataFrame({"sample": samples["sample"], "aor_deg": angle})
+
+    study = repose.Study(
+        parameters={"mus_gg": (0.35, 0.75), "mur_gg": (0.02, 0.2)},
+        targets={"aor_deg": (32.87, 2.20)},
+        strategy="sequential",
+        seed=1,
+    )
+    while not study.done:
+        samples = study.ask()  # DataFrame: sample, parameters
+        study.tell(simulate(samples))  # DataFrame: sample, responses; NaN is a run that failed
+    answer = study.answer()
+    assert 20 + 12 * answer.parameters["mus_gg"] + 60 * answer.parameters["mur_gg"] == pytest.approx(
+        32.87, abs=0.5
+    )
+    assert "mus_gg" in answer._repr_html_()

@@ -139,7 +139,9 @@ def _unknown(words):
     if not name or name[0].startswith("-") or name[0] in known:
         return None
     if name[0].startswith(MOVED):
-        return InputError("command line", place, name[0], "no verb any more: the study is in `research/README.md`")
+        return InputError(
+            "command line", place, name[0], "no verb any more: the study is in `research/README.md`"
+        )
     near = difflib.get_close_matches(name[0], (*known, *STAGES), 1)
     guess = near[0] if near and near[0] in known else f"{STAGE} {near[0]}" if near else ""
     meant = f"did you mean {guess}? " if near else ""
