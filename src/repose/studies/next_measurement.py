@@ -92,23 +92,23 @@ def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
     for (apparatus, name), own in runs.groupby(["apparatus", "response"], sort=False):
         if (own.groupby("sample").size() > 1).sum() < FEWEST_SETS:
             continue
-        found = variance_components(own["value"], own["sample"])
-        error = found.within / repetitions + (discrepancy_percent / 100 * found.mean) ** 2
+        parts = variance_components(own["value"], own["sample"])
+        error = parts.within / repetitions + (discrepancy_percent / 100 * parts.mean) ** 2
         if not error > 0:
             continue
-        icc = np.array([found.icc, found.icc_low, found.icc_high]).clip(0, 1 - 1e-12)
-        bits = 0.5 * np.log2(1 + found.within * icc / (1 - icc) / error)
+        icc = np.array([parts.icc, parts.icc_low, parts.icc_high]).clip(0, 1 - 1e-12)
+        bits = 0.5 * np.log2(1 + parts.within * icc / (1 - icc) / error)
         rows.append(
             {
                 "response": name,
                 "apparatus": apparatus,
-                "mean": found.mean,
-                "sd_between_sets": np.sqrt(found.between),
-                "sd_of_a_run": np.sqrt(found.within),
+                "mean": parts.mean,
+                "sd_between_sets": np.sqrt(parts.between),
+                "sd_of_a_run": np.sqrt(parts.within),
                 "repetitions": repetitions,
             }
             | dict(zip(("bits", "bits_low", "bits_high"), bits, strict=True))
-            | {"sets": found.groups, "runs": found.values}
+            | {"sets": parts.groups, "runs": parts.values}
         )
     if not rows:
         raise InputError("next", "runs", len(runs), f"{FEWEST_SETS} sets or more with two runs of a response")
