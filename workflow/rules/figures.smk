@@ -114,7 +114,7 @@ rule rule_graph:
     log:
         f"{RESULTS}/logs/rule_graph.log",
     resources:
-        **needs(150),
+        **needs(520),
     params:
         config=CONFIG,
         snakefile=str(MAIN_SNAKEFILE),
