@@ -316,7 +316,7 @@ def test_pours_that_do_not_tell_the_noise_are_refused(tmp_path):
     table = files.run_start(study(sequential=SECTION), tmp_path / "samples.csv")
     runs = runs_of(table, 1, 0.5, 1, TARGETS.names)
     write_poured(tmp_path, table, runs, TARGETS)
-    with pytest.raises(InputError, match="enough to tell the noise"):
+    with pytest.raises(InputError, match="enough for an estimate of the noise"):
         files.run_batch([tmp_path], study(sequential=SECTION), tmp_path)
 
 

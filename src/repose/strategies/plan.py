@@ -54,7 +54,9 @@ def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: ob
     noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
     percent = 100 * np.sqrt(np.diagonal(noise)) / np.abs(targets.aim)
     space = ParameterSpace.of(config["parameters"])
-    needed = {one: Goal.of(targets, one, space).needed(noise, CERTAINTY) for one in TOLERANCES}
+    needed = {
+        tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY) for tolerance in TOLERANCES
+    }
     return Plan(percent, runs is not None, needed, chances(len(targets), float(percent.max())))
 
 
@@ -75,7 +77,7 @@ def chances(responses: int, percent: float) -> pd.DataFrame:
     """
     table = pd.read_csv(SUCCESS)
     table = table[table["responses"] == min(responses, table["responses"].max())]
-    shares = [f"within_{one:g}_percent" for one in TOLERANCES]
+    shares = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
     for name in shares:
         table[f"{name}_se"] = share_error(table[name], table["truths"])
     columns = [*shares, *(f"{name}_se" for name in shares)]
@@ -112,14 +114,14 @@ def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs"
     """
     noise = np.zeros((len(targets), len(targets)))
     for bench in targets.apparatus:
-        own = [k for k, one in enumerate(targets) if one.response.apparatus == bench]
+        own = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
         names = [targets.names[k] for k in own]
         rows = runs[runs["apparatus"] == bench] if "apparatus" in runs else runs
         ok = rows[(rows["status"] == "ok") & rows[names].notna().all(axis=1)]
         covariance, freedom = within_covariance(ok[names].to_numpy(float), ok["sample"])
         if freedom <= len(own) or np.linalg.matrix_rank(covariance) < len(own):
             allowed = f"at least {len(own) + 1} good runs beyond the first of a sample, not all alike"
-            raise InputError(source, "runs that tell the noise", freedom, allowed)
+            raise InputError(source, "runs that determine the noise", freedom, allowed)
         noise[np.ix_(own, own)] = covariance
     return noise
 
@@ -137,5 +139,5 @@ def disk_mb(config: Mapping[str, Any], pours: int) -> float:
 
 def _same_bench(targets):
     """Mask (k, k) of the pairs of responses of the same bench test."""
-    bench = np.array([one.response.apparatus for one in targets])
+    bench = np.array([target.response.apparatus for target in targets])
     return bench[:, None] == bench

@@ -133,12 +133,12 @@ def search(
     model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)
     for share in WIDENING:
         box = search_box(space, centre, share * reach)
-        found = invert.invert(model, box, targets, config["miga"], published, support)
-        off = [found.summary["target_distance"][target.name] / target.aim for target in targets]
+        inversion = invert.invert(model, box, targets, config["miga"], published, support)
+        off = [inversion.summary["target_distance"][target.name] / target.aim for target in targets]
         if max(off) < tolerance * MET:
             break
     near = {"reach": share * reach, "offset": dict(zip(targets.names, offset.tolist(), strict=True))}
-    return model, replace(found, summary=found.summary | near | {"offset_samples": count})
+    return model, replace(inversion, summary=inversion.summary | near | {"offset_samples": count})
 
 
 # --- on files ------------------------------------------------------------------------------------
@@ -187,8 +187,8 @@ def run_extended(
     """
     definitions, design_json = read_definitions(dataset_csv)
     for folder in round_dirs:
-        found, round_json = read_definitions(Path(folder) / "dataset.csv")
-        require_same_definitions(found, round_json, definitions, design_json)
+        own, round_json = read_definitions(Path(folder) / "dataset.csv")
+        require_same_definitions(own, round_json, definitions, design_json)
     tables = {}
     for name, path in (("dataset", dataset_csv), ("runs", runs_csv)):
         files = [Path(folder) / f"{name}.csv" for folder in round_dirs]
@@ -237,11 +237,11 @@ def run_search(
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *invert.INTERVAL))
     centre, support = centre_of(proposal_csv), Support.of_dataset(dataset_csv, space)
     try:
-        model, found = search(model, dataset, centre, space, targets, config, published, support)
+        model, inversion = search(model, dataset, centre, space, targets, config, published, support)
     except InputError:
         raise
     except ValueError as error:
         raise InputError(dataset_csv, "samples", str(error), "data of the last round") from None
     model.save(Path(out_dir) / "network.json")
-    invert.write(found, out_dir)
-    return found.summary
+    invert.write(inversion, out_dir)
+    return inversion.summary

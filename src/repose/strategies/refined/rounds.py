@@ -89,7 +89,7 @@ def judge(
         predicted = float(rows[target.response.predicted].iloc[0])
         mean, error = (_number(summary[key]) for key in (target.name, target.response.error))
         row |= _numbers(target.response, target.aim, predicted, mean, error)
-    means = np.array([[row[one.simulated] for one in targets.responses]])
+    means = np.array([[row[response.simulated] for response in targets.responses]])
     row["objective"] = float(Objective.of(targets)(means)[0][0])
     off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
     row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * abs(targets.aim)).any())
@@ -100,14 +100,14 @@ def judge(
 
 def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     """Means and errors of all runs of a proposal; it is ok where it is in every bench test."""
-    found: dict[str, Any] = {}
+    summary: dict[str, Any] = {}
     for bench in targets.apparatus:
-        names = tuple(one.name for one in targets if one.response.apparatus == bench)
-        one = summarise_runs(of_bench(runs, bench).to_dict("records"), Recorded(names))
-        seeds = min(one["n_seeds"], found.get("n_seeds", one["n_seeds"]))
-        # the status of the first bench test that failed stays
-        found = (one | found if found.get("status", "ok") != "ok" else found | one) | {"n_seeds": seeds}
-    return found
+        names = tuple(target.name for target in targets if target.response.apparatus == bench)
+        measured = summarise_runs(of_bench(runs, bench).to_dict("records"), Recorded(names))
+        seeds = min(measured["n_seeds"], summary.get("n_seeds", measured["n_seeds"]))
+        failed = summary.get("status", "ok") != "ok"  # the status of the first bench test that failed stays
+        summary = (measured | summary if failed else summary | measured) | {"n_seeds": seeds}
+    return summary
 
 
 def _numbers(
@@ -196,10 +196,10 @@ def points(
     `proposal` is of `refine.propose`, `dataset` of the round's own jobs, `row` of `judge`. Columns:
     parameters, seeds, predicted, simulated, standard errors and status.
     """
-    measured = [column for one in targets for column in (one.name, one.response.error)]
+    measured = [column for target in targets for column in (target.name, target.response.error)]
     shown = dataset[["sample", "n_seeds", *targets.names, *targets.errors, "status", "reason"]]
     table = proposal.drop(columns=["seeds", "warning"]).merge(shown, on="sample")
-    renamed = {one.name: one.response.simulated for one in targets}
+    renamed = {target.name: target.response.simulated for target in targets}
     table = table.rename(columns=renamed)
     own = table["role"] == PROPOSAL
     table = pd.concat([table[own].head(1), table[~own]], ignore_index=True).astype({"reason": object})
@@ -246,10 +246,10 @@ def run_tables(
     """
     keys = {"round": int, "outcome": str}
     verdicts = [read_json(path, keys, "what the verb refine_judge wrote") for path in verdict_jsons]
-    verdicts.sort(key=lambda one: one["round"])
-    if [one["round"] for one in verdicts] != list(range(len(verdicts))) or not verdicts:
+    verdicts.sort(key=lambda verdict: verdict["round"])
+    if [verdict["round"] for verdict in verdicts] != list(range(len(verdicts))) or not verdicts:
         raise InputError(
-            "verdicts", "rounds", [one["round"] for one in verdicts], "0, 1, 2, ... without a gap"
+            "verdicts", "rounds", [verdict["round"] for verdict in verdicts], "0, 1, 2, ... without a gap"
         )
     write_table(Path(out_dir) / "rounds.csv", pd.DataFrame(verdicts))
     last = verdicts[-1]
@@ -259,7 +259,7 @@ def run_tables(
         "why": why_stopped(last, limit, targets, verdicts[-2] if len(verdicts) > 1 else None),
         "solution": {name: last[name] for name in named(last)},
         "claim": claim(last, targets),
-        "pours": int(sum(one["poured"] for one in verdicts)),
+        "pours": int(sum(verdict["poured"] for verdict in verdicts)),
     }
     write_json(Path(out_dir) / "summary.json", summary)
     return summary

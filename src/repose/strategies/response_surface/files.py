@@ -45,17 +45,17 @@ def run_screening(
     the mean responses at the `centre` and at the `corners`. InputError for too few usable samples.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
-    one = screening.screened(table, dataset, space, targets, section, dataset_csv)
-    _write(screening.analysis(one.models, targets), out_dir)
-    found = {
-        "kept": one.kept,
-        "dropped": [name for name in space.free if name not in one.kept],
-        "centre": one.centre.to_dict(),
-        "corners": dict(zip(targets.names, (float(model.constant) for model in one.models), strict=True)),
+    result = screening.screened(table, dataset, space, targets, section, dataset_csv)
+    _write(screening.analysis(result.models, targets), out_dir)
+    summary = {
+        "kept": result.kept,
+        "dropped": [name for name in space.free if name not in result.kept],
+        "centre": result.centre.to_dict(),
+        "corners": dict(zip(targets.names, (float(model.constant) for model in result.models), strict=True)),
     }
-    write_json(Path(out_dir) / "screening.json", found)
-    write_table(ascent_csv, one.path)
-    return found
+    write_json(Path(out_dir) / "screening.json", summary)
+    write_table(ascent_csv, result.path)
+    return summary
 
 
 def run_ascent(
@@ -99,15 +99,15 @@ def run_surface(
     out = Path(out_dir)
     _write(screening.analysis(models, targets), out)
     write_table(out / "predictions.csv", surface.predictions(models, best, targets, section["checks"]))
-    found = {
+    optimum = {
         "parameters": check.loc[0, list(named(check))].astype(float).to_dict(),
         "coded": dict(zip(models[0].factors, best.coded.tolist(), strict=True)),
         "met": best.met,
         "desirability": best.desirability,
     }
-    write_json(out / "optimum.json", found)
+    write_json(out / "optimum.json", optimum)
     write_table(check_csv, check)
-    return found
+    return optimum
 
 
 def run_check(
@@ -133,7 +133,7 @@ def run_check(
     check = surface.checked(predicted, dataset)
     write_table(Path(out_dir) / "check.csv", check)
     runs = [read_table(path, ("sample", "status")) for path in runs_csvs]
-    told = {"surfaces_meet_targets": best["met"], "pours": sum(map(len, runs))}
+    details = {"surfaces_meet_targets": best["met"], "pours": sum(map(len, runs))}
     surface_csv = Path(surface_dir) / "dataset.csv"
     table, poured = _step(Path(surface_dir) / "samples.csv", surface_csv, targets)
     models = screening.models_of(table, poured, targets, "quadratic", surface_csv)
@@ -145,12 +145,12 @@ def run_check(
         "Steepest ascent towards the targets, to the best point of the path.",
         f"Surface: {len(table)} parameter sets about it ({config['response_surface']['surface']}), a quadratic "
         "model for each response, and its optimum.",
-        f"Check: the optimum was poured {len(runs[-1])} more times. {told['pours']} pours in all.",
+        f"Check: the optimum was poured {len(runs[-1])} more times. {details['pours']} pours in all.",
     )
     values = np.array([best["parameters"][name] for name in space.names])
     mean = predicted.set_index("response").loc[list(targets.names), "predicted"].to_numpy(float)
-    found = answer.Found(values, mean, others, means, steps)
-    answer.write(found, runs[-1], space, targets, out_dir, told)
+    result = answer.Result(values, mean, others, means, steps)
+    answer.write(result, runs[-1], space, targets, out_dir, details)
     return check
 
 
@@ -164,5 +164,5 @@ def _step(samples_csv, dataset_csv, targets):
 
 def _write(tables, out_dir):
     """The tables of an analysis."""
-    for name, one in tables._asdict().items():
-        write_table(Path(out_dir) / f"{name}.csv", one)
+    for name, table in tables._asdict().items():
+        write_table(Path(out_dir) / f"{name}.csv", table)

@@ -33,7 +33,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return batch(check)
     others, predicted = surface.alternatives(models, table, space, targets, study.config)
     unit = surface.natural_unit(table, best.coded, space)
-    error = np.array([float(one.standard_error(best.coded[None])[0]) for one in models])
+    error = np.array([float(model.standard_error(best.coded[None])[0]) for model in models])
     mean, covariance = best.predicted, np.diag(error**2)
     return Answer(
         space.values(unit)[0],

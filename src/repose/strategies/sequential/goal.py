@@ -75,9 +75,9 @@ class Goal(NamedTuple):
         """
         mean, covariance = model.predict(unit)
         rest = np.linalg.inv(np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise))
-        told = np.maximum(np.diagonal(covariance - rest, axis1=1, axis2=2), 0.0)
+        gained = np.maximum(np.diagonal(covariance - rest, axis1=1, axis2=2), 0.0)
         off = mean - self.aim
-        off = np.sign(off) * np.maximum(np.abs(off) - LUCK * np.sqrt(told), 0.0)
+        off = np.sign(off) * np.maximum(np.abs(off) - LUCK * np.sqrt(gained), 0.0)
         return float(self.probability(self.aim + off, rest).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:

@@ -85,14 +85,14 @@ class Draws:
             values, errors = model.values[:, k, None], model.errors[:, k, None]
             off = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
             prior = constant + model.unit @ slopes + np.cos(model.unit @ frequencies.T + phase) @ weights
-            told = linalg.cho_solve((root, True), values - prior - off)
-            self.parts.append((kernel, of_mean, frequencies, phase, weights, slopes, constant, told))
+            corrections = linalg.cho_solve((root, True), values - prior - off)
+            self.parts.append((kernel, of_mean, frequencies, phase, weights, slopes, constant, corrections))
 
     def __call__(self, unit):
         unit, mixed, root = unit - 0.5, [], math.sqrt(self.model.factor)
-        for kernel, of_mean, frequencies, phase, weights, slopes, constant, told in self.parts:
+        for kernel, of_mean, frequencies, phase, weights, slopes, constant, corrections in self.parts:
             between = kernel(unit, self.model.unit)
             prior = constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights
             mean = (between @ of_mean)[:, None]
-            mixed.append(mean + root * (prior + between @ told - mean))
+            mixed.append(mean + root * (prior + between @ corrections - mean))
         return self.model.unmixed(np.stack(mixed, axis=-1)).transpose(1, 0, 2)
