@@ -86,10 +86,9 @@ def checked_runs(
 
 
 def add_runs(study: Studied, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
-    """Add runs to a record and return all of its runs, which may be too few for an answer.
+    """Add the runs of a CSV file to a record, made if missing; return all of its runs, also too few for an answer.
 
-    Both are CSV files; a missing record is made. The record is written as a whole, after all of it was checked; on an
-    InputError it stays as it was.
+    The record is written as a whole, after all of it was checked; on an InputError it stays as it was.
     """
     rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.parameters)
     checked_runs(study, rows, new, enough=False)

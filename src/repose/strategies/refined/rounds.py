@@ -34,8 +34,7 @@ OUTCOMES = ("within", "not within", "not precise", "no pile")
 def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
     """Jobs (sample, role, seeds) of a round: the proposal in blocks of seeds, then the neighbours.
 
-    A block is one job, so that all cores work and a kill costs one block. `section` is `refine`; `round_` counts from
-    0.
+    A block is one job, so that all cores work and a kill costs one block.
     """
     first, block = OF_A_ROUND * (round_ + 1), section["block"]
     counts = [min(block, section["seeds"] - start) for start in range(0, section["seeds"], block)]
@@ -52,8 +51,7 @@ def round_of(sample: int) -> int:
 def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> bool:
     """Whether another round has something to gain: the bar is missed and there are new data to learn from.
 
-    Where the targets are out of reach, the loop goes on as long as it comes nearer. `before` is the verdict of the
-    round before; both are of `run_judge`.
+    Where the targets are out of reach, the loop goes on as long as it comes nearer than the round `before`.
     """
     return verdict["outcome"] != "within" and verdict["usable"] > 0 and not stuck(verdict, before)
 
@@ -73,12 +71,9 @@ def judge(
     round_: int,
     names: Sequence[str] = PARAMETERS,
 ) -> dict[str, Any]:
-    """Result of a round as one row.
+    """Result of a round, a row of rounds.csv: a missing number is NaN, `outcome` is of `OUTCOMES`.
 
-    `proposal` is of `refine.propose`, `runs` are all runs of the round, `section` is `refine`. Columns:
-    parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
-    objective (Eq. 11) of the simulated means; out_of_reach, where the prediction itself misses the bar; outcome of
-    `OUTCOMES`, its reason, and the search's warning. NaN for a missing number.
+    `objective` (Eq. 11) is that of the simulated means; `out_of_reach`: the prediction itself misses the bar.
     """
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
@@ -191,11 +186,7 @@ def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
 def points(
     proposal: pd.DataFrame, dataset: pd.DataFrame, row: Mapping[str, Any], targets: Targets
 ) -> pd.DataFrame:
-    """All points of a round, the proposal as one: the table round.csv.
-
-    `proposal` is of `refine.propose`, `dataset` of the round's own jobs, `row` of `judge`. Columns:
-    parameters, seeds, predicted, simulated, standard errors and status.
-    """
+    """The table round.csv: all points of a round, the jobs of the proposal as a single point (`row` of `judge`)."""
     measured = [column for target in targets for column in (target.name, target.response.error)]
     shown = dataset[["sample", "n_seeds", *targets.names, *targets.errors, "status", "reason"]]
     table = proposal.drop(columns=["seeds", "warning"]).merge(shown, on="sample")
@@ -218,11 +209,7 @@ def run_judge(
     section: Mapping[str, Any],
     out_dir: str | os.PathLike,
 ) -> dict[str, Any]:
-    """Judge a round: write round.csv, the table of `points`, and verdict.json; return the latter.
-
-    It is the row of `judge` with ``usable``, the number of usable samples. InputError if the dataset lacks a sample of
-    the proposal.
-    """
+    """Write round.csv (`points`) and verdict.json, the row of `judge` with the number of usable samples; return it."""
     proposal = read_samples(proposal_csv)
     dataset = read_table(dataset_csv, ("sample", "status", "n_seeds", *targets.names, *targets.errors))
     runs = read_table(runs_csv, ("sample", "status", "reason", *targets.names))
@@ -241,8 +228,7 @@ def run_tables(
 ) -> dict[str, Any]:
     """Write rounds.csv, a row for each round, and summary.json with the reason of the stop; return the summary.
 
-    It also holds the claim. `verdict_jsons` are of `run_judge`, in any order. InputError if the rounds are not 0,
-    1, 2, ...
+    InputError if the rounds, in any order, are not 0, 1, 2, ...
     """
     keys = {"round": int, "outcome": str}
     verdicts = [read_json(path, keys, "what the verb refine_judge wrote") for path in verdict_jsons]

@@ -41,8 +41,7 @@ def run_screening(
 ) -> dict[str, Any]:
     """Write the screening's tables and the samples of the ascent; return the parameters of the next steps.
 
-    The files are anova.csv, effects.csv, statistics.csv and screening.json. The result has `kept` and `dropped`, and
-    the mean responses at the `centre` and at the `corners`. InputError for too few usable samples.
+    The result is that of screening.json, with the mean responses at the `centre` and at the `corners`.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     result = screening.screened(table, dataset, space, targets, section, dataset_csv)
@@ -89,8 +88,7 @@ def run_surface(
 ) -> dict[str, Any]:
     """Write the surface's tables, its optimum and the samples of the check; return the optimum.
 
-    The files are anova.csv, effects.csv, statistics.csv, predictions.csv and optimum.json. The result has `parameters`,
-    `coded`, `met` (whether the surfaces meet the targets) and `desirability`. InputError for too few usable samples.
+    `met` in optimum.json is whether the surfaces meet the targets.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     models = screening.models_of(table, dataset, targets, "quadratic", dataset_csv)
@@ -121,8 +119,7 @@ def run_check(
 ) -> pd.DataFrame:
     """Write check.csv and the files of `repose.strategies.answer.write`; return the table of check.csv.
 
-    The table is that of `surface.checked`. `surface_dir` holds samples.csv and dataset.csv of the surface. `runs_csvs`
-    are the single runs of all steps, whose pours are counted; those of the check come last.
+    `runs_csvs` are the single runs of all steps, whose pours are counted; those of the check come last.
     """
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     columns = ("response", "target", "predicted", "low", "high")

@@ -83,11 +83,7 @@ def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]
 def models_of(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str, source: object = "dataset"
 ) -> list[Model]:
-    """A polynomial for each response of a step; InputError, which names `source`, for too few usable samples.
-
-    `table` has the samples with coded columns, `dataset` their means over the pours. `order` as in
-    `repose.doe.model.fit`.
-    """
+    """A polynomial for each response of a step (`fit`); InputError, with `source`, for too few usable samples."""
     runs, factors = usable(table, dataset, source), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
     try:
@@ -114,8 +110,8 @@ def analysis(models: list[Model], targets: Targets) -> Analysis:
 def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
     """The parameters of the next steps: significant for at least one response, the most significant first.
 
-    If fewer are significant than the surface needs, the next parameters are taken; if more are than `most_factors`, the
-    last are dropped. `models` are linear, one for each response.
+    If fewer are significant than the surface needs, the next are taken; of more than `most_factors` the last are
+    dropped.
     """
     tables = [effects(model).set_index("term")["p"] for model in models]
     best = pd.concat(tables, axis=1).min(axis=1).reindex(models[0].factors).sort_values(kind="stable")
@@ -134,9 +130,7 @@ def path(
 ) -> pd.DataFrame:
     """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges.
 
-    `models` are linear, one for each response; `centre` (responses,) has the mean responses poured at the centre.
-    Parameters that are not `kept` stay at the centre of their ranges. ValueError if the models show no way towards the
-    targets.
+    `centre` (k,) has the mean responses there. ValueError if the linear models show no way towards the targets.
     """
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([model.coefficients[order] for model in models])

@@ -33,10 +33,9 @@ def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.D
 
 
 def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """Samples of the surface, about the best point of the path (`walked`).
+    """Samples of the surface about the best point of the path, moved where a factor would leave its range.
 
-    The outermost level of a factor lies `reach` of its range from the centre. If that would leave the range, the centre
-    is moved.
+    The outermost level of a factor lies `reach` of its range from the centre.
     """
     factors, reach = factors_of(points), section["reach"]
     if section["surface"] == "box_behnken":
@@ -81,11 +80,7 @@ def alternatives(
     targets: Targets,
     config: Mapping[str, Any],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Parameter sets (n, 6) of the design's cube and their predictions (n, k), all inside the ranges, the best first.
-
-    `models` are quadratic, one for each target. The section `miga` of the configuration sets the number of sets and
-    their distance.
-    """
+    """Parameter sets (n, p) of the design's cube and predictions (n, k), all inside the ranges, the best first."""
     from scipy.stats import qmc
 
     factors = len(models[0].factors)
@@ -110,11 +105,9 @@ def check_samples(
 
 
 def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int) -> pd.DataFrame:
-    """Predictions at the optimum, for a check by the mean of some runs.
+    """Predictions at the optimum with the 95 % interval of the mean, `mean_low` to `mean_high`.
 
-    `response`, `target`, `predicted`, `standard_error` of the predicted mean, its 95 % interval `mean_low` to
-    `mean_high`, and the interval `low` to `high` in which the mean of the check lies with 95 % probability if the model
-    is right.
+    With 95 % probability the mean of some `runs` lies from `low` to `high` if the model is right.
     """
     from scipy import stats
 
@@ -143,11 +136,7 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
 
 
 def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """The table of `predictions` with the simulations of the check.
-
-    Added are `simulated` and its standard error `simulated_error`, `deviation_percent` from the target, and
-    `as_predicted`: whether the mean lies from `low` to `high`.
-    """
+    """The table of `predictions` with the simulations of the check; `as_predicted`: the mean lies from low to high."""
     table, ok = predicted.copy(), dataset[dataset["status"] == "ok"]
     values = ok[list(table["response"])].to_numpy(float)
     table["simulated"] = values.mean(axis=0) if len(ok) else np.nan

@@ -51,11 +51,9 @@ def advise(
     random: np.random.Generator,
     noise: np.ndarray | None = None,
 ) -> Advice:
-    """The next batch, or the answer.
+    """The next batch, or the answer; ValueError as in `Kriging`.
 
-    `observed` has the samples with an ok pour. `failed` (f, d) are the others, in the unit cube: a proposed point is
-    never nearer to a failed than to a good sample. `poured` counts failed pours too. `noise` as in `Kriging`.
-    ValueError if the pours have too few replicates for the noise, or there are fewer than two samples.
+    A proposed point is never nearer to a failed sample (f, d) than to a good one. `poured` counts failed pours too.
     """
     model = Kriging(observed, noise)
     points, scores = ranked(model, goal, observed.unit, failed, random)
@@ -92,10 +90,7 @@ def advise(
 def nearest(
     model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """The point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without prior knowledge.
-
-    `good` (n, d) and `failed` (f, d) are samples in the unit cube; the search begins at `points` (m, d).
-    """
+    """The point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without prior knowledge."""
     random = np.random.default_rng(1)
 
     def score(unit):
@@ -126,8 +121,7 @@ def ranked(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (m, d) over the ranges and ever nearer around the best of them, with their scores (m,) (`Goal.score`).
 
-    The score is minus infinity where a failed sample is nearer than a good one. `good` (n, d) and `failed` (f, d) are
-    samples in the unit cube.
+    The score is minus infinity where a failed sample (f, d) is nearer than a good one (n, d).
     """
     from scipy.stats import qmc
 

@@ -27,12 +27,10 @@ def run_start(study: Studied, out_csv: Path_) -> pd.DataFrame:
 
 
 def run_batch(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> dict[str, Any]:
-    """Write the advice after the batches so far, advice.json and next.csv; return the content of advice.json.
+    """Write the advice after the batches in `folders`, the start first, advice.json and next.csv; return the former.
 
-    `folders` are those of all batches, the start first, each with dataset.csv and runs.csv. next.csv has the samples of
-    the next batch, or, at the end, the answer as a single sample. The result has `batch` (the last), `pours`, `stop`,
-    `why`, `answer`, its `probability` and predicted `responses`, `reachable` and `needed` (`Advice`), `in_reach`
-    (probability that any set meets the targets) and `nearest` (least deviation of any set, Eq. 11, with its error).
+    next.csv has the samples of the next batch, or, at the end, the answer as a single sample. `in_reach` is the
+    probability that any set meets the targets, `nearest` the least deviation of any set (Eq. 11).
     """
     data = _data(folders, study.targets)
     try:
@@ -52,12 +50,10 @@ def run_check(
     study: Studied,
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write the course of the batches and the answer, simulated again; return the table of check.csv.
+    """Write the course of the batches, and the answer as simulated again in `dataset_csv` and `runs_csv`.
 
-    It has a row for each response: `target`, `predicted`, `predicted_error`, `simulated`, `simulated_error`,
-    `deviation_percent`. The other files are batches.csv, dataset.csv and runs.csv of all batches, and those of
-    `repose.strategies.answer.write`. `folders` also hold advice.json; `dataset_csv` and `runs_csv` are those of the
-    answer.
+    Returns the table of check.csv. The other files are batches.csv, dataset.csv and runs.csv of all batches, and those
+    of `repose.strategies.answer.write`.
     """
     targets, space = study.targets, study.parameters
     keys: tuple[str, ...] = (
@@ -157,10 +153,10 @@ def observed_of(
 
 
 def data_of(dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """The pours of samples as a strategy takes them, a row for each: sample, parameters, responses.
+    """The pours as a strategy takes them, a row for each: sample, parameters, responses, NaN for a failed sample.
 
-    Responses of several bench tests come from separate runs. The first ok run of each bench test makes the first pour
-    of the sample, and so on; these runs are independent, so any pairing is valid. A failed sample has no response.
+    Bench tests have separate runs. The first ok run of each makes the first pour of the sample, and so on; these runs
+    are independent, so any pairing is valid.
     """
     several = "apparatus" in runs
     groups = ["sample", "apparatus"] if several else ["sample"]

@@ -221,7 +221,7 @@ def _factor(residuals, variances, others):
     return float(np.exp(weight @ np.log(FACTORS) / weight.sum()))
 
 
-def _drawn(unit, value, error) -> list[Any]:
+def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
     """Kernels of one combination, drawn from their posterior: a linear part, and the deviation from it."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern

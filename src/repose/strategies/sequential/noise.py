@@ -53,9 +53,7 @@ class Noise(NamedTuple):
 def noise_of(
     observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float], source: object = "runs"
 ) -> Noise:
-    """The noise of a single run; `observed` are samples with a good run, `source` names them in the error.
-
-    `names` are the responses, `noise_sd` the standard deviations of a run that the user gave.
+    """The noise of a single run, from replicates or from the given standard deviations `noise_sd` and an estimate.
 
     InputError if the replicates are all alike, or if replicates, `noise_sd` and single runs are all too few.
     """
@@ -82,11 +80,9 @@ def noise_of(
 
 
 def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
-    """Variance of a single run about a smooth surface.
+    """Variance of a single run about a smooth surface: its mean over `SHARES`, weighted with the evidence of each.
 
-    Its mean over `SHARES` of the variance of the means, weighted with the evidence of each. `unit` (n, d) are samples
-    in the unit cube, `means` (n,) their means, and `shares` (n,) the variance of each mean in variances of a single
-    run.
+    `shares` (n,) is the variance of each of the `means` (n,) in variances of a single run.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern

@@ -60,17 +60,9 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
 
 
 class Draws:
-    """Functions drawn from one set of processes: called with points (m, d) they give responses (draws, m, k).
+    """Functions drawn from set `number` of processes: called with points (m, d) they give responses (draws, m, k)."""
 
-    Parameters
-    ----------
-    model : Kriging
-    number : int
-        Of the set.
-    random : numpy.random.Generator
-    """
-
-    def __init__(self, model, number, random):
+    def __init__(self, model: Kriging, number: int, random: np.random.Generator):
         self.model, self.parts, d = model, [], model.unit.shape[1]
         for k, (kernel, root, of_mean) in enumerate(model.sets[number]):
             matern, size = kernel.k2.k2, kernel.k2.k1.constant_value
@@ -88,7 +80,7 @@ class Draws:
             corrections = linalg.cho_solve((root, True), values - prior - off)
             self.parts.append((kernel, of_mean, frequencies, phase, weights, slopes, constant, corrections))
 
-    def __call__(self, unit):
+    def __call__(self, unit: np.ndarray) -> np.ndarray:
         unit, mixed, root = unit - 0.5, [], math.sqrt(self.model.factor)
         for kernel, of_mean, frequencies, phase, weights, slopes, constant, corrections in self.parts:
             between = kernel(unit, self.model.unit)
