@@ -52,7 +52,7 @@ def test_the_noise_is_that_of_the_runs():
 
 @pytest.mark.parametrize("percent", [0.1, 1.1, 1.9, 5.0, 30.0])
 @pytest.mark.parametrize("responses", [1, 2])
-def test_no_chance_is_told_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses):
+def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses):
     sd = np.array([percent, percent]) / 100 * TARGETS.aim
     config = CONFIG | {"targets": CONFIG["targets"][-responses:]}
     names = list(TARGETS.names)[-responses:]

@@ -42,7 +42,7 @@ def of_files(folder, config):
     return answer.read(config, *(folder / name for name in names), strategy="sequential")
 
 
-def test_the_message_tells_the_answer_of_the_strategy(study):
+def test_the_message_reports_the_answer_of_the_strategy(study):
     folder, config = study
     found = of_files(folder, config)
     summary = json.loads((folder / "summary.json").read_text())

@@ -1,4 +1,4 @@
-"""The table of all runs of a study: the runs of a batch, the check of what comes back, and means by sample."""
+"""The table of all runs of a study: the runs of a batch, the check of returned runs, and means by sample."""
 
 import math
 import os

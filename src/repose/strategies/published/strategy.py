@@ -1,4 +1,4 @@
-"""What the strategy `published` proposes: a Latin hypercube, then the answer of a search on its surrogate."""
+"""Proposals of the strategy `published`: a Latin hypercube, then the answer of a search on its surrogate."""
 
 from typing import Any
 

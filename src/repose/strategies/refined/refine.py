@@ -184,9 +184,7 @@ def run_extended(
         try:
             tables[name] = extended(design, rounds)
         except ValueError as error:
-            raise InputError(
-                path, "sample", str(error), "numbers as the verb refine_propose gives them"
-            ) from None
+            raise InputError(path, "sample", str(error), "numbers of repose stage refine_propose") from None
         write_table(Path(out_dir) / f"{name}.csv", tables[name])
     write_json(Path(out_dir) / "dataset_summary.json", {"definitions": definitions})
     return tables

@@ -231,7 +231,7 @@ def run_tables(
     InputError if the rounds, in any order, are not 0, 1, 2, ...
     """
     keys = {"round": int, "outcome": str}
-    verdicts = [read_json(path, keys, "what the verb refine_judge wrote") for path in verdict_jsons]
+    verdicts = [read_json(path, keys, "output of repose stage refine_judge") for path in verdict_jsons]
     verdicts.sort(key=lambda verdict: verdict["round"])
     if [verdict["round"] for verdict in verdicts] != list(range(len(verdicts))) or not verdicts:
         raise InputError(
@@ -254,7 +254,7 @@ def run_tables(
 def in_words(summary_json: str | os.PathLike, label: str) -> str:
     """Result of a finished refinement for the end of a run; `summary_json` is of `run_tables`."""
     keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
-    summary = read_json(summary_json, keys, "what the verb refine_tables wrote")
+    summary = read_json(summary_json, keys, "output of repose stage refine_tables")
     met = "Refined: targets met" if summary["met"] else "Refined: targets NOT met"
     return "\n".join(
         [

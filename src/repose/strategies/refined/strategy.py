@@ -17,7 +17,7 @@ from repose.strategies.runs import next_number, samples_of_runs
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """The published batch; then rounds, each with many runs of the answer so far and a few of its neighbours.
 
-    Every proposal repeats the fits and searches of all rounds before it: what it stands on are the runs alone.
+    Every proposal repeats the fits and searches of all rounds before it, so it depends on the runs alone.
     """
     if data.empty:
         return published.propose(study, data)

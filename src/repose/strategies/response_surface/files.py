@@ -125,7 +125,7 @@ def run_check(
     columns = ("response", "target", "predicted", "low", "high")
     predicted = read_table(predictions_csv, columns)
     keys = ("parameters", "coded", "met")
-    best = read_json(optimum_json, keys, "what the verb response_surface wrote")
+    best = read_json(optimum_json, keys, "output of repose stage response_surface")
     dataset = read_table(dataset_csv, ("sample", "status", *targets.names))
     check = surface.checked(predicted, dataset)
     write_table(Path(out_dir) / "check.csv", check)
@@ -155,7 +155,7 @@ def _step(samples_csv, dataset_csv, targets):
     """Samples and dataset of a step."""
     table = read_table(samples_csv, ("sample", *PARAMETERS))
     if not any(name.startswith(CODED) for name in table):
-        raise InputError(samples_csv, "columns", list(table), f"at least one that begins with {CODED}")
+        raise InputError(samples_csv, "columns", list(table), f"at least one column that begins with {CODED}")
     return table, read_table(dataset_csv, ("sample", "status", *PARAMETERS, *targets.names))
 
 

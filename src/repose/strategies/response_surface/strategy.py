@@ -1,4 +1,4 @@
-"""What the strategy `response_surface` proposes: each step follows from the runs of the steps before it."""
+"""Proposals of the strategy `response_surface`: each step follows from the runs of the steps before it."""
 
 import numpy as np
 import pandas as pd

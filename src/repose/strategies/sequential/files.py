@@ -69,7 +69,7 @@ def run_check(
     )
     keys += ("in_reach", "nearest")
     advices = [
-        read_json(Path(folder) / "advice.json", keys, "what the verb sequential_batch wrote")
+        read_json(Path(folder) / "advice.json", keys, "output of repose stage sequential_batch")
         for folder in folders
     ]
     batches, last = pd.DataFrame([_row(advice, targets) for advice in advices]), advices[-1]
@@ -137,7 +137,7 @@ def _out_of_reach(last, targets):
     for target in targets:
         predicted = last["responses"][target.name]
         percent = [100 * value / target.aim for value in (predicted["mean"] - target.aim, predicted["error"])]
-        off.append(f"{percent[0]:+.1f} ± {abs(percent[1]):.1f} % off the {target.response.symbol} asked for")
+        off.append(f"{percent[0]:+.1f} ± {abs(percent[1]):.1f} % off the target of {target.response.symbol}")
     return (
         "The targets are probably out of reach: some parameter set meets them with probability "
         f"{last['in_reach']:.2f}. "

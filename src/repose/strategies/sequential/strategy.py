@@ -1,4 +1,4 @@
-"""What the strategy `sequential` proposes: kriging says where the next batch is simulated, and when to stop."""
+"""Proposals of the strategy `sequential`: kriging says where the next batch is simulated, and when to stop."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,8 +18,8 @@ from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
 from repose.strategies.sequential.noise import Noise, noise_of
 
 WHY = {
-    "probability": "the answer meets the targets with the probability that was asked for",
-    "out_of_reach": "probably no parameter set meets the targets: the answer is the one that comes nearest",
+    "probability": "the answer meets the targets with the requested probability",
+    "out_of_reach": "probably no parameter set meets the targets: the answer is the nearest",
     "budget": "the budget of pours is used up",
     "noise": "the pours that are left cannot make the answer more probable: the noise is too large",
 }
