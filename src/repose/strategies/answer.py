@@ -17,9 +17,9 @@ from repose.core.targets import Targets
 class Result(NamedTuple):
     """Result of a strategy."""
 
-    values: np.ndarray  # (6,), the answer
+    values: np.ndarray  # (p,), the answer
     predicted: np.ndarray  # (k,), its predicted responses
-    others: np.ndarray  # (n, 6), sets that are predicted inside all ranges, the best first
+    others: np.ndarray  # (n, p), sets that are predicted inside all ranges, the best first
     others_predicted: np.ndarray  # (n, k)
     steps: Sequence[str]  # how it was obtained, a sentence each
     note: str = ""  # a further sentence of the message
