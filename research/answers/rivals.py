@@ -115,7 +115,7 @@ def grainlearning(simulator, goal, targets, config, random, budgets):
             yield pours, np.clip(system.estimated_params[-1], 0, 1), np.nan
 
 
-def field_habit(simulator, goal, targets, config, random, budgets):
+def response_surface(simulator, goal, targets, config, random, budgets):
     """Answer of `strategy: response_surface`: screening, steepest ascent, Box-Behnken design."""
     for budget, seeds in zip(sorted(budgets), (2, 3), strict=True):
         space = goal.space
@@ -148,6 +148,6 @@ METHODS = {
     "Optuna, GP": optuna_gp,
     "Optuna, TPE": optuna_tpe,
     "GrainLearning": grainlearning,
-    "field's habit": field_habit,
+    "field's habit": response_surface,
     "CMA-ES": cma,
 }

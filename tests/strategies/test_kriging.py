@@ -1,4 +1,4 @@
-"""Stochastic kriging and the probability of a box, beside slow and obvious versions of them."""
+"""Stochastic kriging and the probability of a box, compared with slow and obvious versions of them."""
 
 import numpy as np
 import pytest
@@ -130,10 +130,10 @@ def test_errors_of_means_lie_between_a_samples_own_and_the_common_one():
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing
     own = (mixed**2).sum(axis=1) / 3
-    told = Kriging(observed).errors * Kriging(observed)._scale ** 2 * 4
-    assert told == pytest.approx((PRIOR_FREEDOM + 3 * own) / (PRIOR_FREEDOM + 3))
-    assert (np.minimum(own, 1) <= told + 1e-9).all()
-    assert (told <= np.maximum(own, 1) + 1e-9).all()
+    moderated = Kriging(observed).errors * Kriging(observed)._scale ** 2 * 4
+    assert moderated == pytest.approx((PRIOR_FREEDOM + 3 * own) / (PRIOR_FREEDOM + 3))
+    assert (np.minimum(own, 1) <= moderated + 1e-9).all()
+    assert (moderated <= np.maximum(own, 1) + 1e-9).all()
 
 
 def test_a_sample_of_one_pour_has_the_common_noise():
@@ -157,7 +157,7 @@ def test_predictions_keep_their_word():
     assert np.mean(inside) == pytest.approx(0.95, abs=0.033)
 
 
-def test_too_few_pours_are_told():
+def test_too_few_pours_are_refused():
     with pytest.raises(ValueError, match="at least 3"):
         Kriging(poured(seeds=1))
     with pytest.raises(ValueError, match="at least 2"):

@@ -52,7 +52,7 @@ def test_the_noise_is_that_of_the_runs():
 
 @pytest.mark.parametrize("percent", [0.1, 1.1, 1.9, 5.0, 30.0])
 @pytest.mark.parametrize("responses", [1, 2])
-def test_no_chance_is_told_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses):
+def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses):
     sd = np.array([percent, percent]) / 100 * TARGETS.aim
     config = CONFIG | {"targets": CONFIG["targets"][-responses:]}
     names = list(TARGETS.names)[-responses:]
@@ -125,7 +125,7 @@ def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monke
 
 def test_runs_that_do_not_tell_the_noise_are_named():
     runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
-    with pytest.raises(InputError, match=r"a\.csv: runs that tell the noise is 0; allowed: at least 3"):
+    with pytest.raises(InputError, match=r"a\.csv: runs that determine the noise is 0; allowed: at least 3"):
         plan.measured_noise(runs, TARGETS, "a.csv")
 
 

@@ -16,7 +16,7 @@ from repose.core.parameters import PARAMETERS
 from repose.particle.particle import Particle
 from repose.pictures.report import page, sections
 from repose.pictures.report.study import read
-from repose.strategies.answer import apart
+from repose.strategies.answer import separated
 
 ROOT = Path(__file__).parents[2]
 SPHERE = Particle("ellipsoid", np.full((1, 3), 4e-3), 1000.0, 2.7e-7, 2.7e-4, [1e-9] * 3, 4e-3, 0.0, 0.0)
@@ -42,7 +42,7 @@ def of_files(folder, config):
     return answer.read(config, *(folder / name for name in names), strategy="sequential")
 
 
-def test_the_message_tells_the_answer_of_the_strategy(study):
+def test_the_message_reports_the_answer_of_the_strategy(study):
     folder, config = study
     found = of_files(folder, config)
     summary = json.loads((folder / "summary.json").read_text())
@@ -78,11 +78,11 @@ def test_the_sets_found_meet_the_targets(study):
     off = responses(table) / TARGETS.aim - 1
     assert abs(off).max() < 0.12
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy())
-    assert len(apart(unit[1:], 0.02, 99)) == len(unit) - 1
+    assert len(separated(unit[1:], 0.02, 99)) == len(unit) - 1
 
 
 def test_points_are_kept_apart():
-    assert apart(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), 0.02, 3).tolist() == [
+    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), 0.02, 3).tolist() == [
         0,
         2,
         4,

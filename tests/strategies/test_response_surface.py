@@ -1,4 +1,4 @@
-"""The response surface strategy with a simulator of one line: every step is told what the one before found."""
+"""The response surface strategy with a simulator of one line: every step reads the result of the step before."""
 
 import json
 
@@ -217,7 +217,7 @@ def test_samples_that_gave_no_pile_are_left_out():
     assert len(fewer[0].response) == len(whole[0].response) - 2
 
 
-def test_too_few_piles_are_told_with_their_file(tmp_path):
+def test_too_few_piles_are_reported_with_their_file(tmp_path):
     table = screening.design(SPACE, SECTION)
     data = dataset(table).assign(status=["ok"] * 3 + ["failed"] * 9 + ["ok"] * SECTION["centres"])
     table.to_csv(tmp_path / "samples.csv", index=False)

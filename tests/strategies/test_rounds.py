@@ -176,9 +176,9 @@ def test_rounds_with_a_gap_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("outcome", "told"), [("within", "met; round 0 meets"), ("not within", "NOT met; the limit")]
+    ("outcome", "message"), [("within", "met; round 0 meets"), ("not within", "NOT met; the limit")]
 )
-def test_the_end_of_a_refinement_says_last_whether_the_targets_are_met(outcome, told, tmp_path):
+def test_the_end_of_a_refinement_says_last_whether_the_targets_are_met(outcome, message, tmp_path):
     row = judged(aor_deg=[29.9, 30.1, 30.0], height_mm=[60.0, 60.2, 59.8])
     assert row["outcome"] == "within"
     (tmp_path / "verdict.json").write_text(json.dumps(row | {"outcome": outcome, "usable": 1}))
@@ -187,4 +187,4 @@ def test_the_end_of_a_refinement_says_last_whether_the_targets_are_met(outcome, 
     assert text[0] == "wheat: the refined parameters:"
     assert [line.split()[:2] for line in text[1:7]] == [[name, "0.5"] for name in PARAMETERS]
     assert text[7].startswith("Simulated: AoR 30.00 ± 0.06 deg (+0.00 %) and Height")
-    assert text[-1].startswith(f"Refined: targets {told}")
+    assert text[-1].startswith(f"Refined: targets {message}")

@@ -116,7 +116,7 @@ def test_the_answer_of_a_campaign_meets_the_targets(done):
     answer = pd.DataFrame([summary["answer"]])
     off = 100 * np.abs(responses(answer)[0] / TARGETS.aim - 1)
     batches = pd.read_csv(folder / "batches.csv")
-    # within four of the errors that the last batch tells
+    # within four of the errors of the last batch
     errors = [100 * batches[f"{one.name}_error"].iloc[-1] / one.aim for one in TARGETS]
     assert (off < 4 * np.array(errors)).all()
     assert summary["stop"] == "probability"
@@ -246,9 +246,9 @@ def test_pours_that_are_left_cannot_do_more_than_reachable():
     random = np.random.default_rng(3)
     for _ in range(30):
         truth = random.multivariate_normal(mean[0], covariance[0])
-        told = random.multivariate_normal(truth, model.noise / 40)
+        pours = random.multivariate_normal(truth, model.noise / 40)
         rest = np.linalg.inv(np.linalg.inv(covariance[0]) + 40 * np.linalg.inv(model.noise))
-        new = rest @ (np.linalg.solve(covariance[0], mean[0]) + 40 * np.linalg.solve(model.noise, told))
+        new = rest @ (np.linalg.solve(covariance[0], mean[0]) + 40 * np.linalg.solve(model.noise, pours))
         assert goal.probability(new[None], rest[None])[0] <= bound + 1e-9
 
 
@@ -270,7 +270,7 @@ def test_a_batch_lies_about_the_answer():
     assert found.batch[:, inside].std(axis=0) == pytest.approx(0.1, rel=0.22)
 
 
-def test_no_point_beside_a_failed_one():
+def test_no_point_near_a_failed_sample():
     data = observed(n=30, noise=4.0)
     first = advised(data, most_pours=999, probability=0.99)
     failed = first.batch[:1]
@@ -316,7 +316,7 @@ def test_pours_that_do_not_tell_the_noise_are_refused(tmp_path):
     table = files.run_start(study(sequential=SECTION), tmp_path / "samples.csv")
     runs = runs_of(table, 1, 0.5, 1, TARGETS.names)
     write_poured(tmp_path, table, runs, TARGETS)
-    with pytest.raises(InputError, match="enough to tell the noise"):
+    with pytest.raises(InputError, match="enough for an estimate of the noise"):
         files.run_batch([tmp_path], study(sequential=SECTION), tmp_path)
 
 

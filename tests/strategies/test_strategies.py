@@ -85,21 +85,21 @@ def test_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
     assert other.read_bytes() == file.read_bytes()
 
 
-def test_what_is_told_must_be_what_was_asked(tmp_path):
+def test_returned_runs_must_be_those_of_ask(tmp_path):
     study = repose.Study(**STUDY, file=tmp_path / "study.csv")
     asked = study.ask()
-    told = simulate(asked)
+    returned = simulate(asked)
     for bad, words in (
-        (told[1:], r"sample and run is \['1', '1'\]; allowed: the 24 runs that `ask` gave"),
-        (told.drop(columns="time"), "also time"),
-        (told.assign(friction=0.5), "friction is 'changed'"),
-        (told.assign(time=np.inf), "time is 'inf'"),
+        (returned[1:], r"sample and run is \['1', '1'\]; allowed: the 24 runs that `ask` gave"),
+        (returned.drop(columns="time"), "also time"),
+        (returned.assign(friction=0.5), "friction is 'changed'"),
+        (returned.assign(time=np.inf), "time is 'inf'"),
     ):
         with pytest.raises(InputError, match=words):
             study.tell(bad)
     assert study.runs.empty
     assert not (tmp_path / "study.csv").exists()
-    failed = told.assign(time=told["time"].mask(told["sample"] == 3))
+    failed = returned.assign(time=returned["time"].mask(returned["sample"] == 3))
     study.tell(failed)
     assert (study.runs["status"] != "ok").sum() == 2
     with pytest.raises(InputError, match="seed is 1; allowed: 2, as asked for"):

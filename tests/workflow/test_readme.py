@@ -30,11 +30,11 @@ def dry_run(*words):
 
 @pytest.mark.usefixtures("folder")
 def test_the_crop_that_readme_shows_is_planned():
-    status, told = dry_run()
-    assert status == 0, told
-    assert "measure_runs" in told
-    assert "published_solutions" in told
-    assert "drum_run" not in told
+    status, output = dry_run()
+    assert status == 0, output
+    assert "measure_runs" in output
+    assert "published_solutions" in output
+    assert "drum_run" not in output
 
 
 @pytest.mark.parametrize("verb", ["check", "measure"])

@@ -91,7 +91,7 @@ def test_every_bench_test_of_the_targets_is_run(project):
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "message"),
     [
         ("response_surface={screening_runs: 8}", None),
         ("response_surface={screening_runs: 10}", "screening_runs is 10; allowed: 8 or 12 or 16 or 20 or 24"),
@@ -106,10 +106,10 @@ def test_every_bench_test_of_the_targets_is_run(project):
         ),
     ],
 )
-def test_what_does_not_fit_is_told_before_any_work(project, changed, told):
+def test_a_misfit_is_reported_before_any_work(project, changed, message):
     strategy = () if changed.startswith("strategy") else ("strategy=response_surface",)
     words = ("--configfile", "config/quick.yaml", "--config", *strategy, changed)
     done = snakemake(project, "-n", "--quiet", "all", *words)
-    assert (done.returncode == 0) == (told is None), done.stderr
-    if told:
-        assert told in done.stderr
+    assert (done.returncode == 0) == (message is None), done.stderr
+    if message:
+        assert message in done.stderr

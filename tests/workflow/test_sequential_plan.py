@@ -96,14 +96,14 @@ def test_every_bench_test_of_the_targets_is_run(project):
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "message"),
     [
         ("seeds: 1", "sequential.seeds is 1; allowed: at least 2: the noise comes from pours of one sample"),
         ("most_pours: 15", "sequential.most_pours is 15; allowed: at least sequential.start_samples times"),
         ("probability: 1", "sequential.probability is 1; allowed: a number from 0.05 to 0.99"),
     ],
 )
-def test_what_does_not_fit_is_told_before_any_work(project, changed, told):
+def test_a_misfit_is_reported_before_any_work(project, changed, message):
     words = (
         "--configfile",
         "config/quick.yaml",
@@ -113,4 +113,4 @@ def test_what_does_not_fit_is_told_before_any_work(project, changed, told):
     )
     done = snakemake(project, "-n", "--quiet", "all", *words)
     assert done.returncode != 0
-    assert told in done.stderr
+    assert message in done.stderr

@@ -52,7 +52,9 @@ else:
     }
     if config["strategy"] == "response_surface":
         PAGE |= drawn("pareto_screening", "contours")
-        TABLES["Analysis of variance of the surface"] = f"{HABIT}/surface/anova.csv"
+        TABLES["Analysis of variance of the surface"] = (
+            f"{RESPONSE_SURFACE}/surface/anova.csv"
+        )
     else:
         PAGE |= drawn("sequential") | {"runs": rules.sequential_check.output.runs}
         TABLES["Batches"] = rules.sequential_check.output.batches

@@ -170,13 +170,13 @@ class Strategy(ABC):
         InputError
             If the strategy has no answer yet.
         """
-        found = self.propose(study, data)
-        if isinstance(found, Batch):
+        proposal = self.propose(study, data)
+        if isinstance(proposal, Batch):
             allowed = (
-                f"more: strategy {self.name} asks for {len(found.samples)} more samples before it answers"
+                f"more: strategy {self.name} asks for {len(proposal.samples)} more samples before it answers"
             )
             raise InputError("runs", "rows", len(data), allowed)
-        return found
+        return proposal
 
     def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         """Values of a configuration with which the strategy cannot run.

@@ -15,8 +15,8 @@ def others() -> tuple[str, ...]:
 
 def misfit(config: Mapping[str, Any]) -> str | None:
     """Why a configuration cannot use its strategy; None if it can."""
-    found = strategy(config["strategy"]).contradictions(config)
-    faults = (f"{key}; allowed: {allowed}" for key, allowed in found)
+    contradictions = strategy(config["strategy"]).contradictions(config)
+    faults = (f"{key}; allowed: {allowed}" for key, allowed in contradictions)
     return next((f"not with this configuration: {fault}" for fault in faults), None)
 
 

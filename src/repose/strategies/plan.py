@@ -1,7 +1,7 @@
 """Before any pour: how many pours the noise asks for, and how probable success is with a budget.
 
 The probabilities are those of `success.csv`: shares of hidden parameter sets that whole campaigns of the sequential
-strategy found, with six free parameters, in an emulated simulator whose pours scatter by some percents.
+strategy recovered, with six free parameters, in an emulated simulator whose pours scatter by some percents.
 `research/answers/hidden_truths.py` writes it. Between two scatters of the table the shares are interpolated over the
 logarithm of the scatter; outside of them they are those of the nearest.
 """
@@ -31,11 +31,10 @@ TOLERANCES = (1.0, 2.0)  # percent, those of the table
 
 
 class Plan(NamedTuple):
-    """Expected results of a budget of pours.
+    """Expected results of budgets of pours.
 
-    `budgets` has `pours`, `within_1_percent` and `within_2_percent`, the probabilities that the answer of the
-    sequential strategy is so near to all targets, and their standard errors `*_se` from the number of hidden parameter
-    sets.
+    `budgets` has `pours`, the probabilities `within_1_percent` and `within_2_percent` that the answer of the sequential
+    strategy is so near to all targets, and `*_se`, their standard errors.
     """
 
     noise_percent: np.ndarray  # (k,), scatter of a pour, in percent of each target
@@ -45,37 +44,22 @@ class Plan(NamedTuple):
 
 
 def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: object = "runs") -> Plan:
-    """Expected results of budgets of pours.
-
-    The noise comes from `runs`, single runs with replicates of samples; without runs it is `NOISE_PERCENT`. InputError
-    if the runs have too few replicates; `source` names them in its message.
-    """
+    """Expected results with the noise of `runs`, by default `default_noise`; InputError for too few replicates."""
     targets = Targets.of(config["targets"])
     noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
     percent = 100 * np.sqrt(np.diagonal(noise)) / np.abs(targets.aim)
     space = ParameterSpace.of(config["parameters"])
-    needed = {one: Goal.of(targets, one, space).needed(noise, CERTAINTY) for one in TOLERANCES}
+    needed = {
+        tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY) for tolerance in TOLERANCES
+    }
     return Plan(percent, runs is not None, needed, chances(len(targets), float(percent.max())))
 
 
 def chances(responses: int, percent: float) -> pd.DataFrame:
-    """Shares of the campaigns that succeed, at a scatter.
-
-    Parameters
-    ----------
-    responses : int
-        Number of targets; with more than the table knows, those of the most.
-    percent : float
-        Scatter of a pour.
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `Plan.budgets`.
-    """
+    """`Plan.budgets` for a number of targets, at most that of the table, and the scatter of a pour in percent."""
     table = pd.read_csv(SUCCESS)
     table = table[table["responses"] == min(responses, table["responses"].max())]
-    shares = [f"within_{one:g}_percent" for one in TOLERANCES]
+    shares = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
     for name in shares:
         table[f"{name}_se"] = share_error(table[name], table["truths"])
     columns = [*shares, *(f"{name}_se" for name in shares)]
@@ -105,21 +89,17 @@ def default_noise(targets: Targets) -> np.ndarray:
 
 
 def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs") -> np.ndarray:
-    """Covariance (k, k) of a pour about its sample's mean.
-
-    `runs` has `sample`, `status`, the responses, and `apparatus` with several bench tests. InputError if too few
-    samples have two ok runs.
-    """
+    """Covariance (k, k) of a pour about its sample's mean; InputError if too few samples have two ok runs."""
     noise = np.zeros((len(targets), len(targets)))
     for bench in targets.apparatus:
-        own = [k for k, one in enumerate(targets) if one.response.apparatus == bench]
+        own = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
         names = [targets.names[k] for k in own]
         rows = runs[runs["apparatus"] == bench] if "apparatus" in runs else runs
         ok = rows[(rows["status"] == "ok") & rows[names].notna().all(axis=1)]
         covariance, freedom = within_covariance(ok[names].to_numpy(float), ok["sample"])
         if freedom <= len(own) or np.linalg.matrix_rank(covariance) < len(own):
             allowed = f"at least {len(own) + 1} good runs beyond the first of a sample, not all alike"
-            raise InputError(source, "runs that tell the noise", freedom, allowed)
+            raise InputError(source, "runs that determine the noise", freedom, allowed)
         noise[np.ix_(own, own)] = covariance
     return noise
 
@@ -137,5 +117,5 @@ def disk_mb(config: Mapping[str, Any], pours: int) -> float:
 
 def _same_bench(targets):
     """Mask (k, k) of the pairs of responses of the same bench test."""
-    bench = np.array([one.response.apparatus for one in targets])
+    bench = np.array([target.response.apparatus for target in targets])
     return bench[:, None] == bench

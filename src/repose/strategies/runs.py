@@ -1,4 +1,4 @@
-"""The table of all runs of a study: the runs of a batch, the check of what comes back, and means by sample."""
+"""The table of all runs of a study: the runs of a batch, the check of returned runs, and means by sample."""
 
 import math
 import os
@@ -75,8 +75,8 @@ def checked_runs(
     space, names = study.parameters, study.targets.names
     rows = _with_fixed(rows, space)
     check_columns(source, rows[0], (*space.names, *names))
-    found = [_checked_row(row, study, f"{source}, row {k}") for k, row in enumerate(rows, start=1)]
-    table = pd.DataFrame(found)
+    checked = [_checked_row(row, study, f"{source}, row {k}") for k, row in enumerate(rows, start=1)]
+    table = pd.DataFrame(checked)
     _number_samples(table, rows, space, source, strategy(study.config["strategy"]).repeats_points)
     table = table[["sample", "status", *space.names, *names]]
     _refuse_twice(table, rows, source)
@@ -86,10 +86,9 @@ def checked_runs(
 
 
 def add_runs(study: Studied, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
-    """Add runs to a record and return all of its runs, which may be too few for an answer.
+    """Add the runs of a CSV file to a record, made if missing; return all of its runs, also too few for an answer.
 
-    Both are CSV files; a missing record is made. The record is written as a whole, after all of it was checked; on an
-    InputError it stays as it was.
+    The record is written as a whole, after all of it was checked; on an InputError it stays as it was.
     """
     rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.parameters)
     checked_runs(study, rows, new, enough=False)
@@ -103,14 +102,14 @@ def _checked_row(row, study, source):
     """Parameters, status and responses of a run, as numbers."""
     space = study.parameters
     status = str(row.get("status") or OK).strip()
-    found: dict[str, Any] = {"status": OK if status.lower() == OK else status}
+    run: dict[str, Any] = {"status": OK if status.lower() == OK else status}
     for name in space.names:
-        found[name] = _inside(_number(row[name], source, name), name, space, source)
+        run[name] = _inside(_number(row[name], source, name), name, space, source)
     for name in study.targets.names:
-        found[name] = math.nan
-        if found["status"] == OK:
-            found[name] = _number(row[name], source, name, "; a run that failed has another `status` than ok")
-    return found
+        run[name] = math.nan
+        if run["status"] == OK:
+            run[name] = _number(row[name], source, name, "; a run that failed has another `status` than ok")
+    return run
 
 
 def _number(cell, source, name, more=""):
@@ -143,18 +142,18 @@ def _number_samples(table, rows, space, source, repeats_points):
     sets = table[list(space.names)].apply(tuple, axis=1)
     numbers = pd.factorize(sets)[0] + 1
     if "sample" in rows[0]:
-        told = [str(row["sample"]).strip() for row in rows]
-        for k, (one, number) in enumerate(zip(told, numbers, strict=True)):
-            first = told.index(one)
+        reported = [str(row["sample"]).strip() for row in rows]
+        for k, (name, number) in enumerate(zip(reported, numbers, strict=True)):
+            first = reported.index(name)
             if numbers[first] != number:
                 allowed = f"one set of parameters for each sample; row {first + 1} has another one"
-                raise InputError(f"{source}, row {k + 1}", "sample", one, allowed)
+                raise InputError(f"{source}, row {k + 1}", "sample", name, allowed)
             other = int(np.argmax(numbers == number))
-            if told[other] != one and not repeats_points:
-                allowed = f"{told[other]}, the sample of row {other + 1} with the same parameters"
-                raise InputError(f"{source}, row {k + 1}", "sample", one, allowed)
-        digits = all(one.isdigit() for one in told)
-        numbers = [int(one) for one in told] if digits else pd.factorize(pd.Series(told))[0] + 1
+            if reported[other] != name and not repeats_points:
+                allowed = f"{reported[other]}, the sample of row {other + 1} with the same parameters"
+                raise InputError(f"{source}, row {k + 1}", "sample", name, allowed)
+        digits = all(name.isdigit() for name in reported)
+        numbers = [int(name) for name in reported] if digits else pd.factorize(pd.Series(reported))[0] + 1
     table["sample"] = numbers
 
 

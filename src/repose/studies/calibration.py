@@ -81,7 +81,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     if observed.freedom < FREEDOM:
         settings |= {"measured_correlation": 0.0}
     posterior = infer(model, support, runs, space, targets, settings, {})
-    written = answer.Found(best.values, best.mean, best.others, best.others_mean, ())
+    written = answer.Result(best.values, best.mean, best.others, best.others_mean, ())
     feasible, message = answer.verdict(written, targets)
     section = config["sequential"]
     goal = Goal.of(targets, section["tolerance_percent"], space)

@@ -1,4 +1,4 @@
-# Batches of every strategy that goes on: the one place where they differ for the rules that pour, measure and collect them.
+# All that differs between the strategies for the rules that pour, measure and collect a batch.
 import collections
 
 Batches = collections.namedtuple("Batches", "purpose samples numbers seeds")
@@ -8,8 +8,8 @@ Batches = collections.namedtuple("Batches", "purpose samples numbers seeds")
 BATCHES = {
     "response_surface": Batches(
         "response_surface",
-        lambda step: f"{HABIT}/{step}/samples.csv",
-        habit_numbers,
+        lambda step: f"{RESPONSE_SURFACE}/{step}/samples.csv",
+        response_surface_numbers,
         lambda wildcards: config["response_surface"]["seeds"],
     ),
     "sequential": Batches(
@@ -35,7 +35,7 @@ def jobs_of_batch(wildcards):
 
 
 def jobs_of(strategy, batch):
-    """The same by names."""
+    """Measured jobs of a batch of a strategy, by their names."""
     return [
         f"{RESULTS}/{strategy}/{batch}/{runs}/{sample:03d}.json"
         for runs in folders_of_targets()

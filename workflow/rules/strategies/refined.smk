@@ -146,7 +146,7 @@ figure(
 )
 
 
-# Every file by name, as in the method's chain: one that is lost is made again.
+# Every file by name, as in the method's chain: a lost file is made again.
 rule refined:
     input:
         files_of_rounds,

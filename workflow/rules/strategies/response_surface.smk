@@ -1,8 +1,8 @@
-# The habit of the field: `strategy: response_surface`, or `snakemake --cores 2 response_surface`. Each step pours what the
-# analysis of the one before has written, so these analyses are checkpoints.
+# The usual way in the field: `strategy: response_surface`, or `snakemake --cores 2 response_surface`. Each step pours the
+# samples that the analysis of the step before has written, so these analyses are checkpoints.
 rule response_design:
     output:
-        samples=f"{HABIT}/screening/samples.csv",
+        samples=f"{RESPONSE_SURFACE}/screening/samples.csv",
     log:
         f"{RESULTS}/logs/response_surface/design.log",
     resources:
@@ -17,14 +17,14 @@ rule response_design:
 
 checkpoint response_screening:
     input:
-        samples=f"{HABIT}/screening/samples.csv",
-        dataset=f"{HABIT}/screening/dataset.csv",
+        samples=f"{RESPONSE_SURFACE}/screening/samples.csv",
+        dataset=f"{RESPONSE_SURFACE}/screening/dataset.csv",
     output:
-        samples=f"{HABIT}/ascent/samples.csv",
-        anova=f"{HABIT}/screening/anova.csv",
-        effects=f"{HABIT}/screening/effects.csv",
-        statistics=f"{HABIT}/screening/statistics.csv",
-        kept=f"{HABIT}/screening/screening.json",
+        samples=f"{RESPONSE_SURFACE}/ascent/samples.csv",
+        anova=f"{RESPONSE_SURFACE}/screening/anova.csv",
+        effects=f"{RESPONSE_SURFACE}/screening/effects.csv",
+        statistics=f"{RESPONSE_SURFACE}/screening/statistics.csv",
+        kept=f"{RESPONSE_SURFACE}/screening/screening.json",
     log:
         f"{RESULTS}/logs/response_surface/screening.log",
     resources:
@@ -40,11 +40,11 @@ checkpoint response_screening:
 
 checkpoint response_ascent:
     input:
-        samples=f"{HABIT}/ascent/samples.csv",
-        dataset=f"{HABIT}/ascent/dataset.csv",
+        samples=f"{RESPONSE_SURFACE}/ascent/samples.csv",
+        dataset=f"{RESPONSE_SURFACE}/ascent/dataset.csv",
     output:
-        samples=f"{HABIT}/surface/samples.csv",
-        path=f"{HABIT}/ascent/path.csv",
+        samples=f"{RESPONSE_SURFACE}/surface/samples.csv",
+        path=f"{RESPONSE_SURFACE}/ascent/path.csv",
     log:
         f"{RESULTS}/logs/response_surface/ascent.log",
     resources:
@@ -60,15 +60,15 @@ checkpoint response_ascent:
 
 checkpoint response_surface_fit:
     input:
-        samples=f"{HABIT}/surface/samples.csv",
-        dataset=f"{HABIT}/surface/dataset.csv",
+        samples=f"{RESPONSE_SURFACE}/surface/samples.csv",
+        dataset=f"{RESPONSE_SURFACE}/surface/dataset.csv",
     output:
-        samples=f"{HABIT}/check/samples.csv",
-        anova=f"{HABIT}/surface/anova.csv",
-        effects=f"{HABIT}/surface/effects.csv",
-        statistics=f"{HABIT}/surface/statistics.csv",
-        predictions=f"{HABIT}/surface/predictions.csv",
-        optimum=f"{HABIT}/surface/optimum.json",
+        samples=f"{RESPONSE_SURFACE}/check/samples.csv",
+        anova=f"{RESPONSE_SURFACE}/surface/anova.csv",
+        effects=f"{RESPONSE_SURFACE}/surface/effects.csv",
+        statistics=f"{RESPONSE_SURFACE}/surface/statistics.csv",
+        predictions=f"{RESPONSE_SURFACE}/surface/predictions.csv",
+        optimum=f"{RESPONSE_SURFACE}/surface/optimum.json",
     log:
         f"{RESULTS}/logs/response_surface/surface.log",
     resources:
@@ -85,20 +85,20 @@ checkpoint response_surface_fit:
 rule response_check:
     input:
         runs=expand(
-            f"{HABIT}/{{step}}/runs.csv",
+            f"{RESPONSE_SURFACE}/{{step}}/runs.csv",
             step=("screening", "ascent", "surface", "check"),
         ),
-        dataset=f"{HABIT}/check/dataset.csv",
-        samples=f"{HABIT}/surface/samples.csv",
-        surface=f"{HABIT}/surface/dataset.csv",
-        predictions=f"{HABIT}/surface/predictions.csv",
-        optimum=f"{HABIT}/surface/optimum.json",
+        dataset=f"{RESPONSE_SURFACE}/check/dataset.csv",
+        samples=f"{RESPONSE_SURFACE}/surface/samples.csv",
+        surface=f"{RESPONSE_SURFACE}/surface/dataset.csv",
+        predictions=f"{RESPONSE_SURFACE}/surface/predictions.csv",
+        optimum=f"{RESPONSE_SURFACE}/surface/optimum.json",
     output:
-        check=f"{HABIT}/check/check.csv",
-        solutions=f"{HABIT}/check/solutions.csv",
-        table4=f"{HABIT}/check/table4.csv",
-        representative=f"{HABIT}/check/representative.csv",
-        summary=f"{HABIT}/check/summary.json",
+        check=f"{RESPONSE_SURFACE}/check/check.csv",
+        solutions=f"{RESPONSE_SURFACE}/check/solutions.csv",
+        table4=f"{RESPONSE_SURFACE}/check/table4.csv",
+        representative=f"{RESPONSE_SURFACE}/check/representative.csv",
+        summary=f"{RESPONSE_SURFACE}/check/summary.json",
     log:
         f"{RESULTS}/logs/response_surface/check.log",
     resources:
@@ -107,7 +107,7 @@ rule response_check:
         **of_stage("response_check"),
         surface=subpath(input.samples, parent=True),
     message:
-        "The optimum, simulated again, beside its prediction and the targets"
+        "The optimum, simulated again, compared with its prediction and the targets"
     shell:
         "python -m repose stage response_check {input.runs:q} --config {params.config:q} --dataset {input.dataset:q}"
         " --surface {params.surface:q} --predictions {input.predictions:q} --optimum {input.optimum:q} --out {params.folder:q} > {log:q} 2>&1"
@@ -119,35 +119,35 @@ ANSWERS["response_surface"] = Answer(
     rules.response_check.output.summary,
     rules.response_check.output.table4,
     rules.response_check.output.representative,
-    f"{HABIT}/surface/dataset.csv",  # what the surfaces are fitted to
+    f"{RESPONSE_SURFACE}/surface/dataset.csv",  # data of the surfaces
 )
 # Each figure: its title in the report, and its inputs.
-HABIT_FIGURES = {
+RESPONSE_SURFACE_FIGURES = {
     "pareto_screening": (
         "Pareto chart of the screening",
-        {"effects": f"{HABIT}/screening/effects.csv"},
+        {"effects": f"{RESPONSE_SURFACE}/screening/effects.csv"},
     ),
     "pareto_surface": (
         "Pareto chart of the surface",
-        {"effects": f"{HABIT}/surface/effects.csv"},
+        {"effects": f"{RESPONSE_SURFACE}/surface/effects.csv"},
     ),
     "perturbation": (
         "Perturbation plot",
         {
-            "samples": f"{HABIT}/surface/samples.csv",
-            "dataset": f"{HABIT}/surface/dataset.csv",
+            "samples": f"{RESPONSE_SURFACE}/surface/samples.csv",
+            "dataset": f"{RESPONSE_SURFACE}/surface/dataset.csv",
         },
     ),
     "contours": (
         "Contours of the surface",
         {
-            "samples": f"{HABIT}/surface/samples.csv",
-            "dataset": f"{HABIT}/surface/dataset.csv",
-            "optimum": f"{HABIT}/surface/optimum.json",
+            "samples": f"{RESPONSE_SURFACE}/surface/samples.csv",
+            "dataset": f"{RESPONSE_SURFACE}/surface/dataset.csv",
+            "optimum": f"{RESPONSE_SURFACE}/surface/optimum.json",
         },
     ),
 }
-for name, (label, shown) in HABIT_FIGURES.items():
+for name, (label, shown) in RESPONSE_SURFACE_FIGURES.items():
     figure(
         name,
         label,
@@ -162,9 +162,9 @@ rule response_surface:
     input:
         rules.response_check.output,
         expand(
-            f"{HABIT}/{{step}}/{{table}}.csv",
+            f"{RESPONSE_SURFACE}/{{step}}/{{table}}.csv",
             step=("screening", "surface"),
             table=("anova", "effects", "statistics"),
         ),
-        f"{HABIT}/ascent/path.csv",
-        [FIGURES[name].path for name in HABIT_FIGURES],
+        f"{RESPONSE_SURFACE}/ascent/path.csv",
+        [FIGURES[name].path for name in RESPONSE_SURFACE_FIGURES],

@@ -1,4 +1,4 @@
-# Rounds of the refinement: what each of its rules takes.
+# Rounds of the refinement: inputs of its rules.
 REFINED = f"{RESULTS}/refined"
 
 
@@ -26,7 +26,7 @@ def searched(wildcards):
 
 
 def round_seeds(wildcards):
-    """Seeds of one of a round's jobs."""
+    """Seeds of a job of a round."""
     jobs = rounds.jobs(config["refine"], int(wildcards.batch.removeprefix("round_")))
     return {sample: seeds for sample, _, seeds in jobs}[int(wildcards.job)]
 
@@ -38,29 +38,29 @@ def round_numbers(batch):
 
 
 def files_of_rounds(wildcards):
-    """Every file of the rounds that the loop takes, as far as they are known."""
-    found = []
+    """Every file of the rounds of the loop, as far as they are known."""
+    files = []
     for k in range(len(verdicts(wildcards))):
         batch = {"strategy": "refined", "batch": f"round_{k}"}
         made = [*rules.batch_pour.output, *rules.measure_batch_runs.output]
         jobs = round_numbers(batch["batch"])
-        found += expand(made, **batch, runs=folders_of_targets(), job=jobs)
-        found += expand(rules.batch_dataset.output, **batch)
+        files += expand(made, **batch, runs=folders_of_targets(), job=jobs)
+        files += expand(rules.batch_dataset.output, **batch)
         steps = [rules.refine_propose, rules.refine_round]
         if k:
             steps += [rules.refine_data, rules.refine_network, rules.refine_search]
-        found += expand([path for step in steps for path in step.output], round=k)
-    return found
+        files += expand([path for step in steps for path in step.output], round=k)
+    return files
 
 
 def verdicts(wildcards):
-    """Verdicts of all rounds that the loop takes, as far as they are known: each tells whether another follows."""
-    found, before = [], None
+    """Verdicts of all rounds of the loop, as far as they are known; each decides whether another follows."""
+    paths, before = [], None
     for k in range(config["refine"]["rounds"] + 1):
-        found.append(checkpoints.refine_round.get(round=k).output.verdict)
-        with open(found[-1]) as file:
+        paths.append(checkpoints.refine_round.get(round=k).output.verdict)
+        with open(paths[-1]) as file:
             verdict_of_round = json.load(file)
         if not rounds.goes_on(verdict_of_round, before):
             break
         before = verdict_of_round
-    return found
+    return paths

@@ -1,5 +1,5 @@
-# Few pours, each where it says most: `strategy: sequential`, or `snakemake --cores 2 sequential`. The pours of a batch run
-# in parallel. What they say is a checkpoint: it knows whether another batch follows, and where.
+# Few pours, each where it informs most: `strategy: sequential`, or `snakemake --cores 2 sequential`. The pours of a batch run
+# in parallel. Their analysis is a checkpoint: it decides whether another batch follows, and where.
 rule sequential_start:
     output:
         samples=f"{SEQUENTIAL}/batch_0/samples.csv",
@@ -35,7 +35,7 @@ checkpoint sequential_batch:
         **of_stage("sequential_batch"),
         batches=batches_until,
     message:
-        "What the pours up to {wildcards.batch} say, and where to pour next"
+        "Advice after the pours up to {wildcards.batch}, and where to pour next"
     shell:
         "python -m repose stage sequential_batch {params.batches:q} --config {params.config:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
@@ -63,7 +63,7 @@ rule sequential_check:
         **of_stage("sequential_check"),
         batches=lambda wildcards, input: list(map(os.path.dirname, input.advices)),
     message:
-        "The answer, simulated again, beside its prediction and the targets"
+        "The answer, simulated again, compared with its prediction and the targets"
     shell:
         "python -m repose stage sequential_check {params.batches:q} --config {params.config:q} --dataset {input.dataset:q}"
         " --runs {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"

@@ -1,9 +1,9 @@
-# Batches of the strategy sequential: what each of its rules takes.
+# Batches of the strategy sequential: inputs of its rules.
 SEQUENTIAL = f"{RESULTS}/sequential"
 
 
 def last_advice():
-    """What the pours so far say, where they tell that they suffice; batches on the way there are asked for."""
+    """Number of the batch whose advice ends the strategy; the batches before it are requested on the way."""
     batch = 0
     while True:
         advice = checkpoints.sequential_batch.get(batch=f"batch_{batch}").output.advice
@@ -14,7 +14,7 @@ def last_advice():
 
 
 def sequential_samples(batch):
-    """Table of what a batch pours: the start, what the batch before has asked for, or the answer for the check."""
+    """Samples of a batch: the start, those that the batch before proposed, or the answer for the check."""
     if batch == "batch_0":
         return f"{SEQUENTIAL}/batch_0/samples.csv"
     before = (
@@ -44,5 +44,5 @@ def batches_until(wildcards):
 
 
 def sequential_advices(wildcards):
-    """What each batch said."""
+    """Advice after each batch."""
     return [f"{SEQUENTIAL}/batch_{k}/advice.json" for k in range(last_advice() + 1)]

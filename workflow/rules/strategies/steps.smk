@@ -1,7 +1,7 @@
-# Steps of the strategy response_surface: what each of its rules takes.
+# Steps of the strategy response_surface: inputs of its rules.
 from repose.strategies.response_surface.steps import numbers
 
-HABIT = f"{RESULTS}/response_surface"
+RESPONSE_SURFACE = f"{RESULTS}/response_surface"
 # Analyses that write the samples of a step.
 MAKERS = {
     "ascent": "response_screening",
@@ -10,7 +10,7 @@ MAKERS = {
 }
 
 
-def habit_numbers(step):
+def response_surface_numbers(step):
     """Samples of a step: the screening's at once, the others' when the step before is analysed."""
     if step == "screening":
         section = config["response_surface"]

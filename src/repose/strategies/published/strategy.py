@@ -1,4 +1,4 @@
-"""What the strategy `published` proposes: a Latin hypercube, then the answer of a search on its surrogate."""
+"""Proposals of the strategy `published`: a Latin hypercube, then the answer of a search on its surrogate."""
 
 from typing import Any
 
@@ -25,10 +25,12 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         )
         return Batch(samples_of(study.parameters, unit, seeds_of(study)))
     model = fitted(study, samples_of_runs(data, study.parameters, study.targets), data)
-    found = invert(
+    inversion = invert(
         model, study.parameters, study.targets, study.config["miga"], support=support_of(study, data)
     )
-    return answer_of(study, model, found, data, "the batch is simulated: the search on its surrogate answers")
+    return answer_of(
+        study, model, inversion, data, "the batch is simulated: the search on its surrogate answers"
+    )
 
 
 def seeds_of(study: Studied) -> int:
@@ -51,12 +53,12 @@ def support_of(study: Studied, data: pd.DataFrame) -> Support:
     return Support(good[list(space.names)].to_numpy(float), low, high, space.names)
 
 
-def answer_of(study: Studied, model: Surrogate, found: Inversion, data: pd.DataFrame, why: str) -> Answer:
+def answer_of(study: Studied, model: Surrogate, inversion: Inversion, data: pd.DataFrame, why: str) -> Answer:
     """The representative solution of a search, and the other feasible ones."""
     space, targets = study.parameters, study.targets
     names = list(space.names)
-    values = found.solutions.loc[0, names].to_numpy(float)
-    others = found.solutions[found.solutions["feasible"] & ~found.solutions["representative"]]
+    values = inversion.solutions.loc[0, names].to_numpy(float)
+    others = inversion.solutions[inversion.solutions["feasible"] & ~inversion.solutions["representative"]]
     mean, covariance = model.predict(values[None]), model.covariance(values[None])
     return Answer(
         values,
@@ -68,7 +70,7 @@ def answer_of(study: Studied, model: Surrogate, found: Inversion, data: pd.DataF
         others[names].to_numpy(float),
         others[list(targets.predicted)].to_numpy(float),
         model,
-        {"message": found.summary["message"]},
+        {"message": inversion.summary["message"]},
     )
 
 
@@ -76,6 +78,7 @@ def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Any) -> di
     """Probability that mean responses (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
     reach = np.abs(targets.aim) / 100
     ends = {
-        column: (targets.aim - one * reach, targets.aim + one * reach) for one, column in WITHIN.items()
+        column: (targets.aim - percent * reach, targets.aim + percent * reach)
+        for percent, column in WITHIN.items()
     } | {"inside": (targets.low, targets.high)}
     return {name: float(within(mean, covariance, *pair)[0]) for name, pair in ends.items()}

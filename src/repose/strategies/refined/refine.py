@@ -53,11 +53,9 @@ def propose(
     round_: int,
     study_seed: int,
 ) -> pd.DataFrame:
-    """The jobs of a round: the representative solution, and neighbours around it.
+    """The jobs of a round: the representative of `solutions` (feasible.csv), and neighbours around it.
 
-    The neighbours are a Latin hypercube in the box in which the next round searches. `solutions` is feasible.csv,
-    `model` the searched surrogate, `section` is `refine`. Columns: sample, the parameters, role, seeds,
-    predictions, and the search's warning of the representative solution.
+    The neighbours are a Latin hypercube in the box in which the next round searches.
     """
     best = solutions[solutions["representative"]].iloc[0]
     table = pd.DataFrame(jobs(section, round_), columns=["sample", "role", "seeds"])
@@ -75,9 +73,8 @@ def propose(
 
 
 def extended(design: pd.DataFrame, rounds: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """The samples, or runs, of a design and of all rounds so far as one table.
+    """The samples, or runs, of a design and of all rounds as one table; `round` is empty for the design's own rows.
 
-    The column round is empty for the design's own rows; all other rows are training samples of `repose.chain.train`.
     ValueError if a sample is there twice, or is numbered like the design's.
     """
     added = pd.concat(rounds, ignore_index=True)
@@ -93,12 +90,10 @@ def extended(design: pd.DataFrame, rounds: Sequence[pd.DataFrame]) -> pd.DataFra
 def corrected(
     model: Surrogate, dataset: pd.DataFrame, box: ParameterSpace, targets: Targets
 ) -> tuple[Surrogate, np.ndarray, int]:
-    """The surrogate, shifted so that it meets the refined samples inside a box on average.
+    """A copy of the surrogate, shifted by the mean residual of the refined samples inside a box, weighted by seeds.
 
-    The refit follows the whole design and keeps a few percent of error where it matters. The mean residual of the
-    refined samples inside the box, weighted by their seeds, is added to its predictions. Returns a shifted copy, the
-    offset (k,), and its number of samples. `dataset` is of `extended`. ValueError if no usable refined sample lies
-    inside the box.
+    The refit follows the whole design and keeps a few percent of error where it matters. Also returns the offset (k,)
+    and its number of samples; ValueError without any.
     """
     added = dataset[dataset["round"].notna() & (dataset["status"] == "ok")]
     points = added[list(box.free)].to_numpy(float)
@@ -122,23 +117,21 @@ def search(
     published: pd.DataFrame | None = None,
     support: Support | None = None,
 ) -> tuple[Surrogate, invert.Inversion]:
-    """Correct a surrogate near the last proposal and search there.
+    """Correct a surrogate, refitted to `dataset` (of `extended`), near the last proposal `centre`, and search there.
 
     The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all suitable
-    parameter sets, one near the last proposal is wanted, where the correction holds. `model` is refitted to `dataset`
-    (of `extended`); `centre` is the last proposal. The summary of the inversion also has reach, offset and
-    offset_samples. ValueError if no usable refined sample lies near the last proposal.
+    parameter sets, one near the last proposal is wanted, where the correction holds.
     """
     reach, tolerance = config["refine"]["reach"], config["refine"]["tolerance_percent"] / 100
     model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)
     for share in WIDENING:
         box = search_box(space, centre, share * reach)
-        found = invert.invert(model, box, targets, config["miga"], published, support)
-        off = [found.summary["target_distance"][target.name] / target.aim for target in targets]
+        inversion = invert.invert(model, box, targets, config["miga"], published, support)
+        off = [inversion.summary["target_distance"][target.name] / target.aim for target in targets]
         if max(off) < tolerance * MET:
             break
     near = {"reach": share * reach, "offset": dict(zip(targets.names, offset.tolist(), strict=True))}
-    return model, replace(found, summary=found.summary | near | {"offset_samples": count})
+    return model, replace(inversion, summary=inversion.summary | near | {"offset_samples": count})
 
 
 # --- on files ------------------------------------------------------------------------------------
@@ -156,11 +149,7 @@ def run_propose(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> pd.DataFrame:
-    """Write and return the jobs of a round; see `propose`.
-
-    `feasible_csv` is of the search, `surrogate_json` the searched surrogate. `definitions` are those of the study's
-    responses; `source` names them in the error. InputError for other responses or definitions, or a negative round.
-    """
+    """Write and return the jobs of a round (`propose`); InputError, with `source`, for other `definitions`."""
     if round_ < 0:
         raise InputError("command line", "--round", round_, "0 or more")
     feasible = read_table(feasible_csv, ("solution", *PARAMETERS, "representative"))
@@ -180,15 +169,14 @@ def run_extended(
     round_dirs: Sequence[str | os.PathLike],
     out_dir: str | os.PathLike,
 ) -> dict[str, pd.DataFrame]:
-    """Write dataset.csv and runs.csv of the design and of all rounds so far; return them by name.
+    """Write dataset.csv, runs.csv (`extended`) and dataset_summary.json, the definitions; return the tables by name.
 
-    dataset_summary.json beside them holds the definitions of the responses. Each folder of a round has dataset.csv and
-    runs.csv. InputError for a sample that is there twice, or a round with other definitions than the design.
+    InputError for a sample that is there twice, or a round with other definitions than the design.
     """
     definitions, design_json = read_definitions(dataset_csv)
     for folder in round_dirs:
-        found, round_json = read_definitions(Path(folder) / "dataset.csv")
-        require_same_definitions(found, round_json, definitions, design_json)
+        own, round_json = read_definitions(Path(folder) / "dataset.csv")
+        require_same_definitions(own, round_json, definitions, design_json)
     tables = {}
     for name, path in (("dataset", dataset_csv), ("runs", runs_csv)):
         files = [Path(folder) / f"{name}.csv" for folder in round_dirs]
@@ -196,9 +184,7 @@ def run_extended(
         try:
             tables[name] = extended(design, rounds)
         except ValueError as error:
-            raise InputError(
-                path, "sample", str(error), "numbers as the verb refine_propose gives them"
-            ) from None
+            raise InputError(path, "sample", str(error), "numbers of repose stage refine_propose") from None
         write_table(Path(out_dir) / f"{name}.csv", tables[name])
     write_json(Path(out_dir) / "dataset_summary.json", {"definitions": definitions})
     return tables
@@ -225,11 +211,9 @@ def run_search(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Correct the surrogate near the last proposal and search there; return the summary of the search.
+    """Write the corrected surrogate, network.json, and the files of `search`; return the summary of the search.
 
-    The corrected surrogate is written as network.json, beside the files of `repose.chain.invert.write`.
-    `surrogate_json` is the refitted surrogate, `dataset_csv` of `run_extended`, `table3_csv` the published intervals or
-    None. InputError for other responses or definitions than the targets', or no usable sample near the last proposal.
+    InputError for other responses or definitions than the targets', or no usable sample near the last proposal.
     """
     columns = ("sample", *PARAMETERS, "status", *targets.names, "n_seeds", "round")
     dataset = read_table(dataset_csv, columns)
@@ -237,11 +221,11 @@ def run_search(
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *invert.INTERVAL))
     centre, support = centre_of(proposal_csv), Support.of_dataset(dataset_csv, space)
     try:
-        model, found = search(model, dataset, centre, space, targets, config, published, support)
+        model, inversion = search(model, dataset, centre, space, targets, config, published, support)
     except InputError:
         raise
     except ValueError as error:
         raise InputError(dataset_csv, "samples", str(error), "data of the last round") from None
     model.save(Path(out_dir) / "network.json")
-    invert.write(found, out_dir)
-    return found.summary
+    invert.write(inversion, out_dir)
+    return inversion.summary

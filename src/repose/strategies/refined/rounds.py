@@ -34,8 +34,7 @@ OUTCOMES = ("within", "not within", "not precise", "no pile")
 def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
     """Jobs (sample, role, seeds) of a round: the proposal in blocks of seeds, then the neighbours.
 
-    A block is one job, so that all cores work and a kill costs one block. `section` is `refine`; `round_` counts from
-    0.
+    A block is one job, so that all cores work and a kill costs one block.
     """
     first, block = OF_A_ROUND * (round_ + 1), section["block"]
     counts = [min(block, section["seeds"] - start) for start in range(0, section["seeds"], block)]
@@ -52,8 +51,7 @@ def round_of(sample: int) -> int:
 def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> bool:
     """Whether another round has something to gain: the bar is missed and there are new data to learn from.
 
-    Where the targets are out of reach, the loop goes on as long as it comes nearer. `before` is the verdict of the
-    round before; both are of `run_judge`.
+    Where the targets are out of reach, the loop goes on as long as it comes nearer than the round `before`.
     """
     return verdict["outcome"] != "within" and verdict["usable"] > 0 and not stuck(verdict, before)
 
@@ -73,12 +71,9 @@ def judge(
     round_: int,
     names: Sequence[str] = PARAMETERS,
 ) -> dict[str, Any]:
-    """Result of a round as one row.
+    """Result of a round, a row of rounds.csv: a missing number is NaN, `outcome` is of `OUTCOMES`.
 
-    `proposal` is of `refine.propose`, `runs` are all runs of the round, `section` is `refine`. Columns:
-    parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
-    objective (Eq. 11) of the simulated means; out_of_reach, where the prediction itself misses the bar; outcome of
-    `OUTCOMES`, its reason, and the search's warning. NaN for a missing number.
+    `objective` (Eq. 11) is that of the simulated means; `out_of_reach`: the prediction itself misses the bar.
     """
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
@@ -89,7 +84,7 @@ def judge(
         predicted = float(rows[target.response.predicted].iloc[0])
         mean, error = (_number(summary[key]) for key in (target.name, target.response.error))
         row |= _numbers(target.response, target.aim, predicted, mean, error)
-    means = np.array([[row[one.simulated] for one in targets.responses]])
+    means = np.array([[row[response.simulated] for response in targets.responses]])
     row["objective"] = float(Objective.of(targets)(means)[0][0])
     off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
     row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * abs(targets.aim)).any())
@@ -100,14 +95,14 @@ def judge(
 
 def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     """Means and errors of all runs of a proposal; it is ok where it is in every bench test."""
-    found: dict[str, Any] = {}
+    summary: dict[str, Any] = {}
     for bench in targets.apparatus:
-        names = tuple(one.name for one in targets if one.response.apparatus == bench)
-        one = summarise_runs(of_bench(runs, bench).to_dict("records"), Recorded(names))
-        seeds = min(one["n_seeds"], found.get("n_seeds", one["n_seeds"]))
-        # the status of the first bench test that failed stays
-        found = (one | found if found.get("status", "ok") != "ok" else found | one) | {"n_seeds": seeds}
-    return found
+        names = tuple(target.name for target in targets if target.response.apparatus == bench)
+        measured = summarise_runs(of_bench(runs, bench).to_dict("records"), Recorded(names))
+        seeds = min(measured["n_seeds"], summary.get("n_seeds", measured["n_seeds"]))
+        failed = summary.get("status", "ok") != "ok"  # the status of the first bench test that failed stays
+        summary = (measured | summary if failed else summary | measured) | {"n_seeds": seeds}
+    return summary
 
 
 def _numbers(
@@ -191,15 +186,11 @@ def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
 def points(
     proposal: pd.DataFrame, dataset: pd.DataFrame, row: Mapping[str, Any], targets: Targets
 ) -> pd.DataFrame:
-    """All points of a round, the proposal as one: the table round.csv.
-
-    `proposal` is of `refine.propose`, `dataset` of the round's own jobs, `row` of `judge`. Columns:
-    parameters, seeds, predicted, simulated, standard errors and status.
-    """
-    measured = [column for one in targets for column in (one.name, one.response.error)]
+    """The table round.csv: all points of a round, the jobs of the proposal as a single point (`row` of `judge`)."""
+    measured = [column for target in targets for column in (target.name, target.response.error)]
     shown = dataset[["sample", "n_seeds", *targets.names, *targets.errors, "status", "reason"]]
     table = proposal.drop(columns=["seeds", "warning"]).merge(shown, on="sample")
-    renamed = {one.name: one.response.simulated for one in targets}
+    renamed = {target.name: target.response.simulated for target in targets}
     table = table.rename(columns=renamed)
     own = table["role"] == PROPOSAL
     table = pd.concat([table[own].head(1), table[~own]], ignore_index=True).astype({"reason": object})
@@ -218,11 +209,7 @@ def run_judge(
     section: Mapping[str, Any],
     out_dir: str | os.PathLike,
 ) -> dict[str, Any]:
-    """Judge a round: write round.csv, the table of `points`, and verdict.json; return the latter.
-
-    It is the row of `judge` with ``usable``, the number of usable samples. InputError if the dataset lacks a sample of
-    the proposal.
-    """
+    """Write round.csv (`points`) and verdict.json, the row of `judge` with the number of usable samples; return it."""
     proposal = read_samples(proposal_csv)
     dataset = read_table(dataset_csv, ("sample", "status", "n_seeds", *targets.names, *targets.errors))
     runs = read_table(runs_csv, ("sample", "status", "reason", *targets.names))
@@ -241,15 +228,14 @@ def run_tables(
 ) -> dict[str, Any]:
     """Write rounds.csv, a row for each round, and summary.json with the reason of the stop; return the summary.
 
-    It also holds the claim. `verdict_jsons` are of `run_judge`, in any order. InputError if the rounds are not 0,
-    1, 2, ...
+    InputError if the rounds, in any order, are not 0, 1, 2, ...
     """
     keys = {"round": int, "outcome": str}
-    verdicts = [read_json(path, keys, "what the verb refine_judge wrote") for path in verdict_jsons]
-    verdicts.sort(key=lambda one: one["round"])
-    if [one["round"] for one in verdicts] != list(range(len(verdicts))) or not verdicts:
+    verdicts = [read_json(path, keys, "output of repose stage refine_judge") for path in verdict_jsons]
+    verdicts.sort(key=lambda verdict: verdict["round"])
+    if [verdict["round"] for verdict in verdicts] != list(range(len(verdicts))) or not verdicts:
         raise InputError(
-            "verdicts", "rounds", [one["round"] for one in verdicts], "0, 1, 2, ... without a gap"
+            "verdicts", "rounds", [verdict["round"] for verdict in verdicts], "0, 1, 2, ... without a gap"
         )
     write_table(Path(out_dir) / "rounds.csv", pd.DataFrame(verdicts))
     last = verdicts[-1]
@@ -259,7 +245,7 @@ def run_tables(
         "why": why_stopped(last, limit, targets, verdicts[-2] if len(verdicts) > 1 else None),
         "solution": {name: last[name] for name in named(last)},
         "claim": claim(last, targets),
-        "pours": int(sum(one["poured"] for one in verdicts)),
+        "pours": int(sum(verdict["poured"] for verdict in verdicts)),
     }
     write_json(Path(out_dir) / "summary.json", summary)
     return summary
@@ -268,7 +254,7 @@ def run_tables(
 def in_words(summary_json: str | os.PathLike, label: str) -> str:
     """Result of a finished refinement for the end of a run; `summary_json` is of `run_tables`."""
     keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
-    summary = read_json(summary_json, keys, "what the verb refine_tables wrote")
+    summary = read_json(summary_json, keys, "output of repose stage refine_tables")
     met = "Refined: targets met" if summary["met"] else "Refined: targets NOT met"
     return "\n".join(
         [

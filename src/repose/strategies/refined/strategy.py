@@ -17,7 +17,7 @@ from repose.strategies.runs import next_number, samples_of_runs
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """The published batch; then rounds, each with many runs of the answer so far and a few of its neighbours.
 
-    Every proposal repeats the fits and searches of all rounds before it: what it stands on are the runs alone.
+    Every proposal repeats the fits and searches of all rounds before it, so it depends on the runs alone.
     """
     if data.empty:
         return published.propose(study, data)
@@ -29,10 +29,10 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     samples = samples_of_runs(data, space, targets)
     parts = [samples[samples["sample"].map(round_of) == k] for k in range(-1, int(number.max()) + 1)]
     model = fitted(study, parts[0], data[number < 0])
-    found = invert(model, space, targets, config["miga"], support=support_of(study, data[number < 0]))
+    inversion = invert(model, space, targets, config["miga"], support=support_of(study, data[number < 0]))
     before, k = None, 0
     while True:
-        proposal = refine.propose(found.solutions, model, space, targets, section, k, seed)
+        proposal = refine.propose(inversion.solutions, model, space, targets, section, k, seed)
         own = data[number == k]
         if own.empty:
             return Batch(proposal[["sample", *names, "seeds"]])
@@ -40,23 +40,23 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         verdict |= {"usable": int((parts[k + 1]["status"] == "ok").sum())}
         if k == section["rounds"] or not goes_on(verdict, before):
             why = why_stopped(verdict, section["rounds"], targets, before)
-            return _simulated(answer_of(study, model, found, data, why), study, proposal, own)
+            return _simulated(answer_of(study, model, inversion, data, why), study, proposal, own)
         before, k = verdict, k + 1
         so_far, runs = refine.extended(parts[0], parts[1 : k + 1]), data[number < k]
         centre = proposal.iloc[0][names].astype(float).to_dict()
         support = support_of(study, runs)
         refit = fitted(study, so_far, runs)
-        model, found = refine.search(refit, so_far, centre, space, targets, config, None, support)
+        model, inversion = refine.search(refit, so_far, centre, space, targets, config, None, support)
 
 
-def _simulated(found, study, proposal, runs):
+def _simulated(answer, study, proposal, runs):
     """The answer with the simulated means of its own runs in place of the predicted ones."""
     space, targets = study.parameters, study.targets
     numbers = proposal.loc[proposal["role"] == PROPOSAL, "sample"]
     values = runs.loc[runs["sample"].isin(numbers) & (runs["status"] == "ok"), list(targets.names)]
     mean, covariance = values.mean().to_numpy(), values.cov().to_numpy() / max(len(values), 1)
     if len(values) <= len(targets) or np.linalg.matrix_rank(covariance) < len(targets):
-        return found
-    samples = samples_of(space, space.unit(found.values), study.config["refine"]["seeds"], next_number(runs))
+        return answer
+    samples = samples_of(space, space.unit(answer.values), study.config["refine"]["seeds"], next_number(runs))
     probability = probability_of(mean[None], covariance[None], targets)
-    return replace(found, mean=mean, covariance=covariance, probability=probability, samples=samples)
+    return replace(answer, mean=mean, covariance=covariance, probability=probability, samples=samples)

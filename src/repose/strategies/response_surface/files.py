@@ -41,21 +41,20 @@ def run_screening(
 ) -> dict[str, Any]:
     """Write the screening's tables and the samples of the ascent; return the parameters of the next steps.
 
-    The files are anova.csv, effects.csv, statistics.csv and screening.json. The result has `kept` and `dropped`, and
-    the mean responses at the `centre` and at the `corners`. InputError for too few usable samples.
+    The result is that of screening.json, with the mean responses at the `centre` and at the `corners`.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
-    one = screening.screened(table, dataset, space, targets, section, dataset_csv)
-    _write(screening.analysis(one.models, targets), out_dir)
-    found = {
-        "kept": one.kept,
-        "dropped": [name for name in space.free if name not in one.kept],
-        "centre": one.centre.to_dict(),
-        "corners": dict(zip(targets.names, (float(model.constant) for model in one.models), strict=True)),
+    result = screening.screened(table, dataset, space, targets, section, dataset_csv)
+    _write(screening.analysis(result.models, targets), out_dir)
+    summary = {
+        "kept": result.kept,
+        "dropped": [name for name in space.free if name not in result.kept],
+        "centre": result.centre.to_dict(),
+        "corners": dict(zip(targets.names, (float(model.constant) for model in result.models), strict=True)),
     }
-    write_json(Path(out_dir) / "screening.json", found)
-    write_table(ascent_csv, one.path)
-    return found
+    write_json(Path(out_dir) / "screening.json", summary)
+    write_table(ascent_csv, result.path)
+    return summary
 
 
 def run_ascent(
@@ -89,8 +88,7 @@ def run_surface(
 ) -> dict[str, Any]:
     """Write the surface's tables, its optimum and the samples of the check; return the optimum.
 
-    The files are anova.csv, effects.csv, statistics.csv, predictions.csv and optimum.json. The result has `parameters`,
-    `coded`, `met` (whether the surfaces meet the targets) and `desirability`. InputError for too few usable samples.
+    `met` in optimum.json is whether the surfaces meet the targets.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     models = screening.models_of(table, dataset, targets, "quadratic", dataset_csv)
@@ -99,15 +97,15 @@ def run_surface(
     out = Path(out_dir)
     _write(screening.analysis(models, targets), out)
     write_table(out / "predictions.csv", surface.predictions(models, best, targets, section["checks"]))
-    found = {
+    optimum = {
         "parameters": check.loc[0, list(named(check))].astype(float).to_dict(),
         "coded": dict(zip(models[0].factors, best.coded.tolist(), strict=True)),
         "met": best.met,
         "desirability": best.desirability,
     }
-    write_json(out / "optimum.json", found)
+    write_json(out / "optimum.json", optimum)
     write_table(check_csv, check)
-    return found
+    return optimum
 
 
 def run_check(
@@ -121,19 +119,18 @@ def run_check(
 ) -> pd.DataFrame:
     """Write check.csv and the files of `repose.strategies.answer.write`; return the table of check.csv.
 
-    The table is that of `surface.checked`. `surface_dir` holds samples.csv and dataset.csv of the surface. `runs_csvs`
-    are the single runs of all steps, whose pours are counted; those of the check come last.
+    `runs_csvs` are the single runs of all steps, whose pours are counted; those of the check come last.
     """
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     columns = ("response", "target", "predicted", "low", "high")
     predicted = read_table(predictions_csv, columns)
     keys = ("parameters", "coded", "met")
-    best = read_json(optimum_json, keys, "what the verb response_surface wrote")
+    best = read_json(optimum_json, keys, "output of repose stage response_surface")
     dataset = read_table(dataset_csv, ("sample", "status", *targets.names))
     check = surface.checked(predicted, dataset)
     write_table(Path(out_dir) / "check.csv", check)
     runs = [read_table(path, ("sample", "status")) for path in runs_csvs]
-    told = {"surfaces_meet_targets": best["met"], "pours": sum(map(len, runs))}
+    details = {"surfaces_meet_targets": best["met"], "pours": sum(map(len, runs))}
     surface_csv = Path(surface_dir) / "dataset.csv"
     table, poured = _step(Path(surface_dir) / "samples.csv", surface_csv, targets)
     models = screening.models_of(table, poured, targets, "quadratic", surface_csv)
@@ -145,12 +142,12 @@ def run_check(
         "Steepest ascent towards the targets, to the best point of the path.",
         f"Surface: {len(table)} parameter sets about it ({config['response_surface']['surface']}), a quadratic "
         "model for each response, and its optimum.",
-        f"Check: the optimum was poured {len(runs[-1])} more times. {told['pours']} pours in all.",
+        f"Check: the optimum was poured {len(runs[-1])} more times. {details['pours']} pours in all.",
     )
     values = np.array([best["parameters"][name] for name in space.names])
     mean = predicted.set_index("response").loc[list(targets.names), "predicted"].to_numpy(float)
-    found = answer.Found(values, mean, others, means, steps)
-    answer.write(found, runs[-1], space, targets, out_dir, told)
+    result = answer.Result(values, mean, others, means, steps)
+    answer.write(result, runs[-1], space, targets, out_dir, details)
     return check
 
 
@@ -158,11 +155,11 @@ def _step(samples_csv, dataset_csv, targets):
     """Samples and dataset of a step."""
     table = read_table(samples_csv, ("sample", *PARAMETERS))
     if not any(name.startswith(CODED) for name in table):
-        raise InputError(samples_csv, "columns", list(table), f"at least one that begins with {CODED}")
+        raise InputError(samples_csv, "columns", list(table), f"at least one column that begins with {CODED}")
     return table, read_table(dataset_csv, ("sample", "status", *PARAMETERS, *targets.names))
 
 
 def _write(tables, out_dir):
     """The tables of an analysis."""
-    for name, one in tables._asdict().items():
-        write_table(Path(out_dir) / f"{name}.csv", one)
+    for name, table in tables._asdict().items():
+        write_table(Path(out_dir) / f"{name}.csv", table)

@@ -83,15 +83,11 @@ def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]
 def models_of(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str, source: object = "dataset"
 ) -> list[Model]:
-    """A polynomial for each response of a step; InputError, which names `source`, for too few usable samples.
-
-    `table` has the samples with coded columns, `dataset` their means over the pours. `order` as in
-    `repose.doe.model.fit`.
-    """
+    """A polynomial for each response of a step (`fit`); InputError, with `source`, for too few usable samples."""
     runs, factors = usable(table, dataset, source), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
     try:
-        return [fit(coded, runs[one.name].to_numpy(float), factors, order) for one in targets]
+        return [fit(coded, runs[target.name].to_numpy(float), factors, order) for target in targets]
     except ValueError as error:
         raise InputError(source, "samples that are ok", str(error), "enough for the model") from None
 
@@ -100,24 +96,24 @@ def analysis(models: list[Model], targets: Targets) -> Analysis:
     """The tables of a step's models, one for each target."""
     tables: dict[str, list[pd.DataFrame]] = {"anova": [], "effects": [], "statistics": []}
     for target, model in zip(targets, models, strict=True):
-        found = {
+        own = {
             "anova": anova(model),
             "effects": effects(model).assign(**{f"limit_{k}": v for k, v in limits(model).items()}),
             "statistics": pd.DataFrame([statistics(model)]),
         }
-        for name, one in found.items():
-            one.insert(0, "response", target.name)
-            tables[name].append(one)
+        for name, table in own.items():
+            table.insert(0, "response", target.name)
+            tables[name].append(table)
     return Analysis(*(pd.concat(tables[name], ignore_index=True) for name in Analysis._fields))
 
 
 def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
     """The parameters of the next steps: significant for at least one response, the most significant first.
 
-    If fewer are significant than the surface needs, the next parameters are taken; if more are than `most_factors`, the
-    last are dropped. `models` are linear, one for each response.
+    If fewer are significant than the surface needs, the next are taken; of more than `most_factors` the last are
+    dropped.
     """
-    tables = [effects(one).set_index("term")["p"] for one in models]
+    tables = [effects(model).set_index("term")["p"] for model in models]
     best = pd.concat(tables, axis=1).min(axis=1).reindex(models[0].factors).sort_values(kind="stable")
     count = int((best < section["significance"]).sum())
     count = min(max(count, fewest_factors(section)), section["most_factors"])
@@ -134,12 +130,10 @@ def path(
 ) -> pd.DataFrame:
     """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges.
 
-    `models` are linear, one for each response; `centre` (responses,) has the mean responses poured at the centre.
-    Parameters that are not `kept` stay at the centre of their ranges. ValueError if the models show no way towards the
-    targets.
+    `centre` (k,) has the mean responses there. ValueError if the linear models show no way towards the targets.
     """
     order = [models[0].factors.index(name) for name in kept]
-    slopes = np.array([one.coefficients[order] for one in models])
+    slopes = np.array([model.coefficients[order] for model in models])
     along = ascent.towards(slopes, aims_of(targets) - centre, scale_of(targets))
     coded = ascent.path(along, section["steps"])
     unit = np.full((len(coded), space.dimensions), 0.5)

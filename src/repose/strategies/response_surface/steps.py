@@ -49,17 +49,17 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset
         raise InputError(source, "sample", missing, "all samples of the step")
     coded = [name for name in table if name.startswith(CODED)]
     joined = table[["sample", *coded]].merge(dataset, on="sample")
-    found = joined[joined["status"] == "ok"].reset_index(drop=True)
-    if found.empty:
+    good = joined[joined["status"] == "ok"].reset_index(drop=True)
+    if good.empty:
         raise InputError(source, "status", sorted(set(dataset["status"])), "at least one sample that is ok")
-    return found
+    return good
 
 
 def scale_of(targets: Targets) -> np.ndarray:
     """Scale (responses,) of the misses: the aim of each target over the root of its weight."""
-    return np.array([one.aim / np.sqrt(one.weight) for one in targets])
+    return np.array([target.aim / np.sqrt(target.weight) for target in targets])
 
 
 def aims_of(targets: Targets) -> np.ndarray:
     """Aims (responses,) of the targets."""
-    return np.array([one.aim for one in targets])
+    return np.array([target.aim for target in targets])

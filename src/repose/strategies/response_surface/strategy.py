@@ -1,4 +1,4 @@
-"""What the strategy `response_surface` proposes: each step follows from the runs of the steps before it."""
+"""Proposals of the strategy `response_surface`: each step follows from the runs of the steps before it."""
 
 import numpy as np
 import pandas as pd
@@ -33,7 +33,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return batch(check)
     others, predicted = surface.alternatives(models, table, space, targets, study.config)
     unit = surface.natural_unit(table, best.coded, space)
-    error = np.array([float(one.standard_error(best.coded[None])[0]) for one in models])
+    error = np.array([float(model.standard_error(best.coded[None])[0]) for model in models])
     mean, covariance = best.predicted, np.diag(error**2)
     return Answer(
         space.values(unit)[0],

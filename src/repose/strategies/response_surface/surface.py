@@ -12,7 +12,7 @@ from repose.doe.box_behnken import box_behnken
 from repose.doe.central_composite import central_composite
 from repose.doe.model import Model
 from repose.doe.optimum import Optimum, optimum
-from repose.strategies.answer import apart
+from repose.strategies.answer import separated
 from repose.strategies.response_surface.steps import aims_of, factors_of, samples, scale_of, usable
 
 LEVEL = 0.95  # of the intervals
@@ -25,7 +25,7 @@ def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.D
     `error_percent` is the weighted root mean square of the relative misses.
     """
     points = usable(table, dataset)
-    weights = np.array([one.weight for one in targets])
+    weights = np.array([target.weight for target in targets])
     off = points[list(targets.names)].to_numpy(float) / aims_of(targets) - 1
     points["error_percent"] = 100 * np.sqrt((weights * off**2).sum(axis=1) / weights.sum())
     points["best"] = points.index == points["error_percent"].idxmin()
@@ -33,10 +33,9 @@ def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.D
 
 
 def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """Samples of the surface, about the best point of the path (`walked`).
+    """Samples of the surface about the best point of the path, moved where a factor would leave its range.
 
-    The outermost level of a factor lies `reach` of its range from the centre. If that would leave the range, the centre
-    is moved.
+    The outermost level of a factor lies `reach` of its range from the centre.
     """
     factors, reach = factors_of(points), section["reach"]
     if section["surface"] == "box_behnken":
@@ -52,7 +51,7 @@ def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, An
 
 def best_point(models: list[Model], targets: Targets) -> Optimum:
     """The optimum of the quadratic models, one for each target, inside the cube of the design."""
-    low, high = (np.array([getattr(one, end) for one in targets]) for end in ("low", "high"))
+    low, high = (np.array([getattr(target, end) for target in targets]) for end in ("low", "high"))
     return optimum(models, aims_of(targets), scale_of(targets), low, high)
 
 
@@ -64,14 +63,14 @@ def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace)
     factors = factors_of(table)
     unit = space.unit(table[list(space.names)].to_numpy(float))
     points = np.atleast_2d(points)
-    found = np.repeat(unit[:1], len(points), axis=0)
+    natural = np.repeat(unit[:1], len(points), axis=0)
     for name, value in zip(factors, points.T, strict=True):
         # every factor has a low and a high level; natural levels are linear in coded levels
         place, coded = space.free.index(name), table[f"coded_{name}"].to_numpy(float)
         low, high = coded.argmin(), coded.argmax()
         slope = (unit[high, place] - unit[low, place]) / (coded[high] - coded[low])
-        found[:, place] = unit[low, place] + slope * (value - coded[low])
-    return found
+        natural[:, place] = unit[low, place] + slope * (value - coded[low])
+    return natural
 
 
 def alternatives(
@@ -81,11 +80,7 @@ def alternatives(
     targets: Targets,
     config: Mapping[str, Any],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Parameter sets (n, 6) of the design's cube and their predictions (n, k), all inside the ranges, the best first.
-
-    `models` are quadratic, one for each target. The section `miga` of the configuration sets the number of sets and
-    their distance.
-    """
+    """Parameter sets (n, p) of the design's cube and predictions (n, k), all inside the ranges, the best first."""
     from scipy.stats import qmc
 
     factors = len(models[0].factors)
@@ -96,7 +91,7 @@ def alternatives(
     order = np.argsort(off, kind="stable")
     order = order[inside[order]]
     unit = natural_unit(table, coded[order], space)
-    kept = apart(unit, config["miga"]["distance"], config["miga"]["solutions"])
+    kept = separated(unit, config["miga"]["distance"], config["miga"]["solutions"])
     return space.values(unit[kept]), predicted[order][kept]
 
 
@@ -110,11 +105,9 @@ def check_samples(
 
 
 def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int) -> pd.DataFrame:
-    """Predictions at the optimum, for a check by the mean of some runs.
+    """Predictions at the optimum with the 95 % interval of the mean, `mean_low` to `mean_high`.
 
-    `response`, `target`, `predicted`, `standard_error` of the predicted mean, its 95 % interval `mean_low` to
-    `mean_high`, and the interval `low` to `high` in which the mean of the check lies with 95 % probability if the model
-    is right.
+    With 95 % probability the mean of some `runs` lies from `low` to `high` if the model is right.
     """
     from scipy import stats
 
@@ -143,15 +136,11 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
 
 
 def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """The table of `predictions` beside the simulations of the check.
-
-    Added are `simulated` and its standard error `simulated_error`, `deviation_percent` from the target, and
-    `as_predicted`: whether the mean lies from `low` to `high`.
-    """
-    found, ok = predicted.copy(), dataset[dataset["status"] == "ok"]
-    values = ok[list(found["response"])].to_numpy(float)
-    found["simulated"] = values.mean(axis=0) if len(ok) else np.nan
-    found["simulated_error"] = values.std(axis=0, ddof=1) / np.sqrt(len(ok)) if len(ok) > 1 else np.nan
-    found["deviation_percent"] = 100 * (found["simulated"] / found["target"] - 1)
-    found["as_predicted"] = found["simulated"].between(found["low"], found["high"])
-    return found
+    """The table of `predictions` with the simulations of the check; `as_predicted`: the mean lies from low to high."""
+    table, ok = predicted.copy(), dataset[dataset["status"] == "ok"]
+    values = ok[list(table["response"])].to_numpy(float)
+    table["simulated"] = values.mean(axis=0) if len(ok) else np.nan
+    table["simulated_error"] = values.std(axis=0, ddof=1) / np.sqrt(len(ok)) if len(ok) > 1 else np.nan
+    table["deviation_percent"] = 100 * (table["simulated"] / table["target"] - 1)
+    table["as_predicted"] = table["simulated"].between(table["low"], table["high"])
+    return table

@@ -8,7 +8,7 @@ import numpy as np
 from repose.chain.design import optimal_lhs
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
-from repose.strategies.answer import apart
+from repose.strategies.answer import separated
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
 from repose.strategies.sequential.reach import Reach, reach
@@ -51,15 +51,13 @@ def advise(
     random: np.random.Generator,
     noise: np.ndarray | None = None,
 ) -> Advice:
-    """The next batch, or the answer.
+    """The next batch, or the answer; ValueError as in `Kriging`.
 
-    `observed` has the samples with an ok pour. `failed` (f, d) are the others, in the unit cube: a proposed point is
-    never nearer to a failed than to a good sample. `poured` counts failed pours too. `noise` as in `Kriging`.
-    ValueError if the pours have too few replicates for the noise, or there are fewer than two samples.
+    A proposed point is never nearer to a failed sample (f, d) than to a good one. `poured` counts failed pours too.
     """
     model = Kriging(observed, noise)
     points, scores = ranked(model, goal, observed.unit, failed, random)
-    found = reach(model, goal, random.spawn(1)[0])
+    attainable = reach(model, goal, random.spawn(1)[0])
     answer = points[scores.argmax()]
     probability = _probability(model, goal, answer)
     left = max(section["most_pours"] - poured, 0)
@@ -68,17 +66,17 @@ def advise(
     stop = None
     if probability >= section["probability"]:
         stop = "probability"
-    elif found.probability < OUT_OF_REACH and poured > section["start_samples"] * section["seeds"]:
+    elif attainable.probability < OUT_OF_REACH and poured > section["start_samples"] * section["seeds"]:
         stop = "out_of_reach"
         answer = nearest(model, goal, observed.unit, failed, points)
         probability = _probability(model, goal, answer)
     elif samples == 0:
         stop = "budget"
-    elif reachable < probability + LEAST_GAIN and found.probability >= OUT_OF_REACH:
+    elif reachable < probability + LEAST_GAIN and attainable.probability >= OUT_OF_REACH:
         stop = "noise"
     batch = np.empty((0, len(answer)))
-    if stop is None and found.probability < IN_DOUBT:
-        draws = random.permutation(found.points)
+    if stop is None and attainable.probability < IN_DOUBT:
+        draws = random.permutation(attainable.points)
         sound = _is_sound(draws, observed.unit, failed)
         batch = draws[np.argsort(~sound, kind="stable")[: -(-samples // 2)]]
     elif stop is None:
@@ -86,16 +84,13 @@ def advise(
     mean, covariance = model.predict(answer[None])
     error = np.sqrt(np.diagonal(covariance[0]))
     needed = goal.needed(model.noise, section["probability"])
-    return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed, found)
+    return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed, attainable)
 
 
 def nearest(
     model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """The point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without prior knowledge.
-
-    `good` (n, d) and `failed` (f, d) are samples in the unit cube; the search begins at `points` (m, d).
-    """
+    """The point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without prior knowledge."""
     random = np.random.default_rng(1)
 
     def score(unit):
@@ -126,7 +121,7 @@ def ranked(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (m, d) over the ranges and ever nearer around the best of them, with their scores (m,) (`Goal.score`).
 
-    The score is minus infinity beside a failed sample. `good` (n, d) and `failed` (f, d) are samples in the unit cube.
+    The score is minus infinity where a failed sample (f, d) is nearer than a good one (n, d).
     """
     from scipy.stats import qmc
 
@@ -148,7 +143,7 @@ def alternatives(
     inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(scores)
     order = np.argsort(-scores, kind="stable")
     order = order[inside[order]]
-    kept = order[apart(points[order], section["distance"], section["solutions"])]
+    kept = order[separated(points[order], section["distance"], section["solutions"])]
     return points[kept], mean[kept]
 
 

@@ -27,20 +27,18 @@ def run_start(study: Studied, out_csv: Path_) -> pd.DataFrame:
 
 
 def run_batch(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> dict[str, Any]:
-    """Write the advice after the batches so far, advice.json and next.csv; return the content of advice.json.
+    """Write the advice after the batches in `folders`, the start first, advice.json and next.csv; return the former.
 
-    `folders` are those of all batches, the start first, each with dataset.csv and runs.csv. next.csv has the samples of
-    the next batch, or, at the end, the answer as a single sample. The result has `batch` (the last), `pours`, `stop`,
-    `why`, `answer`, its `probability` and predicted `responses`, `reachable` and `needed` (`Advice`), `in_reach`
-    (probability that any set meets the targets) and `nearest` (least deviation of any set, Eq. 11, with its error).
+    next.csv has the samples of the next batch, or, at the end, the answer as a single sample. `in_reach` is the
+    probability that any set meets the targets, `nearest` the least deviation of any set (Eq. 11).
     """
     data = _data(folders, study.targets)
     try:
-        found = strategy.propose(study, data)
+        proposal = strategy.propose(study, data)
     except InputError as error:
         raise InputError(folders[-1], error.key, error.value, error.allowed) from None
-    content = {"batch": len(folders) - 1, "pours": len(data), **found.notes}
-    _write_samples(found, Path(out_dir) / "next.csv")
+    content = {"batch": len(folders) - 1, "pours": len(data), **proposal.notes}
+    _write_samples(proposal, Path(out_dir) / "next.csv")
     write_json(Path(out_dir) / "advice.json", content)
     return content
 
@@ -52,12 +50,10 @@ def run_check(
     study: Studied,
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write the course of the batches and the answer, simulated again; return the table of check.csv.
+    """Write the course of the batches, and the answer as simulated again in `dataset_csv` and `runs_csv`.
 
-    It has a row for each response: `target`, `predicted`, `predicted_error`, `simulated`, `simulated_error`,
-    `deviation_percent`. The other files are batches.csv, dataset.csv and runs.csv of all batches, and those of
-    `repose.strategies.answer.write`. `folders` also hold advice.json; `dataset_csv` and `runs_csv` are those of the
-    answer.
+    Returns the table of check.csv. The other files are batches.csv, dataset.csv and runs.csv of all batches, and those
+    of `repose.strategies.answer.write`.
     """
     targets, space = study.targets, study.parameters
     keys: tuple[str, ...] = (
@@ -73,25 +69,27 @@ def run_check(
     )
     keys += ("in_reach", "nearest")
     advices = [
-        read_json(Path(folder) / "advice.json", keys, "what the verb sequential_batch wrote")
+        read_json(Path(folder) / "advice.json", keys, "output of repose stage sequential_batch")
         for folder in folders
     ]
-    batches, last = pd.DataFrame([_row(one, targets) for one in advices]), advices[-1]
+    batches, last = pd.DataFrame([_row(advice, targets) for advice in advices]), advices[-1]
     dataset, runs = _batches(folders, targets)
     checked = read_table(runs_csv, ("sample", "status", *targets.names))
     check = _check(last, read_dataset(dataset_csv, targets), targets)
     out = Path(out_dir)
     for name, table in {"batches": batches, "check": check, "dataset": dataset, "runs": runs}.items():
         write_table(out / f"{name}.csv", table)
-    told = {
+    details = {
         key: last[key]
         for key in ("answer", "probability", "stop", "why", "pours", "needed", "in_reach", "nearest")
     }
-    told |= {
+    details |= {
         "tolerance_percent": study.config["sequential"]["tolerance_percent"],
         "check_pours": _pours(checked, targets),
     }
-    answer.write(_found(_data(folders, targets), last, study, told), checked, space, targets, out, told)
+    answer.write(
+        _result(_data(folders, targets), last, study, details), checked, space, targets, out, details
+    )
     return check
 
 
@@ -115,31 +113,31 @@ def _check(last, dataset, targets):
     return pd.DataFrame(rows)
 
 
-def _found(data, last, study, told):
+def _result(data, last, study, details):
     """The answer, with other parameter sets that the same model predicts inside the ranges."""
     space, targets, section = study.parameters, study.targets, study.config["sequential"]
     best = strategy.answer(study, data)
     steps = (
         f"Start: {section['start_samples']} parameter sets all over the ranges, each poured {section['seeds']} times.",
-        f"Batches: {last['batch']}, each about the best point so far; {told['pours']} pours in all. "
-        f"They stopped: {told['why']}.",
+        f"Batches: {last['batch']}, each about the best point so far; {details['pours']} pours in all. "
+        f"They stopped: {details['why']}.",
         f"Model: kriging of the samples' means with their known errors. The answer lies within "
         f"{section['tolerance_percent']:g} % of all targets with probability {last['probability']:.2f}.",
-        f"Check: the answer was poured {told['check_pours']} more times.",
+        f"Check: the answer was poured {details['check_pours']} more times.",
     )
     means = np.array([last["responses"][name]["mean"] for name in targets.names])
     values = np.array([last["answer"][name] for name in space.names])
     note = _out_of_reach(last, targets) if last["stop"] == "out_of_reach" else ""
-    return answer.Found(values, means, best.others, best.others_mean, steps, note)
+    return answer.Result(values, means, best.others, best.others_mean, steps, note)
 
 
 def _out_of_reach(last, targets):
     """How near the answer comes, a sentence."""
     off = []
     for target in targets:
-        found = last["responses"][target.name]
-        percent = [100 * value / target.aim for value in (found["mean"] - target.aim, found["error"])]
-        off.append(f"{percent[0]:+.1f} ± {abs(percent[1]):.1f} % off the {target.response.symbol} asked for")
+        predicted = last["responses"][target.name]
+        percent = [100 * value / target.aim for value in (predicted["mean"] - target.aim, predicted["error"])]
+        off.append(f"{percent[0]:+.1f} ± {abs(percent[1]):.1f} % off the target of {target.response.symbol}")
     return (
         "The targets are probably out of reach: some parameter set meets them with probability "
         f"{last['in_reach']:.2f}. "
@@ -155,10 +153,10 @@ def observed_of(
 
 
 def data_of(dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """The pours of samples as a strategy takes them, a row for each: sample, parameters, responses.
+    """The pours as a strategy takes them, a row for each: sample, parameters, responses, NaN for a failed sample.
 
-    Responses of several bench tests come from separate runs. The first ok run of each bench test makes the first pour
-    of the sample, and so on; these runs are independent, so any pairing is valid. A failed sample has no response.
+    Bench tests have separate runs. The first ok run of each makes the first pour of the sample, and so on; these runs
+    are independent, so any pairing is valid.
     """
     several = "apparatus" in runs
     groups = ["sample", "apparatus"] if several else ["sample"]
@@ -187,12 +185,12 @@ def _data(folders, targets):
 
 def _batches(folders, targets):
     """Samples and single runs of all batches."""
-    found = []
+    tables = []
     for folder in folders:
         dataset_csv, runs_csv = Path(folder) / "dataset.csv", Path(folder) / "runs.csv"
         dataset = read_dataset(dataset_csv, targets)
-        found.append((dataset, read_runs(runs_csv, targets, dataset, dataset_csv)))
-    dataset, runs = (pd.concat(one, ignore_index=True) for one in zip(*found, strict=True))
+        tables.append((dataset, read_runs(runs_csv, targets, dataset, dataset_csv)))
+    dataset, runs = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
     return dataset, runs
 
 
@@ -201,9 +199,9 @@ def _pours(runs, targets):
     return len(runs) // len(targets.apparatus)
 
 
-def _write_samples(found, path):
+def _write_samples(proposal, path):
     """Write and return the samples of a proposal, without their seeds, which are those of the section."""
-    table = found.samples.drop(columns="seeds")
+    table = proposal.samples.drop(columns="seeds")
     write_table(path, table)
     return table
 

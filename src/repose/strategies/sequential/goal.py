@@ -67,17 +67,16 @@ class Goal(NamedTuple):
         return np.log(probability) - 1e-6 * miss + self.space.log_prior(unit)
 
     def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
-        """The highest probability that further pours can give, at the best place and with the best results.
+        """The highest probability that further pours at one of the points (m, d) can give, with the best results.
 
-        All pours are made at one of the points (m, d). They shrink the covariance C of its mean to (C^-1 + pours
-        N^-1)^-1 with the noise N of a pour, and may move the mean towards the target by `LUCK` standard deviations of
-        their information.
+        They shrink the covariance C of its mean to (C^-1 + pours N^-1)^-1 with the noise N of a pour, and may move the
+        mean towards the target by `LUCK` standard deviations of their information.
         """
         mean, covariance = model.predict(unit)
         rest = np.linalg.inv(np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise))
-        told = np.maximum(np.diagonal(covariance - rest, axis1=1, axis2=2), 0.0)
+        gained = np.maximum(np.diagonal(covariance - rest, axis1=1, axis2=2), 0.0)
         off = mean - self.aim
-        off = np.sign(off) * np.maximum(np.abs(off) - LUCK * np.sqrt(told), 0.0)
+        off = np.sign(off) * np.maximum(np.abs(off) - LUCK * np.sqrt(gained), 0.0)
         return float(self.probability(self.aim + off, rest).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:

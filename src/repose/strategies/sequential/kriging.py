@@ -34,7 +34,7 @@ SMOOTHNESS = (
     2.5  # of Matern's covariance: twice differentiable; smoother ones claim too much between few samples
 )
 DRAWS = 8  # of variance and lengths
-# Of the factor on the variance of each draw, before the pours tell it: median and standard deviation of its logarithm.
+# Prior of the factor on the variance of each draw: median and standard deviation of its logarithm.
 # From campaigns for other hidden sets than those of docs/sequential.md: the draws' variances are too large as a rule.
 FACTOR_MEDIAN, FACTOR_LOG_SD = 0.7, 0.4
 FACTORS = np.exp(np.linspace(-2, 2, 81))  # over which it is averaged
@@ -103,7 +103,7 @@ class Kriging:
     from the normal approximation of their posterior, with the prior of (H24); predictions are those of the mixture.
 
     The variance of each draw is multiplied by one factor. Each sample is predicted from all the others, and the factor
-    says how large these residuals are beside the variances that the draws tell, after the known errors of the means.
+    says how large these residuals are compared with the variances of the draws, given the known errors of the means.
     Where they say little, with few samples or much noise, the factor stays near the median of its prior.
     """
 
@@ -128,14 +128,14 @@ class Kriging:
         kernels = [_drawn(self.unit, *column) for column in columns]
         # one set of processes for each draw, (draws, k)
         self.sets = [
-            [_conditioned(kernel, self.unit, *column) for kernel, column in zip(one, columns, strict=True)]
-            for one in zip(*kernels, strict=True)
+            [_conditioned(kernel, self.unit, *column) for kernel, column in zip(own, columns, strict=True)]
+            for own in zip(*kernels, strict=True)
         ]
         self.factor = _factor(*self._left_out())
 
     def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean responses (m, k) at points (m, d), and their covariance (m, k, k) without the noise of a pour."""
-        moments = np.array([self._moments(one, unit - 0.5) for one in self.sets])
+        moments = np.array([self._moments(processes, unit - 0.5) for processes in self.sets])
         means, variances = moments[:, 0], moments[:, 1]
         off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
         roots = np.sqrt(self.factor * variances.mean(axis=0)) * self._scale
@@ -150,9 +150,11 @@ class Kriging:
     def _left_out(self):
         """Each sample predicted from the others: residuals (n, k), variances within draws, and those that stay."""
         means, variances = [], []
-        for one in self.sets:
-            weights = np.column_stack([weights for _, _, weights in one])
-            inverse = [linalg.cho_solve((root, True), np.eye(len(root))).diagonal() for _, root, _ in one]
+        for processes in self.sets:
+            weights = np.column_stack([weights for _, _, weights in processes])
+            inverse = [
+                linalg.cho_solve((root, True), np.eye(len(root))).diagonal() for _, root, _ in processes
+            ]
             precision = np.column_stack(inverse)
             means.append(self.values - weights / precision)
             variances.append(np.maximum(1 / precision - self.errors, 1e-12))
@@ -219,7 +221,7 @@ def _factor(residuals, variances, others):
     return float(np.exp(weight @ np.log(FACTORS) / weight.sum()))
 
 
-def _drawn(unit, value, error) -> list[Any]:
+def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
     """Kernels of one combination, drawn from their posterior: a linear part, and the deviation from it."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern
@@ -238,10 +240,10 @@ def _drawn(unit, value, error) -> list[Any]:
             off = (theta - mean) / sd
             return value + 0.5 * off @ off, slope + off / sd
 
-        found = optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds)
+        fitted = optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds)
         for k, step in enumerate(STEP * np.eye(1 + d)):
-            curvature[k] = (loss(found.x + step)[1] - loss(found.x - step)[1]) / (2 * STEP)
-        return found.x, found.fun
+            curvature[k] = (loss(fitted.x + step)[1] - loss(fitted.x - step)[1]) / (2 * STEP)
+        return fitted.x, fitted.fun
 
     rough = ConstantKernel(signal, BOUNDS) * Matern(np.full(d, math.exp(middle)), BOUNDS, nu=SMOOTHNESS)
     # as large as the means' variance beforehand: points have a variance of 1/12 in each parameter

@@ -17,7 +17,7 @@ import numpy as np
 from repose.core.errors import InputError
 from repose.strategies.sequential.kriging import BOUNDS, SMOOTHNESS, Observed
 
-REPLICATES, TOLD, ESTIMATED = "replicates", "noise_sd", "estimated from single runs"
+REPLICATES, GIVEN, ESTIMATED = "replicates", "noise_sd", "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
 SHARES = np.geomspace(
     1e-4, 1.0, 9
@@ -29,12 +29,12 @@ class Noise(NamedTuple):
     """The noise of a single run."""
 
     covariance: np.ndarray  # (k, k), of the responses about their means
-    sources: dict[str, str]  # for each response `REPLICATES`, `TOLD` or `ESTIMATED`
+    sources: dict[str, str]  # for each response `REPLICATES`, `GIVEN` or `ESTIMATED`
 
     @property
     def warning(self) -> str | None:
-        """Warning for too few replicates; None where there are enough."""
-        told = [
+        """Warning for too few replicates; None if there are enough."""
+        deviations = [
             f"{name} {sd:.2g} ({source})"
             for (name, source), sd in zip(
                 self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True
@@ -43,8 +43,8 @@ class Noise(NamedTuple):
         if REPLICATES in self.sources.values():
             return None
         return (
-            "too few replicates to tell the noise of a run; taken as standard deviations: "
-            f"{', '.join(told)}. Intervals and probabilities are as good as these "
+            "too few replicates for the noise of a run; taken as standard deviations: "
+            f"{', '.join(deviations)}. Intervals and probabilities are as good as these "
             "numbers, and the noise of two responses is taken as independent. "
             "Simulate some parameter sets twice, or give targets.NAME.noise_sd."
         )
@@ -53,9 +53,7 @@ class Noise(NamedTuple):
 def noise_of(
     observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float], source: object = "runs"
 ) -> Noise:
-    """The noise of a single run; `observed` are samples with a good run, `source` names them in the error.
-
-    `names` are the responses, `noise_sd` the standard deviations of a run that the user gave.
+    """The noise of a single run, from replicates or from the given standard deviations `noise_sd` and an estimate.
 
     InputError if the replicates are all alike, or if replicates, `noise_sd` and single runs are all too few.
     """
@@ -67,11 +65,11 @@ def noise_of(
     fewest = RUNS_PER_PARAMETER * observed.unit.shape[1]
     if set(names) - set(noise_sd) and len(observed.unit) < fewest:
         allowed = (
-            f"at least {len(names) + 1}: replicates, rows with the same parameters, tell the noise; or "
+            f"at least {len(names) + 1}: replicates, rows with the same parameters, determine the noise; or "
             f"targets.NAME.noise_sd for each response; or at least {fewest} samples, for an estimate of it"
         )
         raise InputError(source, "runs beyond the first of a sample", observed.freedom, allowed)
-    sources = {name: TOLD if name in noise_sd else ESTIMATED for name in names}
+    sources = {name: GIVEN if name in noise_sd else ESTIMATED for name in names}
     variances = [
         noise_sd[name] ** 2
         if name in noise_sd
@@ -82,11 +80,9 @@ def noise_of(
 
 
 def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
-    """Variance of a single run about a smooth surface.
+    """Variance of a single run about a smooth surface: its mean over `SHARES`, weighted with the evidence of each.
 
-    Its mean over `SHARES` of the variance of the means, weighted with the evidence of each. `unit` (n, d) are samples
-    in the unit cube, `means` (n,) their means, and `shares` (n,) the variance of each mean in variances of a single
-    run.
+    `shares` (n,) is the variance of each of the `means` (n,) in variances of a single run.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern

@@ -60,17 +60,9 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
 
 
 class Draws:
-    """Functions drawn from one set of processes: called with points (m, d) they give responses (draws, m, k).
+    """Functions drawn from set `number` of processes: called with points (m, d) they give responses (draws, m, k)."""
 
-    Parameters
-    ----------
-    model : Kriging
-    number : int
-        Of the set.
-    random : numpy.random.Generator
-    """
-
-    def __init__(self, model, number, random):
+    def __init__(self, model: Kriging, number: int, random: np.random.Generator):
         self.model, self.parts, d = model, [], model.unit.shape[1]
         for k, (kernel, root, of_mean) in enumerate(model.sets[number]):
             matern, size = kernel.k2.k2, kernel.k2.k1.constant_value
@@ -85,14 +77,14 @@ class Draws:
             values, errors = model.values[:, k, None], model.errors[:, k, None]
             off = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
             prior = constant + model.unit @ slopes + np.cos(model.unit @ frequencies.T + phase) @ weights
-            told = linalg.cho_solve((root, True), values - prior - off)
-            self.parts.append((kernel, of_mean, frequencies, phase, weights, slopes, constant, told))
+            corrections = linalg.cho_solve((root, True), values - prior - off)
+            self.parts.append((kernel, of_mean, frequencies, phase, weights, slopes, constant, corrections))
 
-    def __call__(self, unit):
+    def __call__(self, unit: np.ndarray) -> np.ndarray:
         unit, mixed, root = unit - 0.5, [], math.sqrt(self.model.factor)
-        for kernel, of_mean, frequencies, phase, weights, slopes, constant, told in self.parts:
+        for kernel, of_mean, frequencies, phase, weights, slopes, constant, corrections in self.parts:
             between = kernel(unit, self.model.unit)
             prior = constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights
             mean = (between @ of_mean)[:, None]
-            mixed.append(mean + root * (prior + between @ told - mean))
+            mixed.append(mean + root * (prior + between @ corrections - mean))
         return self.model.unmixed(np.stack(mixed, axis=-1)).transpose(1, 0, 2)

@@ -1,4 +1,4 @@
-"""What the strategy `sequential` proposes: kriging says where the next batch is simulated, and when to stop."""
+"""Proposals of the strategy `sequential`: kriging says where the next batch is simulated, and when to stop."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,8 +18,8 @@ from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
 from repose.strategies.sequential.noise import Noise, noise_of
 
 WHY = {
-    "probability": "the answer meets the targets with the probability that was asked for",
-    "out_of_reach": "probably no parameter set meets the targets: the answer is the one that comes nearest",
+    "probability": "the answer meets the targets with the requested probability",
+    "out_of_reach": "probably no parameter set meets the targets: the answer is the nearest",
     "budget": "the budget of pours is used up",
     "noise": "the pours that are left cannot make the answer more probable: the noise is too large",
 }
@@ -37,14 +37,14 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     try:
         advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
     except ValueError as error:
-        raise InputError("runs", "pours", str(error), "enough to tell the noise") from None
+        raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
     notes = _notes(advice, study)
     if advice.stop is None:
         return Batch(samples_of(space, advice.batch, section["seeds"], next_number(data)), notes)
-    found = answer(study, data)
+    best = answer(study, data)
     if advice.stop == "out_of_reach":
-        found = _at(advice.answer, found, study, data)
-    return replace(found, why=WHY[advice.stop], notes=notes)
+        best = _at(advice.answer, best, study, data)
+    return replace(best, why=WHY[advice.stop], notes=notes)
 
 
 def answer(study: Studied, data: pd.DataFrame) -> Answer:
@@ -54,17 +54,17 @@ def answer(study: Studied, data: pd.DataFrame) -> Answer:
     try:
         model = Kriging(observed, known_noise(study, observed))
     except ValueError as error:
-        raise InputError("runs", "pours", str(error), "enough to tell the noise") from None
+        raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
     points, scores = ranked(model, goal, observed.unit, failed, _random(study, data))
     others, predicted = alternatives(points, scores, model, targets, study.config["miga"])
     nowhere = np.empty(0)
-    found = Answer(
+    best = Answer(
         *(nowhere, nowhere, nowhere, {}, data, SO_FAR),
         space.values(others),
         predicted,
         SpaceKriging(model, space),
     )
-    return _at(points[scores.argmax()], found, study, data)
+    return _at(points[scores.argmax()], best, study, data)
 
 
 def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> tuple[Observed, np.ndarray]:
@@ -86,7 +86,7 @@ def noise_from(study: Studied, observed: Observed) -> Noise:
 
 
 def known_noise(study: Studied, observed: Observed) -> np.ndarray | None:
-    """Covariance (k, k) of a single run; None where the replicates alone may tell it, as for our own pours."""
+    """Covariance (k, k) of a single run; None if the replicates alone give it, as for our own pours."""
     return noise_from(study, observed).covariance if "noise_sd" in study.config else None
 
 
@@ -101,9 +101,9 @@ def _random(study, data):
     return np.random.default_rng([study.config["design"]["seed"], turn])
 
 
-def _at(unit, found, study, data):
+def _at(unit, best, study, data):
     """The answer at a point (d,) of the unit cube."""
-    space, targets, model = study.parameters, study.targets, found.model.model
+    space, targets, model = study.parameters, study.targets, best.model.model
     mean, covariance = model.predict(unit[None])
     probability = {
         column: float(Goal.of(targets, percent, space).probability(mean, covariance)[0])
@@ -111,7 +111,7 @@ def _at(unit, found, study, data):
     }
     probability["inside"] = Goal.inside(mean, covariance, targets)
     return replace(
-        found,
+        best,
         values=space.values(unit)[0],
         mean=mean[0],
         covariance=covariance[0],
