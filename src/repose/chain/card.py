@@ -20,7 +20,7 @@ from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.parameters import LABELS
 from repose.core.responses import Response, derived
 from repose.core.targets import Target, Targets
 
@@ -244,7 +244,7 @@ def run(
     needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
     berry = read_berry(_path(files, "berry"), (*needed, "n"))
     particle = Particle.load(_path(files, "particle"))
-    feasible = read_table(_path(files, "feasible"), PARAMETERS)
+    feasible = read_table(_path(files, "feasible"), ParameterSpace.of(config["parameters"]).names)
     posterior = None
     if files.get("posterior") is not None:
         columns = ("parameter", "credible_low", "credible_high")
