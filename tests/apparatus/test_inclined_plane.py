@@ -93,6 +93,29 @@ def test_the_beginning_is_where_the_root_of_the_speed_meets_zero():
     assert inclined_plane.beginning_deg(angle, speed) == pytest.approx(20.0, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    "speed",
+    [
+        np.zeros(200),  # at rest to the last
+        np.r_[np.zeros(100), np.linspace(0.2, 0.01, 100)],  # it tips and comes to rest
+        np.r_[np.full(199, 0.01), 1.0],  # one look at the motion
+    ],
+)
+def test_a_berry_that_tips_and_stops_has_no_angle(speed):
+    angle = np.linspace(0.0, 20.0, 200)
+    assert inclined_plane.beginning_deg(angle, speed) is None
+    arrays = {f"{what}_angle_deg": angle for what in (inclined_plane.SLED, inclined_plane.SINGLE)}
+    arrays |= {f"{inclined_plane.SINGLE}_speed_m_s": speed, f"{inclined_plane.SINGLE}_slide_m_s": 0.0 * speed}
+    slides = 3.0 * np.maximum(angle - 10.0, 0.0) ** 2
+    arrays |= {f"{inclined_plane.SLED}_speed_m_s": slides, f"{inclined_plane.SLED}_slide_m_s": slides}
+    own = config()
+    own["targets"].append(ROLLS)
+    found = inclined_plane.measure({"seed": 1, "status": "ok", "reason": ""}, arrays, own, SPHERE, BERRY)
+    assert (found["status"], found["roll_deg"]) == ("no_roll", None)
+    assert "moves and stops" in found["reason"]
+    assert found["slip_deg"] == pytest.approx(10.0, abs=0.01)
+
+
 def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
     values = dict(zip(PARAMETERS, (0.3, 0.5, 0.3, 0.3, 0.5, 0.3), strict=True))
     own = config(tilting_deg_s=10.0, steepest_deg=45.0)

@@ -36,16 +36,11 @@ OK = "ok"
 FEWEST_RUNS = 2  # successful runs of each bench test, for the probability that the targets are met
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
-TENSION = {
-    "keep": "the damped force may pull at the end of an impact",
-    "release": "the force never pulls, damped so that the restitution is as set",
-}
 CHOSEN = "measure.response"  # names the definition of a response that has several
 BERRY_HEIGHT = "berry_height_mm"
 CONFIG = "config.json"  # the configuration of a study, beside its card
 AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
-LIMIT = {"elastic": "the elastic part of the normal force", "total": "the size of the damped normal force"}
 
 # --- made -----------------------------------------------------------------------------------------
 
@@ -119,10 +114,11 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
     from repose.dem.laws.law import COULOMB
 
     settings = SimulationSettings.of(config)
-    limit = LIMIT[COULOMB[settings.tension]]
-    words = {**CONTACT_LAWS[settings.contact_law].words, **ROLLING_LAWS[settings.rolling_law].words}
+    contact = CONTACT_LAWS[settings.contact_law]
+    limit = contact.limits[COULOMB[settings.tension]]
+    words = {**contact.words, **ROLLING_LAWS[settings.rolling_law].words}
     sentences = {direction: text.format(limit=limit) for direction, text in words.items()}
-    return sentences | {"end of an impact": TENSION[settings.tension]}
+    return sentences | {"end of an impact": contact.ends[settings.tension]}
 
 
 def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
