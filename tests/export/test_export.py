@@ -287,6 +287,7 @@ def test_rolling_laws_are_written_as_liggghts_names_them(config):
         deck = export.PROGRAMS["liggghts"](job)["in.pour"]
         assert len(re.findall(rf"rolling_friction {name} ", deck)) == 3
         assert ("coefficientRollingViscousDamping" in deck) == (law == "epsd")
+        assert ("two spheres, with a constant torque" in deck) == (law == "constant_torque")
         # the lever of two grains is half of one grain's, that on a wall is the same
         assert rolling_coefficient(job, job.grains) == 0.5 * rolling_coefficient(budget, budget.grains)
         assert rolling_coefficient(job, job.on_wall) == rolling_coefficient(budget, budget.on_wall)

@@ -22,16 +22,17 @@ def beside(path: str | os.PathLike | None, table: str) -> Path | None:
     return sibling if sibling and sibling.is_file() else None
 
 
-def representative(path: str | os.PathLike | None) -> dict[str, float]:
-    """The six contact parameters of the published representative solution.
+def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAMETERS) -> dict[str, float]:
+    """The contact parameters `names` of the published representative solution.
 
-    InputError if there is no table, or no such solution.
+    InputError if there is no table, or it lacks such a solution or a parameter.
     """
+    names = tuple(names)
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
-    for row in read_rows(path, ("solution", *PARAMETERS)):
+    for row in read_rows(path, ("solution", *names)):
         if row["solution"] == "representative":
-            return {name: float(row[name]) for name in PARAMETERS}
+            return {name: float(row[name]) for name in names}
     raise InputError(path, "solution", None, "a row 'representative'")
 
 
