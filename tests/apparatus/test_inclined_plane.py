@@ -47,13 +47,13 @@ def on_plane(friction, rolling, particle=SPHERE, own=None):
 def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(friction, rolling):
     found = on_plane(friction, rolling)
     assert found["status"] == "ok"
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(friction)), abs=0.1)
-    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(rolling)), abs=0.1)
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(friction)), abs=0.01)
+    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(rolling)), abs=0.01)
 
 
 def test_a_sled_of_another_shape_slides_at_the_same_angle():
     found = on_plane(0.4, 0.1, LONG)
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.1)
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.01)
 
 
 def test_a_sphere_that_cannot_roll_slides_or_stays():
@@ -83,8 +83,8 @@ def test_the_resistance_against_the_other_body_rolls_at_the_same_angle():
     own = config()
     own["simulation"]["rolling_law"] = "epsd"
     found = on_plane(0.5, 0.2, own=own)
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.5)), abs=0.1)
-    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.2)), abs=0.1)
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.5)), abs=0.01)
+    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.2)), abs=0.01)
 
 
 def test_the_beginning_is_where_the_root_of_the_speed_meets_zero():

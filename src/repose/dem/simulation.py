@@ -76,7 +76,7 @@ class Simulation(Observables):
         Names of force laws, see `repose.dem.laws`. "budget" resists each body's angular velocity in space by
         mu_r F_n R, R the distance of the contact from the centre of mass, spin about the normal included; so angular
         momentum is not kept, and where walls turn `rolling_frame_rad_s` must be set. "epsd" resists the rotation of
-        one body against the other and keeps it.
+        one body against the other and keeps it. "jkr" goes with "budget" alone.
     largest_scale : float
         The largest scale that `add` will be given.
     threads : int
