@@ -47,13 +47,13 @@ def on_plane(friction, rolling, particle=SPHERE, own=None):
 def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(friction, rolling):
     found = on_plane(friction, rolling)
     assert found["status"] == "ok"
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(friction)), abs=0.1)
-    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(rolling)), abs=0.1)
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(friction)), abs=0.01)
+    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(rolling)), abs=0.01)
 
 
 def test_a_sled_of_another_shape_slides_at_the_same_angle():
     found = on_plane(0.4, 0.1, LONG)
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.1)
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.01)
 
 
 def test_a_sphere_that_cannot_roll_slides_or_stays():
@@ -83,14 +83,37 @@ def test_the_resistance_against_the_other_body_rolls_at_the_same_angle():
     own = config()
     own["simulation"]["rolling_law"] = "epsd"
     found = on_plane(0.5, 0.2, own=own)
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.5)), abs=0.1)
-    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.2)), abs=0.1)
+    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.5)), abs=0.01)
+    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.2)), abs=0.01)
 
 
 def test_the_beginning_is_where_the_root_of_the_speed_meets_zero():
     angle = np.arange(0.0, 22.0, 0.01)
     speed = 3.0 * np.maximum(angle - 20.0, 0.0) ** 2 + 1e-9
     assert inclined_plane.beginning_deg(angle, speed) == pytest.approx(20.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "speed",
+    [
+        np.zeros(200),  # at rest to the last
+        np.r_[np.zeros(100), np.linspace(0.2, 0.01, 100)],  # it tips and comes to rest
+        np.r_[np.full(199, 0.01), 1.0],  # one look at the motion
+    ],
+)
+def test_a_berry_that_tips_and_stops_has_no_angle(speed):
+    angle = np.linspace(0.0, 20.0, 200)
+    assert inclined_plane.beginning_deg(angle, speed) is None
+    arrays = {f"{what}_angle_deg": angle for what in (inclined_plane.SLED, inclined_plane.SINGLE)}
+    arrays |= {f"{inclined_plane.SINGLE}_speed_m_s": speed, f"{inclined_plane.SINGLE}_slide_m_s": 0.0 * speed}
+    slides = 3.0 * np.maximum(angle - 10.0, 0.0) ** 2
+    arrays |= {f"{inclined_plane.SLED}_speed_m_s": slides, f"{inclined_plane.SLED}_slide_m_s": slides}
+    own = config()
+    own["targets"].append(ROLLS)
+    found = inclined_plane.measure({"seed": 1, "status": "ok", "reason": ""}, arrays, own, SPHERE, BERRY)
+    assert (found["status"], found["roll_deg"]) == ("no_roll", None)
+    assert "moves and stops" in found["reason"]
+    assert found["slip_deg"] == pytest.approx(10.0, abs=0.01)
 
 
 def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():

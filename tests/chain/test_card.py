@@ -14,7 +14,7 @@ from repose.chain.chance import PERCENT
 from repose.cli import main
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import FURTHER, LABELS, PARAMETERS, of_law
 from repose.core.responses import response
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
@@ -49,7 +49,7 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5)
         *("height_mm", "mm", simulated, 0.4, runs, "ok"),
         *(target["value"], target["sd"], *target["range"]),
     )
-    values = dict.fromkeys(PARAMETERS, 0.3)
+    values = dict.fromkeys(config["parameters"], 0.3)
     found = answer.Answer("wheat", values, True, "", (check,), Path("results"), {1.0: 0.25, 2.0: within})
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
@@ -233,3 +233,19 @@ def test_the_verb_writes_a_card_that_can_be_read(monkeypatch, tmp_path):
     assert all(found["parameters"][name]["value"] == summary["representative"][name] for name in PARAMETERS)
     assert found["made_by"]["configuration"] is not None
     assert found["tests"]
+
+
+def test_a_card_holds_the_parameters_of_every_contact_law(config, solutions):
+    """The schema's pattern and `core.parameters.FURTHER` name the same parameters."""
+    laws = {law for law, _, _ in FURTHER.values()}
+    for law in laws:
+        names = of_law(law)
+        config["simulation"]["contact_law"] = law
+        own = config | {"parameters": config["parameters"] | {name: [0.0, 0.5] for name in names}}
+        result = made(own, solutions.assign(**{name: solutions["e_gg"] for name in names}))
+        card.check(result, "card")
+        assert tuple(result["parameters"]) == (*PARAMETERS, *names)
+        assert all(LABELS[name] in card.describe(result) for name in names)
+    result["parameters"]["surface_gg"] = result["parameters"]["e_gg"]
+    with pytest.raises(InputError, match="surface_gg"):
+        card.check(result, "card")

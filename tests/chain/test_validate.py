@@ -7,8 +7,10 @@ import shared
 
 from repose.chain import validate
 from repose.core.errors import InputError
+from repose.core.parameter_sets import read_sample
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.published import published_count
 from repose.core.targets import Targets
 from repose.surrogate.support import Support
 
@@ -35,7 +37,7 @@ def study(tmp_path):
     return tmp_path
 
 
-def write_heaps(folder, solutions, failed=()):
+def write_heaps(folder, solutions, failed=(), names=PARAMETERS):
     paths = []
     for row in solutions.to_dict("records"):
         runs = []
@@ -49,7 +51,7 @@ def write_heaps(folder, solutions, failed=()):
             runs.append(
                 {"seed": seed, "status": "ok" if ok else "jammed", "reason": "" if ok else "stuck"} | numbers
             )
-        job = {"sample": row["sample"], "parameters": {name: row[name] for name in PARAMETERS}, "runs": runs}
+        job = {"sample": row["sample"], "parameters": {name: row[name] for name in names}, "runs": runs}
         paths.append(folder / f"{row['sample']:03}.json")
         paths[-1].write_text(json.dumps(job))
     return paths
@@ -80,7 +82,7 @@ def test_solutions_are_samples_with_ours_first_and_the_published_from_101(study)
 
 def test_published_solutions_have_the_same_numbers_in_a_table_of_their_own(study, tmp_path):
     both = select(study).set_index("sample")
-    own = validate.write_published_solutions(study / "published4.csv", tmp_path / "theirs.csv")
+    own = validate.write_published_solutions(study / "published4.csv", PARAMETERS, tmp_path / "theirs.csv")
     assert list(own["sample"]) == list(both.index[both["origin"] == "published"])
     np.testing.assert_array_equal(own[list(PARAMETERS)], both.loc[own["sample"], list(PARAMETERS)])
 
@@ -212,3 +214,24 @@ def test_published_solutions_without_the_targets_are_left_out(study):
         assert found["representative"]["response"].tolist() == ["height_mm"]
         assert found["published"].empty
         assert pd.read_csv(study / "v/published.csv").empty
+
+
+def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_out(study):
+    names = (*PARAMETERS, "gamma_gg", "gamma_gp")
+    space = ParameterSpace(names, np.zeros(8), np.ones(8), names=names)
+    table = pd.read_csv(study / "feasible.csv").assign(gamma_gg=0.05, gamma_gp=0.02)
+    table.to_csv(study / "feasible.csv", index=False)
+    chosen = validate.write_solutions(
+        study / "feasible.csv", study / "published4.csv", space, TARGETS, 5, study / "v/solutions.csv"
+    )
+    assert chosen["origin"].unique().tolist() == ["miga"]
+    assert read_sample(study / "v/solutions.csv", 1)["gamma_gg"] == 0.05
+    responses = TARGETS.responses
+    assert published_count(study / "published4.csv", responses, PARAMETERS) == 2
+    assert published_count(study / "published4.csv", responses, names) == 0
+    with pytest.raises(InputError, match="column gamma_gg"):
+        validate.write_published_solutions(study / "published4.csv", names, study / "v/published.csv")
+    paths = write_heaps(study, chosen, names=names)
+    found = validate.run(study / "v/solutions.csv", paths, study / "published4.csv", TARGETS, study / "v")
+    assert found["table4"]["gamma_gp"].tolist() == [0.02] * 6
+    assert found["published"].empty

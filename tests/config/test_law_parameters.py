@@ -44,6 +44,12 @@ def test_the_card_names_the_convention_of_the_surface_energy():
     words = laws(study("jkr", **COHESION).config)
     assert "w = 2 gamma" in words["normal"]
     assert "3 pi gamma R*" in words["normal"]
+    for direction in ("tangential", "rolling"):
+        assert "times the sum of the damped normal force and twice the pull-off force" in words[direction]
+    assert "by more than the pull-off force" in words["end of an impact"]
+    words = laws(study("sjkr", k_gg=[0.0, 1e4], k_gp={"fixed": 0.0}).config)
+    assert "mu_s times the size of the damped normal force without cohesion" in words["tangential"]
+    assert words["end of an impact"].startswith("the force without cohesion never pulls")
 
 
 @pytest.mark.parametrize(
@@ -71,6 +77,17 @@ def test_the_card_names_the_convention_of_the_surface_energy():
 def test_parameters_and_law_belong_together(law, parameters, message):
     with pytest.raises(InputError, match=message):
         study(law, **parameters)
+
+
+def test_a_rolling_law_that_takes_the_circle_of_hertz_does_not_go_with_jkr():
+    for rolling in ("constant_torque", "epsd", "epsd2"):
+        simulation = {"rolling_law": rolling}
+        overrides = {"simulation": simulation | {"contact_law": "jkr"}, "parameters": COHESION}
+        with pytest.raises(InputError, match=f"rolling_law is '{rolling}'; allowed: budget with .* jkr"):
+            Study.load(ROOT / "config/config.yaml", overrides=overrides)
+        overrides = {"simulation": simulation | {"contact_law": "sjkr"}}
+        overrides["parameters"] = {"k_gg": [0.0, 1e4], "k_gp": {"fixed": 0.0}}
+        Study.load(ROOT / "config/config.yaml", overrides=overrides)
 
 
 def test_tables_of_the_six_stay_as_they_were():

@@ -10,6 +10,7 @@ import pytest
 
 from repose.core import files
 from repose.core.errors import InputError
+from repose.core.parameters import FURTHER
 
 TABLE = pd.DataFrame({"sample": [1, 2], "aor_deg": [31.25, np.nan], "reason": ["", "stuck, twice"]})
 
@@ -69,6 +70,13 @@ def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
     path.write_bytes(b"\xff\xfe\x00broken\x00\x9d")
     with pytest.raises(InputError, match="allowed: a fine file"):
         read(path, what="a fine file")
+
+
+@pytest.mark.parametrize("column", ["aor_deg", "e_gg", *FURTHER])
+def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
+    (tmp_path / "given.csv").write_text(f"sample,{column}\n1,0.5\n2,much\n")
+    with pytest.raises(InputError, match=rf"row 2: {column} is 'much'; allowed: a finite number"):
+        files.read_table(tmp_path / "given.csv", ("sample", column))
 
 
 def test_missing_parts_are_reported_with_what_there_should_be(tmp_path):

@@ -25,7 +25,7 @@ from repose.dem.constants import COHESION_ENERGY_DENSITY, OF_LAWS, SURFACE_ENERG
 from repose.dem.kernels import clump_tile as ct
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
-from repose.dem.laws import CONTACT_LAWS, jkr
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, jkr
 from repose.dem.materials import effective_moduli
 
 LANES = st.LANES
@@ -170,6 +170,13 @@ def test_a_contact_names_the_constants_that_its_law_needs():
             simulation(contact=coherent(wrong), contact_law="jkr")
     with pytest.raises(ValueError, match=r"constants is \[\]; allowed: name: number"):
         Contact(0.3, 0.5, 0.0, constants=[])
+
+
+def test_jkr_goes_with_the_rolling_law_that_needs_no_circle_of_hertz():
+    for rolling in sorted({*ROLLING_LAWS} - {"budget"}):
+        with pytest.raises(ValueError, match=f"rolling_law is '{rolling}'; allowed: .* 'jkr' 'budget'"):
+            simulation(contact=coherent(0.1), contact_law="jkr", rolling_law=rolling)
+    simulation(contact=coherent(0.1), contact_law="jkr", rolling_law="budget")
 
 
 def solid(smooth, radius=RADIUS, density=DENSITY):

@@ -200,6 +200,9 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
     assert (row["height_simulated_mm"], row["drum_slip_simulated_deg"]) == pytest.approx((60.2, 42.0))
     assert "slip 42.00 deg is 5.00 %" in row["reason"]
     assert "Height 60.20 mm is 0.33 %" in row["reason"]
+    table.assign(gamma_gg=0.05).to_csv(own / "proposal.csv", index=False)
+    files = (own / f"{name}.csv" for name in ("proposal", "dataset", "runs"))
+    assert rounds.run_judge(*files, targets, SECTION, tmp_path)["gamma_gg"] == 0.05
     added = refine.run_extended(tmp_path / "dataset.csv", tmp_path / "runs.csv", [own], tmp_path / "data")
     assert added["dataset"]["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
     assert added["dataset"]["height_mm"].tolist() == pytest.approx([60.2] * 5, abs=0.02)

@@ -41,7 +41,7 @@ def judged(targets=TARGETS, section=SECTION, **responses):
     count = len(next(iter(responses.values())))
     noise = runs_of([1101], **dict.fromkeys(responses, 99.0))  # a neighbour, which has no say
     runs = pd.concat([runs_of([1001] * (count - 1) + [1002], **responses), noise])
-    return rounds.judge(proposed(targets, count), runs, targets, section, 0)
+    return rounds.judge(proposed(targets, count), runs, targets, section, 0, PARAMETERS)
 
 
 def test_a_round_is_cut_into_blocks_of_its_seeds_and_neighbours():
@@ -96,7 +96,7 @@ def test_a_mean_that_is_near_by_luck_is_not_precise_enough():
 
 def test_a_proposal_without_a_pile_has_an_outcome_of_its_own():
     runs = runs_of([1001, 1002], aor_deg=30.0, height_mm=60.0).assign(status="jammed", reason="stuck")
-    row = rounds.judge(proposed(TARGETS, 2), runs, TARGETS, SECTION, 0)
+    row = rounds.judge(proposed(TARGETS, 2), runs, TARGETS, SECTION, 0, PARAMETERS)
     assert row["outcome"] == "no pile"
     assert row["reason"] == "jammed: 2 of 2 runs jammed (stuck)"
     assert np.isnan(row["aor_simulated_deg"])
@@ -125,7 +125,9 @@ def of_two_bench_tests(slip):
 
 
 def test_four_targets_of_two_bench_tests():
-    row = rounds.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0)
+    row = rounds.judge(
+        proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0, PARAMETERS
+    )
     assert (row["poured"], row["n_seeds"]) == (7, 3)
     assert row["outcome"] == "not within"
     assert row["base_radius_simulated_mm"] == pytest.approx(110)
@@ -133,7 +135,7 @@ def test_four_targets_of_two_bench_tests():
     assert "slip 41.40 deg is 3.50 %" in row["reason"]
     failed = of_two_bench_tests([40.0, 40.2])
     failed.loc[failed["apparatus"] == "drum", ["status", "reason"]] = ["jammed", "stuck"]
-    row = rounds.judge(proposed(FOUR, 4), failed, FOUR, SECTION, 0)
+    row = rounds.judge(proposed(FOUR, 4), failed, FOUR, SECTION, 0, PARAMETERS)
     assert (row["outcome"], row["reason"]) == ("no pile", "jammed: 2 of 2 runs jammed (stuck)")
     assert rounds.why_stopped(row | {"outcome": "within"}, 4, FOUR) == "round 0 meets all targets"
 
@@ -155,7 +157,7 @@ def test_targets_out_of_reach_end_the_loop_where_it_comes_no_nearer():
     assert not reached["out_of_reach"]
     table = proposed(TARGETS, 3).assign(aor_predicted_deg=29.0)
     runs = runs_of([1001] * 3, aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])
-    row = rounds.judge(table, runs, TARGETS, SECTION, 1) | {"usable": 3}
+    row = rounds.judge(table, runs, TARGETS, SECTION, 1, PARAMETERS) | {"usable": 3}
     assert row["out_of_reach"]
     assert row["objective"] == pytest.approx(1 / (TARGETS.high - TARGETS.low)[0])
     nearer, farther = (row | {"objective": row["objective"] + off} for off in (-0.1, 0.1))

@@ -117,6 +117,14 @@ def test_fixed_parameters_are_not_sampled():
     assert alone.summary["correlations"] == [[1.0]]
 
 
+def test_a_parameter_that_the_published_table_lacks_has_no_published_interval():
+    space = ParameterSpace.of(UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}})
+    published = pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS)
+    unit = np.random.default_rng(1).uniform(size=(500, 7))
+    table = posterior._parameters(space, unit, *np.ones((3, 7)), {"published": published})
+    assert table["published_low"].isna().tolist() == [False] * 6 + [True]
+
+
 def bits_on_a_grid(slopes, target, sd):
     """Bits of one response 30 + slopes (u - 1/2), u uniform in the unit cube: convolution of six boxes, on a grid."""
     step = 0.001

@@ -68,6 +68,9 @@ def test_support_of_a_dataset_takes_usable_samples(tmp_path):
     first = table.loc[[0, 1], list(PARAMETERS)].to_numpy()
     assert support.distance(first)[0] > 0
     assert support.distance(first)[1] == 0
+    cohesive = ParameterSpace.of(dict.fromkeys([*PARAMETERS, "gamma_gg"], (0.0, 1.0)))
+    with pytest.raises(InputError, match="column gamma_gg is 'missing'"):
+        Support.of_dataset(tmp_path / "dataset.csv", cohesive)
     table["status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
     with pytest.raises(InputError, match="usable samples is 0"):

@@ -12,6 +12,7 @@ from shared import TARGETS
 
 from repose.config.study import Study
 from repose.core import published
+from repose.core.errors import InputError
 from repose.core.runs import mean_and_error
 from repose.verification import speed
 
@@ -70,7 +71,10 @@ def test_the_reference_kernel_does_every_step_of_its_chain():
 
 
 def test_the_representative_solution_is_the_published_one():
-    assert published.representative("resources/published/table4.csv") == REPRESENTATIVE
+    path = "resources/published/table4.csv"
+    assert published.representative(path) == REPRESENTATIVE
+    with pytest.raises(InputError, match="column gamma_gg is 'missing'"):
+        published.representative(path, (*REPRESENTATIVE, "gamma_gg"))
 
 
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):

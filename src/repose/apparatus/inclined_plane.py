@@ -210,12 +210,17 @@ def tilted(
 # --- measure --------------------------------------------------------------------------------------
 
 
-def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float:
-    """Angle at which a motion began; the root of the speed is a line over the angle beyond it."""
+def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
+    """Angle at which a motion began; the root of the speed is a line over the angle beyond it.
+
+    None of a motion that does not grow at the end, as where a berry tips and stops.
+    """
     root = np.sqrt(speed_m_s)
-    used = np.arange(len(root)) >= np.flatnonzero(root < FROM_SHARE * root[-1])[-1] + 1
-    slope, shift = np.polyfit(angle_deg[used], root[used], 1)
-    return float(-shift / slope)
+    slower = np.flatnonzero(root < FROM_SHARE * root[-1])
+    if slower.size == 0 or len(root) - slower[-1] < 3:
+        return None
+    slope, shift = np.polyfit(angle_deg[slower[-1] + 1 :], root[slower[-1] + 1 :], 1)
+    return float(-shift / slope) if slope > 0.0 else None
 
 
 def measure(
@@ -225,7 +230,7 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The record with both angles; None where the sled or the berry stays, or the berry slides and does not roll."""
+    """The record with both angles; None where the sled or the berry stays or stops, or the berry slides instead."""
     measured: dict[str, Any] = dict.fromkeys((*MEASURED, "motion"))
     if record["status"] != "ok":
         return {**record, **measured}
@@ -239,7 +244,9 @@ def measure(
             why[name] = f"the berry slides at {angle[-1]:.1f} degrees and does not roll"
         else:
             measured[name] = beginning_deg(angle, speed)
-            why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
+            why[name] = f"the {what} moves and stops, with no steady motion up to {angle[-1]:.1f} degrees"
+            if measured[name] is not None:
+                why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
     measured["motion"] = "; ".join(why.values())
     judged = {}
     for target in BENCH.target_responses(config):

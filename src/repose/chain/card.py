@@ -20,7 +20,7 @@ from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.parameters import LABELS
 from repose.core.responses import Response, derived
 from repose.core.targets import Target, Targets
 
@@ -36,16 +36,11 @@ OK = "ok"
 FEWEST_RUNS = 2  # successful runs of each bench test, for the probability that the targets are met
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
-TENSION = {
-    "keep": "the damped force may pull at the end of an impact",
-    "release": "the force never pulls, damped so that the restitution is as set",
-}
 CHOSEN = "measure.response"  # names the definition of a response that has several
 BERRY_HEIGHT = "berry_height_mm"
 CONFIG = "config.json"  # the configuration of a study, beside its card
 AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
-LIMIT = {"elastic": "the elastic part of the normal force", "total": "the size of the damped normal force"}
 
 # --- made -----------------------------------------------------------------------------------------
 
@@ -119,10 +114,11 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
     from repose.dem.laws.law import COULOMB
 
     settings = SimulationSettings.of(config)
-    limit = LIMIT[COULOMB[settings.tension]]
-    words = {**CONTACT_LAWS[settings.contact_law].words, **ROLLING_LAWS[settings.rolling_law].words}
+    contact = CONTACT_LAWS[settings.contact_law]
+    limit = contact.limits[COULOMB[settings.tension]]
+    words = {**contact.words, **ROLLING_LAWS[settings.rolling_law].words}
     sentences = {direction: text.format(limit=limit) for direction, text in words.items()}
-    return sentences | {"end of an impact": TENSION[settings.tension]}
+    return sentences | {"end of an impact": contact.ends[settings.tension]}
 
 
 def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
@@ -244,7 +240,7 @@ def run(
     needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
     berry = read_berry(_path(files, "berry"), (*needed, "n"))
     particle = Particle.load(_path(files, "particle"))
-    feasible = read_table(_path(files, "feasible"), PARAMETERS)
+    feasible = read_table(_path(files, "feasible"), ParameterSpace.of(config["parameters"]).names)
     posterior = None
     if files.get("posterior") is not None:
         columns = ("parameter", "credible_low", "credible_high")

@@ -21,12 +21,12 @@ from repose.core.files import check_columns, read_table, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS, named
-from repose.core.published import published_responses
+from repose.core.published import can_be_simulated, published_responses
 from repose.core.responses import Response, derived
 from repose.core.targets import Targets
 from repose.surrogate.support import Support
 
-SOLUTION = ("sample", *PARAMETERS, "origin", "solution", "role")
+CHOSEN = ("origin", "solution", "role")
 ENDED = ("n_seeds", "status", "reason")
 FIRST_PUBLISHED = 101  # own solutions are numbered from 1, so the numbers cannot coincide
 
@@ -41,13 +41,13 @@ def solutions_to_simulate(
     """The solutions to simulate again: `count` own solutions besides the representative, and the published solutions.
 
     Own solutions are numbered from 1, the representative first, published ones from 101. Those are left out if they
-    have none of the targets.
+    have none of the targets, or lack a parameter of the contact law.
     """
-    columns = [*SOLUTION, *targets.predicted]
+    columns = ["sample", *space.names, *CHOSEN, *targets.predicted]
     own = select_for_validation(feasible, count, space)
     own["origin"], own["sample"] = "miga", range(1, len(own) + 1)
     parts = [own[columns]]
-    if published is not None and published_responses(published, targets.responses):
+    if published is not None and can_be_simulated(published, targets.responses, space.names):
         reference = published.copy()
         reference["origin"] = "published"
         reference["sample"] = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(reference))
@@ -186,7 +186,7 @@ def write_solutions(
     out_csv: str | os.PathLike,
 ) -> pd.DataFrame:
     """Write the parameter sets to simulate and return them (`solutions_to_simulate`); InputError if too few."""
-    needed = ("solution", *PARAMETERS, *targets.predicted, "objective", "feasible", "representative")
+    needed = ("solution", *space.names, *targets.predicted, "objective", "feasible", "representative")
     feasible = read_table(feasible_csv, needed)
     if len(feasible) < count + 1:
         raise InputError(feasible_csv, "solutions", len(feasible), f"at least {count + 1}")
@@ -205,7 +205,7 @@ def run(
 ) -> dict[str, pd.DataFrame]:
     """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables by these names."""
     solutions = read_samples(solutions_csv)
-    check_columns(solutions_csv, solutions, (*SOLUTION, *targets.predicted))
+    check_columns(solutions_csv, solutions, (*CHOSEN, *targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
     jobs = read_jobs(job_json_paths, solutions, targets)
     tables = validate(solutions, jobs, targets, _published(published_csv), support)
@@ -214,11 +214,16 @@ def run(
     return tables
 
 
-def write_published_solutions(published_csv: str | os.PathLike, out_csv: str | os.PathLike) -> pd.DataFrame:
-    """Write the published parameter sets to simulate, numbered as in `solutions_to_simulate`; return the table."""
-    published = read_table(published_csv, ("solution", *PARAMETERS))
+def write_published_solutions(
+    published_csv: str | os.PathLike, names: Sequence[str], out_csv: str | os.PathLike
+) -> pd.DataFrame:
+    """Write the published parameter sets to simulate, numbered as in `solutions_to_simulate`; return the table.
+
+    `names` are the study's parameters; InputError if the published table lacks one.
+    """
+    published = read_table(published_csv, ("solution", *names))
     numbers = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(published))
-    table = pd.DataFrame({"sample": numbers, **{name: published[name] for name in PARAMETERS}})
+    table = pd.DataFrame({"sample": numbers, **{name: published[name] for name in names}})
     write_table(out_csv, table)
     return table
 

@@ -84,7 +84,7 @@ def solutions(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
     section = study.config["validation"]
-    validate.write_solutions(
+    chosen = validate.write_solutions(
         args.feasible,
         section["published"],
         study.parameters,
@@ -92,6 +92,9 @@ def solutions(args: argparse.Namespace, study: "Study") -> None:
         section["solutions"],
         Path(args.out) / "solutions.csv",
     )
+    if section["published"] is not None and "published" not in set(chosen["origin"]):
+        names = ", ".join(study.parameters.names)
+        print(f"{section['published']}: left out, as it lacks a parameter ({names}) or all responses")
 
 
 @family.verb(
@@ -105,7 +108,8 @@ def published_solutions(args: argparse.Namespace, study: "Study") -> None:
     published = study.config["validation"]["published"]
     if published is None:
         raise InputError(args.config, "validation.published", None, "a table of published solutions")
-    validate.write_published_solutions(published, Path(args.out) / "published_solutions.csv")
+    out = Path(args.out) / "published_solutions.csv"
+    validate.write_published_solutions(published, study.parameters.names, out)
 
 
 @family.verb(

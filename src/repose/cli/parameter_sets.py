@@ -10,7 +10,7 @@ from repose.core import seeds as streams
 from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import LABELS, PARAMETERS, check_value, named
+from repose.core.parameters import FURTHER, LABELS, PARAMETERS, check_value, named
 
 PARAMETER_SET = (
     Option(
@@ -18,7 +18,8 @@ PARAMETER_SET = (
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help=f"a contact parameter: {', '.join(PARAMETERS)}; a parameter without --set takes the centre of its range",
+        help=f"a contact parameter: {', '.join(PARAMETERS)}, with some contact laws {', '.join(FURTHER)}; "
+        "a parameter without --set takes the centre of its range",
     ),
     Option("--samples", help="CSV with a column sample and a column per parameter, instead of --set"),
     Option("--sample", type=int, help="number in the column sample; the files are named by it"),

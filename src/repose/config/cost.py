@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from repose.apparatus import bench
 from repose.apparatus.settings import SimulationSettings
 from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import named
 from repose.core.published import published_count
 from repose.core.targets import Targets
 
@@ -101,7 +102,7 @@ def work(
         )
         return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
     funnel, validation = config["funnel"], config["validation"]
-    published_sets = published_count(validation["published"], targets.responses)
+    published_sets = published_count(validation["published"], targets.responses, named(config["parameters"]))
     pours = (
         ("design", config["design"]["samples"], funnel["seeds"]),
         ("representative", 1, validation["representative_seeds"]),

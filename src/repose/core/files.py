@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from repose.core import attached, provenance
 from repose.core.errors import InputError
 from repose.core.ledger import write_whole
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import LABELS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -143,7 +143,7 @@ def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file
 
 def is_number(column: str) -> bool:
     """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, or a count."""
-    return column in COUNTS or column in PARAMETERS or (column.rpartition("_")[2] in UNITS and "_" in column)
+    return column in COUNTS or column in LABELS or (column.rpartition("_")[2] in UNITS and "_" in column)
 
 
 def _rows(path, columns, what):

@@ -45,7 +45,7 @@ class ParameterSpace:
         for name in section:
             if name not in names:
                 known = ", ".join(names)
-                raise InputError(source, name, section[name], f"no such parameter; the six are {known}")
+                raise InputError(source, name, section[name], f"one of {known}")
         free, low, high, fixed, prior = [], [], [], {}, {}
         for name in names:
             if name not in section:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from repose.core.errors import InputError
 from repose.core.files import read_rows
-from repose.core.parameters import PARAMETERS, check_value
+from repose.core.parameters import PARAMETERS, check_value, named
 from repose.core.responses import Response
 
 MOST = 899  # their sample numbers are 101 to 999
@@ -22,25 +22,34 @@ def beside(path: str | os.PathLike | None, table: str) -> Path | None:
     return sibling if sibling and sibling.is_file() else None
 
 
-def representative(path: str | os.PathLike | None) -> dict[str, float]:
-    """The six contact parameters of the published representative solution.
+def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAMETERS) -> dict[str, float]:
+    """The contact parameters `names` of the published representative solution.
 
-    InputError if there is no table, or no such solution.
+    InputError if there is no table, or it lacks such a solution or a parameter.
     """
+    names = tuple(names)
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
-    for row in read_rows(path, ("solution", *PARAMETERS)):
+    for row in read_rows(path, ("solution", *names)):
         if row["solution"] == "representative":
-            return {name: float(row[name]) for name in PARAMETERS}
+            return {name: float(row[name]) for name in names}
     raise InputError(path, "solution", None, "a row 'representative'")
 
 
-def published_count(path: str | os.PathLike | None, responses: Iterable[Response]) -> int:
-    """Number of published solutions for comparison; 0 without a table, or if it has none of the study's responses."""
+def published_count(
+    path: str | os.PathLike | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS
+) -> int:
+    """Number of published solutions to simulate (`can_be_simulated`); 0 without a table."""
     if path is None:
         return 0
     rows = read_rows(path, ("solution", *PARAMETERS))
-    return len(rows) if rows and published_responses(rows[0], responses) else 0
+    return len(rows) if rows and can_be_simulated(rows[0], responses, names) else 0
+
+
+def can_be_simulated(columns: Iterable[str], responses: Iterable[Response], names: Iterable[str]) -> bool:
+    """Whether a published table has a response of the study, and all its parameters `names`."""
+    columns = set(columns)
+    return set(names) <= columns and bool(published_responses(columns, responses))
 
 
 def check_published(path: str | os.PathLike | None, responses: Iterable[Response]) -> None:
@@ -59,7 +68,7 @@ def check_published(path: str | os.PathLike | None, responses: Iterable[Response
         for name in (response.predicted, response.simulated)
     ]
     for number, row in enumerate(rows, start=1):
-        for name in PARAMETERS:
+        for name in named(row):
             check_value(name, row[name], f"{path}, row {number}")
         for name in values:
             if row[name] and not _finite(row[name]):

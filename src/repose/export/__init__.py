@@ -27,11 +27,18 @@ PROGRAMS: dict[str, Callable[[Job], dict[str, str]]] = {
 # The laws that a deck can hold, besides Hertz and Mindlin's contact and the rolling law `budget`.
 FURTHER_LAWS: dict[str, tuple[str, ...]] = {
     "liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"),
-    "lammps": ("jkr", "epsd", "epsd2"),
+    "lammps": ("epsd", "epsd2"),
     "yade": (),
     "mercurydpm": (),
     "edem": ("jkr",),
     "rocky": (),
+}
+# Why a program lacks a law that it has by name.
+REASONS = {
+    (
+        "lammps",
+        "jkr",
+    ): "its damping coeff_restitution refuses cohesion; its other dampings are not the study's"
 }
 HERTZ = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
@@ -44,8 +51,9 @@ def check_laws(job: Job, program: str) -> None:
     ):
         allowed = [*common, *(name for name in laws if name in FURTHER_LAWS[program])]
         if law not in allowed:
+            why = f" ({REASONS[program, law]})" if (program, law) in REASONS else ""
             raise InputError(
-                "configuration", f"simulation.{key}", law, f"for {program} {' or '.join(allowed)}"
+                "configuration", f"simulation.{key}", law, f"for {program} {' or '.join(allowed)}{why}"
             )
 
 

@@ -2,7 +2,6 @@
 
 import math
 
-from repose.dem.constants import SURFACE_ENERGY
 from repose.export.job import Job, Pair
 from repose.export.laws import (
     damped_alone,
@@ -20,7 +19,6 @@ ROLLING_DAMPING = 0.5
 SPRINGS = {
     "hertz_mindlin": "mindlin",
     "hertz_mindlin_rescaled": "mindlin_rescale/force",
-    "jkr": "mindlin_rescale/force",
 }
 
 
@@ -55,19 +53,13 @@ def contact_keywords(job: Job, pair: Pair) -> str:
     young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
     stiffness = rolling_stiffness(pair) / pair.effective_radius_m**2
     rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.mass_kg)
-    # jkr of LAMMPS has the work of adhesion 2 gamma, too, and refuses limit_damping
-    coheres = job.contact_law == "jkr"
-    normal = f"{young:.8g} {equivalent_restitution(pair, 1e-6):.8g} {poisson:.8g}"
-    normal = (
-        f"jkr {normal} {pair.constants[SURFACE_ENERGY.name]:.8g}" if coheres else f"hertz/material {normal}"
-    )
     words = (
-        f"{normal} "
+        f"hertz/material {young:.8g} {equivalent_restitution(pair, 1e-6):.8g} {poisson:.8g} "
         f"tangential {SPRINGS[job.contact_law]} {8.0 * pair.effective_shear_pa:.8g} 0 {pair.static_friction:.8g} "
         "damping coeff_restitution "
         f"rolling sds {stiffness:.8g} {rolling_damping:.8g} {rolling_coefficient(job, pair):.8g}"
     )
-    return words if job.tension == "keep" or coheres else words + " limit_damping"
+    return words if job.tension == "keep" else words + " limit_damping"
 
 
 def molecule(job: Job) -> str:
@@ -118,12 +110,7 @@ def _differences(job):
         *limited_friction(job, rescales=True),
         "the edge of the outlet is sharp",
     ]
-    if job.contact_law == "jkr":
-        lines.append(
-            "friction is limited by the damped force and twice the pull-off force, as in the study; jkr takes no "
-            "limit_damping, so a damped contact may pull by more than the pull-off force"
-        )
-    elif job.tension == "release":
+    if job.tension == "release":
         lines.append(
             "the second number of hertz/material is the restitution that gives the study's damping; with limit_damping "
             "an impact then ends with the restitution calibrated"

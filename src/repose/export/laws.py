@@ -113,8 +113,9 @@ def undamped_tangent() -> str:
 def rolled(job: Job) -> str:
     """The note of a program whose rolling resistance is a limited spring between two spheres."""
     if job.rolling_law != "budget":
+        own = "a constant torque" if job.rolling_law == "constant_torque" else "its own stiffness and damping"
         return (
-            "rolling resistance is between two spheres, with its own stiffness and damping; in the study "
+            f"rolling resistance is between two spheres, with {own}; in the study "
             f"{job.rolling_law} between two bodies, which resists spin about the normal too. Its coefficients here are "
             f"those of the study times the mean lever {1e3 * job.lever_m:.3g} mm over the radius of a sphere"
         )

@@ -237,7 +237,8 @@ def _parameters(
         row |= _marginal(unit[:, k], shares[:, k], space.low[k], space.high[k], ends[k], effective[k])
         row |= {"r_hat": r_hat[k], "effective_draws": effective[k], "autocorrelation_steps": times[k]}
         for other, intervals in references.items():
-            row |= _reference(other, space, k, unit[:, k], *intervals.loc[name, ["low", "high"]])
+            if name in intervals.index:  # published tables have the six parameters alone
+                row |= _reference(other, space, k, unit[:, k], *intervals.loc[name, ["low", "high"]])
         row["statement"] = statement(row)
         rows.append(row)
     return pd.DataFrame(rows)

@@ -51,7 +51,7 @@ class Support:
     @classmethod
     def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
         """The support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
-        table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
+        table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
         if len(usable) < 2:
             raise InputError(dataset_csv, "usable samples", len(usable), "at least 2 with status ok")

@@ -5,7 +5,11 @@ OWN_SOLUTIONS = [
 PUBLISHED_SOLUTIONS = [
     f"{101 + k}"
     for k in range(
-        published_count(config["validation"]["published"], STUDY.targets.responses)
+        published_count(
+            config["validation"]["published"],
+            STUDY.targets.responses,
+            STUDY.parameters.names,
+        )
     )
 ]
 

@@ -6,9 +6,10 @@ R = r_a r_b / (r_a + r_b) and the contact circle a, as in `epsd`:
     M_r = -mu_r F_c R w_r / |w_r|,     M_n = -mu_t F_c a w_n / |w_n|,     mu_t = 3 pi / 16 mu_s unless it is given
 
 Neither is larger than what stops two spheres of these masses and levers within a time step,
-0.4 |w| / (dt (1/(m_a r_a^2) + 1/(m_b r_b^2))), so it does not shiver about rest. It needs a rotation to resist: where a
-torque acts a body creeps, and a pile goes on settling. The torque on B is the opposite of that on A, so angular
-momentum is kept, which `budget` does not do.
+0.4 |w| / (dt (1/(m_a r_a^2) + 1/(m_b r_b^2))), so that a sphere with one contact does not shiver about rest. Of a body
+with several contacts, as in a groove, each contact alone may stop it, and together they can turn it back. The law needs
+a rotation to resist: where a torque acts a body creeps, and a pile goes on settling. The torque on B is the opposite of
+that on A, so angular momentum is kept, which `budget` does not do.
 
 References
 ----------

@@ -18,8 +18,8 @@ delta = a^2 / (3 R*).
 
 Damping and the tangential spring are those of `hertz_mindlin_rescaled` with this a. Friction is limited by
 F_c = F_n + 3 pi w R*, the load and twice the pull-off force (Thornton 1991). A contact that releases (`tension`) pulls
-with no more than the pull-off force, damping included. The restitution is that of the same contact without cohesion.
-A pair with gamma = 0 is dry.
+with no more than the pull-off force, damping included. The damping constant is that with which the same contact
+without cohesion has the restitution set; with cohesion a hit returns less. A pair with gamma = 0 is dry.
 
 EDEM's surface energy is w itself; LAMMPS and Lethe have this gamma.
 
@@ -202,7 +202,16 @@ LAW = Law(
     words={
         "normal": "Johnson, Kendall and Roberts with w = 2 gamma, pull-off force 3 pi gamma R*, damped as Hertz's "
         "contact (Tsuji, Tanaka and Ishida 1992)",
-        "tangential": RESCALED.words["tangential"] + ", with twice the pull-off force",
+        "tangential": RESCALED.words["tangential"],
+    },
+    limits={
+        "elastic": "the sum of the elastic normal force and twice the pull-off force",
+        "total": "the sum of the damped normal force and twice the pull-off force",
+    },
+    ends={
+        "keep": "the damped force may pull by more than the pull-off force",
+        "release": "the force never pulls by more than the pull-off force; without cohesion the damping gives the "
+        "restitution set",
     },
     contact_time=contact_time,
     oscillator=oscillator,

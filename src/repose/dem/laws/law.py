@@ -23,6 +23,12 @@ ELASTIC, TOTAL = range(2)
 FRICTION_LIMITS = {"elastic": ELASTIC, "total": TOTAL}
 # The limit with which a sliding impact changes the tangential velocity by mu_s (1 + e) V_n (`tangential`).
 COULOMB = {"keep": "elastic", "release": "total", "cut": "total"}
+# Both for people.
+LIMITS = {"elastic": "the elastic part of the normal force", "total": "the size of the damped normal force"}
+ENDS = {
+    "keep": "the damped force may pull at the end of an impact",
+    "release": "the force never pulls, damped so that the restitution is as set",
+}
 
 _INLINED: Any = INLINED
 _KERNELS: dict[type, Callable] = {}
@@ -54,6 +60,8 @@ class Law:
     words : mapping
         The law for people: from a direction, such as ``normal``, to one sentence. ``{limit}`` in it stands for the
         normal force that limits friction.
+    limits, ends : mapping
+        Of a contact law: what limits friction, and how an impact ends, for people; by default as without cohesion.
     contact_time : callable, optional
         (material, material, mass, radius, speed) -> duration of a head-on impact [s], of a contact law.
     oscillator : callable, optional
@@ -77,6 +85,8 @@ class Law:
     n_state: int
     kernel: Callable[..., None]
     words: Mapping[str, str] = field(compare=False)
+    limits: Mapping[str, str] = field(default_factory=LIMITS.copy, compare=False)
+    ends: Mapping[str, str] = field(default_factory=ENDS.copy, compare=False)
     contact_time: Callable[..., float] | None = None
     oscillator: Callable[..., tuple[float, float]] | None = None
     asks: tuple[Constant, ...] = ()

@@ -35,7 +35,7 @@ from . import hertz_mindlin
 from .hertz_mindlin import CIRCLE, contact_sizes, contact_time, oscillator, push
 from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
 from .hertz_mindlin_rescaled import LAW as RESCALED
-from .law import Law
+from .law import ENDS, LIMITS, Law
 from .tangential import slip
 
 L = st.LANES
@@ -109,7 +109,12 @@ LAW = Law(
     kernel=kernel,
     words={
         "normal": RESCALED.words["normal"] + ", less k times the area of contact (LIGGGHTS: sjkr)",
-        "tangential": RESCALED.words["tangential"] + ", without cohesion",
+        "tangential": RESCALED.words["tangential"],
+    },
+    limits={limit: f"{words} without cohesion" for limit, words in LIMITS.items()},
+    ends={
+        "keep": ENDS["keep"],
+        "release": "the force without cohesion never pulls; without cohesion the damping gives the restitution set",
     },
     contact_time=contact_time,
     oscillator=oscillator,

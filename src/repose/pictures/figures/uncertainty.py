@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 
 from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS, SYMBOLS
+from repose.core.parameters import SYMBOLS, named
 from repose.core.targets import Target, Targets
 
 from . import style
@@ -97,10 +97,11 @@ def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> No
 
 def corner(inputs: Inputs, config: Config) -> Figure:
     """Draws of the posterior, alone and in pairs, beside the search's solutions and the published intervals."""
-    draws, table = read_table(inputs["draws"], PARAMETERS), read_table(inputs["posterior"], ("parameter",))
-    cloud, summary = read_table(inputs["feasible"], PARAMETERS), read_json(inputs["summary"], ("predicted",))
+    space = ParameterSpace.of(config["parameters"])
+    draws, table = read_table(inputs["draws"], space.names), read_table(inputs["posterior"], ("parameter",))
+    cloud, summary = read_table(inputs["feasible"], space.names), read_json(inputs["summary"], ("predicted",))
     ranges, table = style.ranges_of(config), table.set_index("parameter")
-    space, published = ParameterSpace.of(config["parameters"]), "published_low" in table
+    published = "published_low" in table
     figure = style.new_figure(style.PAGE, style.PAGE)
     for panel, across, down in style.pairs_of_parameters(figure, space.free):
         low, high = ranges[across]
@@ -112,7 +113,7 @@ def corner(inputs: Inputs, config: Config) -> Figure:
         panel.set_ylim(low - 0.02 * (high - low), high + 0.02 * (high - low))
         _pair(panel, draws, across, down, ranges)
         panel.scatter(cloud[across], cloud[down], s=5, color=style.RED, lw=0, zorder=4)
-        if published:
+        if published and table.loc[[across, down], "published_low"].notna().all():
             panel.add_patch(_published_box(table, across, down))
     figure.text(
         0.47, 0.975, _account(summary, style.targets_of(config)), fontsize=7.5, va="top", linespacing=1.5
@@ -141,7 +142,7 @@ def _marginal(
     panel.hist(values, bins=25, range=bounds, density=True, color=style.BLUE, alpha=0.35)
     panel.plot(*_prior_density(space, str(values.name)), color=style.GREY, lw=0.9, ls="--")
     row = table.loc[values.name]
-    if "published_low" in row:
+    if pd.notna(row.get("published_low")):
         panel.axvspan(row["published_low"], row["published_high"], fill=False, ec=style.BLACK, lw=0.9)
     panel.set_title(f"{row['information_bits']:.2f} bits", fontsize=6.5, loc="center", pad=2)
     panel.set_yticks([])
@@ -284,7 +285,7 @@ def main_effects(inputs: Inputs, config: Config) -> Figure:
     """Mean response of the surrogate along each free parameter, on the simulated points."""
     targets, ranges = style.targets_of(config), style.ranges_of(config)
     effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))
-    table = read_table(inputs["dataset"], (*PARAMETERS, "status", *targets.names))
+    table = read_table(inputs["dataset"], (*named(config["parameters"]), "status", *targets.names))
     sobol = read_table(inputs["sobol"], ("response", "parameter", "first"))
     sobol, good = sobol.set_index(["response", "parameter"]), table[table["status"] == "ok"]
     names = list(dict.fromkeys(effects["parameter"]))

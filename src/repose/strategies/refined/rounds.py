@@ -20,7 +20,7 @@ from repose.chain.answer import parameters_in_words
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_sets import read_samples
-from repose.core.parameters import PARAMETERS, named
+from repose.core.parameters import named
 from repose.core.responses import Response, derived
 from repose.core.runs import Recorded, of_bench, summarise_runs
 from repose.core.targets import Targets
@@ -69,7 +69,7 @@ def judge(
     targets: Targets,
     section: Mapping[str, Any],
     round_: int,
-    names: Sequence[str] = PARAMETERS,
+    names: Sequence[str],
 ) -> dict[str, Any]:
     """Result of a round, a row of rounds.csv: a missing number is NaN, `outcome` is of `OUTCOMES`.
 
@@ -217,7 +217,8 @@ def run_judge(
     if missing:
         raise InputError(dataset_csv, "samples", missing, f"all samples of {proposal_csv}")
     round_ = round_of(int(proposal["sample"].iloc[0]))
-    row = judge(proposal, runs, targets, section, round_) | {"usable": int((dataset["status"] == "ok").sum())}
+    row = judge(proposal, runs, targets, section, round_, named(proposal))
+    row |= {"usable": int((dataset["status"] == "ok").sum())}
     write_table(Path(out_dir) / "round.csv", points(proposal, dataset, row, targets))
     write_json(Path(out_dir) / "verdict.json", _plain(row))
     return row
