@@ -115,6 +115,7 @@ def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
     assert more.mean() > 3.0 * more.std(ddof=1) / 2.0
 
 
+@pytest.mark.slow
 def test_a_narrow_slot_jams():
     record, _ = run_once(bench("drawdown"), config(**SMALL | {"slot_mm": 18.0}), SET, 1, SPHERE, BERRY)
     assert record["status"] == "jammed"

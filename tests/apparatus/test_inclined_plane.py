@@ -51,11 +51,13 @@ def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(fricti
     assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(rolling)), abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_sled_of_another_shape_slides_at_the_same_angle():
     found = on_plane(0.4, 0.1, LONG)
     assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_sphere_that_cannot_roll_slides_or_stays():
     slides = on_plane(0.3, 0.5)
     assert (slides["status"], slides["roll_deg"]) == ("ok", None)  # the angle of rolling is no target
@@ -79,6 +81,7 @@ def test_the_other_surface_is_of_the_berries_own_material():
     assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.1)), abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_resistance_against_the_other_body_rolls_at_the_same_angle():
     own = config()
     own["simulation"]["rolling_law"] = "epsd"

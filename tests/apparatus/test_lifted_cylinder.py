@@ -90,12 +90,14 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     assert again == record
 
 
+@pytest.mark.slow
 def test_a_tube_that_is_too_short_is_not_filled():
     record, _ = lifted(1, berries=60, length_mm=20.0, diameter_mm=40.0)
     assert record["status"] == "not_filled"
     assert record["lifted_aor_deg"] is None
 
 
+@pytest.mark.slow
 def test_wide_berries_jam_in_a_rough_tube():
     record, _ = run_once(
         bench("lifted_cylinder"),

@@ -166,7 +166,6 @@ def calls(draw):
     return words
 
 
-@pytest.mark.essential
 @pytest.mark.slow
 @settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(words=calls())

@@ -100,7 +100,6 @@ def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message
     assert not (project / "results").exists()
 
 
-@pytest.mark.essential
 def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     made = ("results/quick/design/samples.csv", "results/quick/berry/particle.json")
     done = snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml")
