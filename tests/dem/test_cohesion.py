@@ -132,8 +132,8 @@ def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
     contact = Contact(1.0, 0.0, 0.0, constants={COHESION_ENERGY_DENSITY.name: density})
     reduced = a if b == math.inf else a * b / (a + b)
     tile, kept = tile_of(law, GOJI, contact, reduced)
-    for row, radius in ((tl.HA, a), (tl.HB, b)):
-        tile[row // LANES + 3] = tile[row // LANES + 5] = radius
+    for row, radius in ((tl.AREA_A, a), (tl.AREA_B, b)):
+        tile[row // LANES] = radius**2
     kept[ct.REACH // LANES] = a + b
     young, _ = effective_moduli(GOJI, GOJI)
     for overlap in (1e-5, 2e-4, 1e-3):

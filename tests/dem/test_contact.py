@@ -32,10 +32,7 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     """What the engine does with one tile of pairs."""
     gather(rows, first, 0, t, tl.A)
     gather(rows, second, 0, t, tl.B)
-    tl.tangent_rows(t, contacts)
-    tl.body_a(t, contacts, parts)
-    tl.body_b(t, contacts, parts)
-    tl.pair_geometry(t, contacts)
+    tl.pair_geometry(t, contacts, parts)
     mobility(t, contacts, tl.A, tl.RA, 0.0)
     mobility(t, contacts, tl.B, tl.RB, 1.0)
     contact_forces(law, t, contacts, st.PAIR_STATE, dt)

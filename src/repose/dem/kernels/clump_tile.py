@@ -27,7 +27,7 @@ _wall = Rows(st.WALL_STATE)
 CENTRE, RADIUS = _wall.take(3), _wall.take()
 WALL_STATE = _wall.end
 # Rows of the scratch tile: the centres of the spheres from those of the bodies, in world axes.
-ARM_A, ARM_B = tl.U, tl.W
+ARM_A, ARM_B = tl.SUPPORT, tl.BETWEEN
 # Two centres are never nearer than this for a direction [m].
 NEAREST = 1e-30
 

@@ -140,10 +140,7 @@ def wall_reach(contacts, physics, clumps, lane):
 def pair_geometry(t, contacts, parts, clumps):
     """Normal, gap, effective radius and contact point of each lane's pair."""
     if len(clumps) == 0:
-        tl.tangent_rows(t, contacts)
-        tl.body_a(t, contacts, parts)
-        tl.body_b(t, contacts, parts)
-        tl.pair_geometry(t, contacts)
+        tl.pair_geometry(t, contacts, parts)
     else:
         ct.sphere_pair_geometry(t, contacts)
 
@@ -263,9 +260,7 @@ def drop_meshed(meshed, clumps, counts, k, ghost):
 def plane_geometry(t, contacts, parts, clumps):
     """Gap, effective radius and contact point of each lane's body or sphere against a plane."""
     if len(clumps) == 0:
-        tl.tangent_rows(t, contacts)
-        tl.body_a(t, contacts, parts)
-        tl.plane_geometry(t, contacts)
+        tl.plane_geometry(t, contacts, parts)
     else:
         ct.sphere_plane_geometry(t, contacts)
 

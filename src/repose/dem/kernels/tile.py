@@ -9,10 +9,9 @@ check a loop. Unused lanes hold a body that is not there and are thrown away.
 import math
 
 from . import state as st
-from .geometry import tangents
 from .jit import inlined
 from .rows import Rows
-from .state import LANES, LOAD_COLUMNS, NORMAL, OFFSET, PART, SHAPE
+from .state import LANES, LOAD_COLUMNS, MOST_PARTS, NORMAL, OFFSET, PART, SHAPE
 
 L = LANES  # short, for the index arithmetic below
 
@@ -24,15 +23,17 @@ A, B = (
     _rows.take(MOST_COLUMNS),
     _rows.take(MOST_COLUMNS),
 )  # columns of the bodies (see `state`), B only of pairs
-U, W = _rows.take(3), _rows.take(3)  # two tangents
-HA, HB = _rows.take(6), _rows.take(6)  # support sums h, x.u, x.w, Q_uu, Q_uw, Q_ww
+# Of A, and then of both: the support point, what it leaves of the way between the centres, the curvature matrix.
+SUPPORT, BETWEEN = _rows.take(3), _rows.take(3)
+CURVED, BOTH = _rows.take(6), _rows.take(6)
+AREA_A, AREA_B = _rows.take_each(2)  # product of the principal radii of curvature
 GAP = _rows.take()
 RADIUS = _rows.take()  # effective radius
 RA, RB = _rows.take(3), _rows.take(3)  # contact point relative to each centre
 # As the columns of `load`: force and torque on each body and the budget of the rolling torque.
 TO_A, TO_B = _rows.take(LOAD_COLUMNS), _rows.take(LOAD_COLUMNS)
 PUSH = _rows.take()  # normal force that limits friction and rolling
-STEP = _rows.take(2)  # how far the normal turns along each tangent
+STEP = _rows.take(3)  # how far the normal turns
 V = _rows.take(3)  # tangential velocity of A against B
 VN = _rows.take()  # normal velocity
 # Inverse of the mass that the damping is for: that of both bodies at the contact, along the normal, divided by the
@@ -61,132 +62,138 @@ def fill_constants(t, at, constants):
 
 
 @inlined
-def tangent_rows(t, c):
-    """Two tangents of each lane's normal."""
-    for k in range(L):
-        ux, uy, uz, wx, wy, wz = tangents(c[N + k], c[N + L + k], c[N + 2 * L + k])
-        t[U + k] = ux
-        t[U + L + k] = uy
-        t[U + 2 * L + k] = uz
-        t[W + k] = wx
-        t[W + L + k] = wy
-        t[W + 2 * L + k] = wz
+def part_terms(t, shape, k, nx, ny, nz):
+    """Support point S n / h of one part of a lane's body, and its curvature (S - x x') / h; h is the root of n.S n."""
+    xx, xy, xz = t[shape + k], t[shape + L + k], t[shape + 2 * L + k]
+    yy, yz, zz = t[shape + 3 * L + k], t[shape + 4 * L + k], t[shape + 5 * L + k]
+    x = xx * nx + xy * ny + xz * nz
+    y = xy * nx + yy * ny + yz * nz
+    z = xz * nx + yz * ny + zz * nz
+    inv = 1.0 / math.sqrt(max(nx * x + ny * y + nz * z, NO_PART))
+    x, y, z = inv * x, inv * y, inv * z
+    return (
+        x,
+        y,
+        z,
+        inv * (xx - x * x),
+        inv * (xy - x * y),
+        inv * (xz - x * z),
+        inv * (yy - y * y),
+        inv * (yz - y * z),
+        inv * (zz - z * z),
+    )
 
 
 @inlined
-def support_part(t, c, shape, sums, keep):
-    """Write (keep 0.0) or add (keep 1.0) the support terms of one part of a body (see geometry.support_terms)."""
-    for k in range(L):
-        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        ux, uy, uz = t[U + k], t[U + L + k], t[U + 2 * L + k]
-        wx, wy, wz = t[W + k], t[W + L + k], t[W + 2 * L + k]
-        xx, xy, xz = t[shape + k], t[shape + L + k], t[shape + 2 * L + k]
-        yy, yz, zz = t[shape + 3 * L + k], t[shape + 4 * L + k], t[shape + 5 * L + k]
-        px = xx * nx + xy * ny + xz * nz
-        py = xy * nx + yy * ny + yz * nz
-        pz = xz * nx + yz * ny + zz * nz
-        square = nx * px + ny * py + nz * pz
-        inv = 1.0 / math.sqrt(max(square, NO_PART))
-        xu = (ux * px + uy * py + uz * pz) * inv
-        xw = (wx * px + wy * py + wz * pz) * inv
-        px = xx * ux + xy * uy + xz * uz
-        py = xy * ux + yy * uy + yz * uz
-        pz = xz * ux + yz * uy + zz * uz
-        quu = (ux * px + uy * py + uz * pz - xu * xu) * inv
-        quw = (wx * px + wy * py + wz * pz - xu * xw) * inv
-        px = xx * wx + xy * wy + xz * wz
-        py = xy * wx + yy * wy + yz * wz
-        pz = xz * wx + yz * wy + zz * wz
-        qww = (wx * px + wy * py + wz * pz - xw * xw) * inv
-        t[sums + k] = keep * t[sums + k] + square * inv
-        t[sums + L + k] = keep * t[sums + L + k] + xu
-        t[sums + 2 * L + k] = keep * t[sums + 2 * L + k] + xw
-        t[sums + 3 * L + k] = keep * t[sums + 3 * L + k] + quu
-        t[sums + 4 * L + k] = keep * t[sums + 4 * L + k] + quw
-        t[sums + 5 * L + k] = keep * t[sums + 5 * L + k] + qww
+def body_terms(t, shape, parts, k, nx, ny, nz):
+    """`part_terms` of a lane's body, summed over its parts."""
+    x, y, z, xx, xy, xz, yy, yz, zz = part_terms(t, shape, k, nx, ny, nz)
+    for part in range(1, parts):
+        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = part_terms(t, shape + part * PART * L, k, nx, ny, nz)
+        x, y, z = x + dx, y + dy, z + dz
+        xx, xy, xz, yy, yz, zz = xx + dxx, xy + dxy, xz + dxz, yy + dyy, yz + dyz, zz + dzz
+    return x, y, z, xx, xy, xz, yy, yz, zz
+
+
+@inlined
+def area(xx, xy, xz, yy, yz, zz):
+    """Product of the two principal radii of a curvature matrix, whose third eigenvalue is 0."""
+    return xx * yy - xy * xy + (xx * zz - xz * xz) + (yy * zz - yz * yz)
+
+
+@inlined
+def write_matrix(t, at, k, xx, xy, xz, yy, yz, zz):
+    """Write a symmetric matrix to six rows of a lane."""
+    t[at + k] = xx
+    t[at + L + k] = xy
+    t[at + 2 * L + k] = xz
+    t[at + 3 * L + k] = yy
+    t[at + 4 * L + k] = yz
+    t[at + 5 * L + k] = zz
 
 
 @inlined
 def body_a(t, c, parts):
-    """Support sums of body A (the offsets must be constants for the loops to become vector code)."""
-    support_part(t, c, A + SHAPE * L, HA, 0.0)
-    if parts > 1:
-        support_part(t, c, A + (SHAPE + PART) * L, HA, 1.0)
-    if parts > 2:
-        support_part(t, c, A + (SHAPE + 2 * PART) * L, HA, 1.0)
+    """Rows SUPPORT, CURVED and AREA_A."""
+    for k in range(L):
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
+        x, y, z, xx, xy, xz, yy, yz, zz = body_terms(t, A + SHAPE * L, parts, k, nx, ny, nz)
+        t[SUPPORT + k] = x
+        t[SUPPORT + L + k] = y
+        t[SUPPORT + 2 * L + k] = z
+        write_matrix(t, CURVED, k, xx, xy, xz, yy, yz, zz)
+        t[AREA_A + k] = area(xx, xy, xz, yy, yz, zz)
 
 
 @inlined
 def body_b(t, c, parts):
-    """Support sums of body B."""
-    support_part(t, c, B + SHAPE * L, HB, 0.0)
-    if parts > 1:
-        support_part(t, c, B + (SHAPE + PART) * L, HB, 1.0)
-    if parts > 2:
-        support_part(t, c, B + (SHAPE + 2 * PART) * L, HB, 1.0)
+    """Rows BETWEEN, BOTH and AREA_B, of a body that has the same normal with the opposite sign."""
+    for k in range(L):
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
+        x, y, z, xx, xy, xz, yy, yz, zz = body_terms(t, B + SHAPE * L, parts, k, nx, ny, nz)
+        t[BETWEEN + k] = t[B + k] - t[A + k] - t[SUPPORT + k] - x
+        t[BETWEEN + L + k] = t[B + L + k] - t[A + L + k] - t[SUPPORT + L + k] - y
+        t[BETWEEN + 2 * L + k] = t[B + 2 * L + k] - t[A + 2 * L + k] - t[SUPPORT + 2 * L + k] - z
+        t[AREA_B + k] = area(xx, xy, xz, yy, yz, zz)
+        xx, xy, xz = t[CURVED + k] + xx, t[CURVED + L + k] + xy, t[CURVED + 2 * L + k] + xz
+        yy, yz, zz = t[CURVED + 3 * L + k] + yy, t[CURVED + 4 * L + k] + yz, t[CURVED + 5 * L + k] + zz
+        write_matrix(t, BOTH, k, xx, xy, xz, yy, yz, zz)
 
 
 @inlined
 def newton_step(t, c):
-    """One Newton step on the gap of each lane's pair: the step along both tangents, and the gap after it.
+    """One Newton step on the gap of each lane's pair, the gap after it, and the effective radius.
 
-    The gap at the new normal comes from the expansion at the old one, to third order in the step.
+    The step s lies in the tangent plane, where the curvature C of both is a 2 x 2 matrix, and so does the gradient
+    g. With T = C + f I, s = T^-1 g = (tr T g - T g) / det T by Cayley and Hamilton: no tangents are needed. The gap at
+    the new normal comes from the expansion at the old one, to third order in the step. The effective radius is
+    R* = sqrt(det Q_A det Q_B / det(Q_A + Q_B)).
     """
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        dx = t[B + k] - t[A + k]
-        dy = t[B + L + k] - t[A + L + k]
-        dz = t[B + 2 * L + k] - t[A + 2 * L + k]
-        f = nx * dx + ny * dy + nz * dz - t[HA + k] - t[HB + k]
-        g1 = t[U + k] * dx + t[U + L + k] * dy + t[U + 2 * L + k] * dz - t[HA + L + k] - t[HB + L + k]
-        g2 = t[W + k] * dx + t[W + L + k] * dy + t[W + 2 * L + k] * dz - t[HA + 2 * L + k] - t[HB + 2 * L + k]
-        c11 = t[HA + 3 * L + k] + t[HB + 3 * L + k]
-        q = t[HA + 4 * L + k] + t[HB + 4 * L + k]
-        c22 = t[HA + 5 * L + k] + t[HB + 5 * L + k]
-        p = c11 + f
-        r = c22 + f
-        det = p * r - q * q
-        trace = c11 + c22
-        definite = (p + r > 0.0) & (det > 1e-3 * trace * trace)
+        x, y, z = t[BETWEEN + k], t[BETWEEN + L + k], t[BETWEEN + 2 * L + k]
+        xx, xy, xz = t[BOTH + k], t[BOTH + L + k], t[BOTH + 2 * L + k]
+        yy, yz, zz = t[BOTH + 3 * L + k], t[BOTH + 4 * L + k], t[BOTH + 5 * L + k]
+        f = nx * x + ny * y + nz * z
+        x, y, z = x - f * nx, y - f * ny, z - f * nz
+        trace = xx + yy + zz
+        both = area(xx, xy, xz, yy, yz, zz)
+        t[RADIUS + k] = math.sqrt(t[AREA_A + k] * t[AREA_B + k] / both)
+        det = both + f * (trace + f)
+        definite = (trace + 2.0 * f > 0.0) & (det > 1e-3 * trace * trace)
         inv = 1.0 / (det if definite else trace * trace)
-        s1 = ((r * g1 - q * g2) if definite else trace * g1) * inv
-        s2 = ((p * g2 - q * g1) if definite else trace * g2) * inv
-        cut = LARGEST_TURN / math.sqrt(s1 * s1 + s2 * s2)
+        along = inv * (trace + f if definite else trace)
+        turned = inv if definite else 0.0
+        sx = along * x - turned * (xx * x + xy * y + xz * z)
+        sy = along * y - turned * (xy * x + yy * y + yz * z)
+        sz = along * z - turned * (xz * x + yz * y + zz * z)
+        cut = LARGEST_TURN / math.sqrt(sx * sx + sy * sy + sz * sz)
         cut = cut if cut < 1.0 else 1.0
-        s1 *= cut
-        s2 *= cut
-        t[STEP + k] = s1
-        t[STEP + L + k] = s2
-        t[GAP + k] = f + 0.5 * (g1 * s1 + g2 * s2)
+        sx, sy, sz = cut * sx, cut * sy, cut * sz
+        t[STEP + k] = sx
+        t[STEP + L + k] = sy
+        t[STEP + 2 * L + k] = sz
+        t[GAP + k] = f + 0.5 * (x * sx + y * sy + z * sz)
 
 
 @inlined
 def contact_points(t, c):
     """Turn each lane's normal by its step; the contact point there, from the expansion to second order."""
     for k in range(L):
-        ux, uy, uz = t[U + k], t[U + L + k], t[U + 2 * L + k]
-        wx, wy, wz = t[W + k], t[W + L + k], t[W + 2 * L + k]
-        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        s1 = t[STEP + k]
-        s2 = t[STEP + L + k]
-        mx = nx + s1 * ux + s2 * wx
-        my = ny + s1 * uy + s2 * wy
-        mz = nz + s1 * uz + s2 * wz
+        sx, sy, sz = t[STEP + k], t[STEP + L + k], t[STEP + 2 * L + k]
+        mx, my, mz = c[N + k] + sx, c[N + L + k] + sy, c[N + 2 * L + k] + sz
         inv = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-        mx *= inv
-        my *= inv
-        mz *= inv
+        mx, my, mz = inv * mx, inv * my, inv * mz
         c[N + k] = mx
         c[N + L + k] = my
         c[N + 2 * L + k] = mz
+        xx, xy, xz = t[CURVED + k], t[CURVED + L + k], t[CURVED + 2 * L + k]
+        yy, yz, zz = t[CURVED + 3 * L + k], t[CURVED + 4 * L + k], t[CURVED + 5 * L + k]
         # the contact lies midway between the two support points
-        ha = t[HA + k]
-        x1 = t[HA + L + k] + t[HA + 3 * L + k] * s1 + t[HA + 4 * L + k] * s2
-        x2 = t[HA + 2 * L + k] + t[HA + 4 * L + k] * s1 + t[HA + 5 * L + k] * s2
         half = 0.5 * t[GAP + k]
-        rx = ha * nx + x1 * ux + x2 * wx + half * mx
-        ry = ha * ny + x1 * uy + x2 * wy + half * my
-        rz = ha * nz + x1 * uz + x2 * wz + half * mz
+        rx = t[SUPPORT + k] + xx * sx + xy * sy + xz * sz + half * mx
+        ry = t[SUPPORT + L + k] + xy * sx + yy * sy + yz * sz + half * my
+        rz = t[SUPPORT + 2 * L + k] + xz * sx + yz * sy + zz * sz + half * mz
         t[RA + k] = rx
         t[RA + L + k] = ry
         t[RA + 2 * L + k] = rz
@@ -196,48 +203,48 @@ def contact_points(t, c):
 
 
 @inlined
-def pair_radius(t):
-    """R* = sqrt(det Q_A det Q_B / det(Q_A + Q_B)) of each lane's pair."""
-    for k in range(L):
-        a11, a12, a22 = t[HA + 3 * L + k], t[HA + 4 * L + k], t[HA + 5 * L + k]
-        b11, b12, b22 = t[HB + 3 * L + k], t[HB + 4 * L + k], t[HB + 5 * L + k]
-        both = (a11 + b11) * (a22 + b22) - (a12 + b12) * (a12 + b12)
-        t[RADIUS + k] = math.sqrt((a11 * a22 - a12 * a12) * (b11 * b22 - b12 * b12) / both)
+def both_bodies(t, c, parts):
+    """What the Newton step needs of both bodies."""
+    body_a(t, c, parts)
+    body_b(t, c, parts)
 
 
 @inlined
-def pair_geometry(t, c):
+def pair_geometry(t, c, parts):
     """Gap, effective radius and contact point of each lane's pair, one Newton step on from the last normal.
 
-    Several short loops, not one: a processor runs as many lanes at once as its window holds.
+    Several short loops, not one: a processor runs as many lanes at once as its window holds. The number of parts is a
+    constant in each of them, so that they become vector code.
     """
+    if parts == 1:
+        both_bodies(t, c, 1)
+    elif parts == 2:
+        both_bodies(t, c, 2)
+    else:
+        both_bodies(t, c, MOST_PARTS)
     newton_step(t, c)
     contact_points(t, c)
-    pair_radius(t)
 
 
 @inlined
-def plane_geometry(t, c):
+def plane_geometry(t, c, parts):
     """Gap, effective radius and contact point of each lane's body against a plane.
 
     Row N holds the plane's normal, pointing from the body into the wall; row OFFSET its distance from the origin along
     it, MIDDLE and RADIUS2 the disc it ends with: beyond that the gap is endless.
     """
+    if parts == 1:
+        body_a(t, c, 1)
+    elif parts == 2:
+        body_a(t, c, 2)
+    else:
+        body_a(t, c, MOST_PARTS)
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        h = t[HA + k]
-        x1 = t[HA + L + k]
-        x2 = t[HA + 2 * L + k]
-        a11 = t[HA + 3 * L + k]
-        a12 = t[HA + 4 * L + k]
-        a22 = t[HA + 5 * L + k]
-        f = c[OFFSET + k] - nx * t[A + k] - ny * t[A + L + k] - nz * t[A + 2 * L + k] - h
-        square = a11 * a22 - a12 * a12
-        t[RADIUS + k] = math.sqrt(square)
-        reach = h + 0.5 * f
-        rx = reach * nx + x1 * t[U + k] + x2 * t[W + k]
-        ry = reach * ny + x1 * t[U + L + k] + x2 * t[W + L + k]
-        rz = reach * nz + x1 * t[U + 2 * L + k] + x2 * t[W + 2 * L + k]
+        rx, ry, rz = t[SUPPORT + k], t[SUPPORT + L + k], t[SUPPORT + 2 * L + k]
+        f = c[OFFSET + k] - nx * (t[A + k] + rx) - ny * (t[A + L + k] + ry) - nz * (t[A + 2 * L + k] + rz)
+        rx, ry, rz = rx + 0.5 * f * nx, ry + 0.5 * f * ny, rz + 0.5 * f * nz
+        t[RADIUS + k] = math.sqrt(t[AREA_A + k])
         t[RA + k] = rx
         t[RA + L + k] = ry
         t[RA + 2 * L + k] = rz

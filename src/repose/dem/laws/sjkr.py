@@ -73,9 +73,7 @@ def geometry(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: i
             total = c[ct.REACH + k]
             t[INVERSE_SUM + k] = 1.0 / total if total > 0.0 else 0.0
         else:
-            a = t[tl.HA + 3 * L + k] * t[tl.HA + 5 * L + k] - t[tl.HA + 4 * L + k] * t[tl.HA + 4 * L + k]
-            b = t[tl.HB + 3 * L + k] * t[tl.HB + 5 * L + k] - t[tl.HB + 4 * L + k] * t[tl.HB + 4 * L + k]
-            t[INVERSE_SUM + k] = 1.0 / (math.sqrt(a) + math.sqrt(b))
+            t[INVERSE_SUM + k] = 1.0 / (math.sqrt(t[tl.AREA_A + k]) + math.sqrt(t[tl.AREA_B + k]))
 
 
 @inlined
