@@ -11,6 +11,7 @@ import math
 from . import state as st
 from .jit import inlined
 from .rows import Rows
+from .simd import rsqrt
 from .state import LANES, LOAD_COLUMNS, MOST_PARTS, NORMAL, OFFSET, PART, SHAPE
 
 L = LANES  # short, for the index arithmetic below
@@ -47,8 +48,6 @@ LAW_ROW = _rows.count
 
 # The gap of a body beyond the edge of a plane [m]: the next look comes when it has moved at all.
 BEYOND = math.inf
-# Squared extent below which a part of a shape is none [m2].
-NO_PART = 1e-300
 # A contact normal turns by at most this much in a step [rad].
 LARGEST_TURN = 0.2
 
@@ -69,7 +68,7 @@ def part_terms(t, shape, k, nx, ny, nz):
     x = xx * nx + xy * ny + xz * nz
     y = xy * nx + yy * ny + yz * nz
     z = xz * nx + yz * ny + zz * nz
-    inv = 1.0 / math.sqrt(max(nx * x + ny * y + nz * z, NO_PART))
+    inv = rsqrt(nx * x + ny * y + nz * z)
     x, y, z = inv * x, inv * y, inv * z
     return (
         x,
@@ -167,7 +166,7 @@ def newton_step(t, c):
         sx = along * x - turned * (xx * x + xy * y + xz * z)
         sy = along * y - turned * (xy * x + yy * y + yz * z)
         sz = along * z - turned * (xz * x + yz * y + zz * z)
-        cut = LARGEST_TURN / math.sqrt(sx * sx + sy * sy + sz * sz)
+        cut = LARGEST_TURN * rsqrt(sx * sx + sy * sy + sz * sz)
         cut = cut if cut < 1.0 else 1.0
         sx, sy, sz = cut * sx, cut * sy, cut * sz
         t[STEP + k] = sx
@@ -182,7 +181,7 @@ def contact_points(t, c):
     for k in range(L):
         sx, sy, sz = t[STEP + k], t[STEP + L + k], t[STEP + 2 * L + k]
         mx, my, mz = c[N + k] + sx, c[N + L + k] + sy, c[N + 2 * L + k] + sz
-        inv = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+        inv = rsqrt(mx * mx + my * my + mz * mz)
         mx, my, mz = inv * mx, inv * my, inv * mz
         c[N + k] = mx
         c[N + L + k] = my
