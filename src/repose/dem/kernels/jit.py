@@ -11,6 +11,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import binding
 
 from .. import cache  # noqa: F401  (sets the cache folder before any kernel is made)
 
@@ -18,6 +19,22 @@ FLAGS = {"contract"}
 # Options of a small function that numba always inlines into its callers.
 INLINED: dict[str, Any] = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": False, "forceinline": True}
 
+
+
+
+def use_widest_vectors() -> None:
+    """Let loops take vectors of 512 bits where the processor has them; LLVM prefers 256 on many, which is slower here.
+
+    The bits of a result are the same. A user's NUMBA_CPU_NAME or NUMBA_CPU_FEATURES is left as it is.
+    """
+    config: Any = numba.config  # numba makes its settings when it is imported, so their types are not seen
+    features = binding.get_host_cpu_features()
+    if features.get("avx512f") and config.CPU_NAME is None and config.CPU_FEATURES is None:
+        config.CPU_NAME = binding.get_host_cpu_name()
+        config.CPU_FEATURES = features.flatten() + ",-prefer-256-bit"
+
+
+use_widest_vectors()
 
 # With NUMBA_DISABLE_JIT=1 the kernels run as Python, to be measured or debugged. A root is then a number of numpy,
 # which can be divided by when it is 0, as in compiled code.
