@@ -148,12 +148,14 @@ def resistance(x, y, z, i1, i2, i3, size, budget):
     s = max(s, 0.0)
     for _ in range(NEWTON_STEPS):
         d1, d2, d3 = s + b1, s + b2, s + b3
-        product = 1.0 / (d1 * d2 * d3)
-        d1, d2, d3 = product * d2 * d3, product * d3 * d1, product * d1 * d2
-        g1, g2, g3 = ox * ox * d1 * d1, oy * oy * d2 * d2, oz * oz * d3 * d3
+        # n is (ox / d1, oy / d2, oz / d3); all of it times the product of the three, to divide once
+        c1, c2, c3 = d2 * d3, d3 * d1, d1 * d2
+        g1, g2, g3 = ox * ox * c1 * c1, oy * oy * c2 * c2, oz * oz * c3 * c3
         g = g1 + g2 + g3
-        s = max(s + g * (math.sqrt(g) - 1.0) / (g1 * d1 + g2 * d2 + g3 * d3), 0.0)
-    return ox / (s + b1), oy / (s + b2), oz / (s + b3)
+        s = max(s + g * (math.sqrt(g) - d1 * c1) / (g1 * c1 + g2 * c2 + g3 * c3), 0.0)
+    d1, d2, d3 = s + b1, s + b2, s + b3
+    product = 1.0 / (d1 * d2 * d3)
+    return ox * product * d2 * d3, oy * product * d3 * d1, oz * product * d1 * d2
 
 
 @kernel

@@ -7,7 +7,7 @@ tangential gradient is P (d - x_A(n) - x_B(n)), the Hessian -(Q_A + Q_B + f I).
 
 import math
 
-from .geometry import support_terms, tangents
+from .geometry import add_part, area
 from .jit import inlined, kernel
 
 # An ascent step is at most this long (radians); beyond it the quadratic model means little.
@@ -15,24 +15,27 @@ LONGEST_STEP = 0.4
 
 
 @inlined
-def ascent_step(g1, g2, q11, q12, q22, f):
-    """One Newton step on the sphere, or a scaled gradient step where the Hessian is not definite."""
-    a = q11 + f
-    c = q22 + f
-    det = a * c - q12 * q12
-    trace = q11 + q22
-    definite = (a > 0.0) and (c > 0.0) and (det > 1e-3 * trace * trace)
-    if definite:
-        s1 = (c * g1 - q12 * g2) / det
-        s2 = (a * g2 - q12 * g1) / det
+def newton_step(x, y, z, xx, xy, xz, yy, yz, zz, f):
+    """One Newton step on the sphere, or a scaled gradient step where the Hessian is not definite.
+
+    (x, y, z) is the gradient, xx to zz the curvature of both bodies; see `tile.newton_step`.
+    """
+    trace = xx + yy + zz
+    det = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)
+    if trace + 2.0 * f > 0.0 and det > 1e-3 * trace * trace:
+        inv = 1.0 / det
+        along = trace + f
+        sx = inv * (along * x - xx * x - xy * y - xz * z)
+        sy = inv * (along * y - xy * x - yy * y - yz * z)
+        sz = inv * (along * z - xz * x - yz * y - zz * z)
     else:
-        s1 = g1 / trace
-        s2 = g2 / trace
-    length = math.sqrt(s1 * s1 + s2 * s2)
-    if length > LONGEST_STEP:
-        s1 *= LONGEST_STEP / length
-        s2 *= LONGEST_STEP / length
-    return s1, s2
+        inv = 1.0 / trace
+        sx, sy, sz = inv * x, inv * y, inv * z
+    square = sx * sx + sy * sy + sz * sz
+    if square > LONGEST_STEP * LONGEST_STEP:
+        cut = LONGEST_STEP / math.sqrt(square)
+        return cut * sx, cut * sy, cut * sz
+    return sx, sy, sz
 
 
 @kernel
@@ -47,40 +50,34 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
     dy = rows[j, 1] - rows[i, 1]
     dz = rows[j, 2] - rows[i, 2]
     nx, ny, nz = normal[0], normal[1], normal[2]
-    best = -1e300
-    s1 = 0.0
-    s2 = 0.0
     bx, by, bz = nx, ny, nz
-    b1x, b1y, b1z, b2x, b2y, b2z = tangents(nx, ny, nz)
+    best = -1e300
+    sx = sy = sz = 0.0
     for _ in range(60):
-        ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-        ha, a1, a2, a11, a12, a22 = support_terms(rows[i], parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
-        hb, b1, b2, b11, b12, b22 = support_terms(rows[j], parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
-        f = nx * dx + ny * dy + nz * dz - ha - hb
+        x = y = z = xx = xy = xz = yy = yz = zz = 0.0
+        for part in range(parts):
+            x, y, z, xx, xy, xz, yy, yz, zz = add_part(
+                rows[i], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
+            )
+            x, y, z, xx, xy, xz, yy, yz, zz = add_part(
+                rows[j], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
+            )
+        x, y, z = dx - x, dy - y, dz - z
+        f = nx * x + ny * y + nz * z
         if f < best - 1e-15:
             # the step went downhill: halve it from the best direction so far
-            s1 *= 0.5
-            s2 *= 0.5
-            if s1 * s1 + s2 * s2 < tolerance * tolerance:
-                break
+            sx, sy, sz = 0.5 * sx, 0.5 * sy, 0.5 * sz
         else:
             best = f
             bx, by, bz = nx, ny, nz
-            b1x, b1y, b1z, b2x, b2y, b2z = ux, uy, uz, wx, wy, wz
             if f > early:
                 break
-            g1 = dx * ux + dy * uy + dz * uz - a1 - b1
-            g2 = dx * wx + dy * wy + dz * wz - a2 - b2
-            s1, s2 = ascent_step(g1, g2, a11 + b11, a12 + b12, a22 + b22, f)
-            if s1 * s1 + s2 * s2 < tolerance * tolerance:
-                break
-        nx = bx + s1 * b1x + s2 * b2x
-        ny = by + s1 * b1y + s2 * b2y
-        nz = bz + s1 * b1z + s2 * b2z
+            sx, sy, sz = newton_step(x - f * nx, y - f * ny, z - f * nz, xx, xy, xz, yy, yz, zz, f)
+        if sx * sx + sy * sy + sz * sz < tolerance * tolerance:
+            break
+        nx, ny, nz = bx + sx, by + sy, bz + sz
         inv = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
-        nx *= inv
-        ny *= inv
-        nz *= inv
+        nx, ny, nz = inv * nx, inv * ny, inv * nz
     normal[0] = bx
     normal[1] = by
     normal[2] = bz

@@ -8,6 +8,7 @@ h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R', smooth and convex for a
 import math
 
 from .jit import inlined
+from .simd import rsqrt
 from .state import PART, SHAPE
 
 
@@ -39,6 +40,32 @@ def extent(row, parts, nx, ny, nz):
         x, y, z = times_shape(row, k, nx, ny, nz)
         h += math.sqrt(nx * x + ny * y + nz * z)
     return h
+
+
+@inlined
+def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
+    """Add one part to the support point and the curvature matrix of a body: S n / h and (S - x x') / h."""
+    px, py, pz = times_shape(row, part, nx, ny, nz)
+    inv = rsqrt(nx * px + ny * py + nz * pz)
+    px, py, pz = inv * px, inv * py, inv * pz
+    s = SHAPE + PART * part
+    return (
+        x + px,
+        y + py,
+        z + pz,
+        xx + inv * (row[s] - px * px),
+        xy + inv * (row[s + 1] - px * py),
+        xz + inv * (row[s + 2] - px * pz),
+        yy + inv * (row[s + 3] - py * py),
+        yz + inv * (row[s + 4] - py * pz),
+        zz + inv * (row[s + 5] - pz * pz),
+    )
+
+
+@inlined
+def area(xx, xy, xz, yy, yz, zz):
+    """Product of the two principal radii of a curvature matrix, whose third eigenvalue is 0."""
+    return xx * yy - xy * xy + (xx * zz - xz * xz) + (yy * zz - yz * yz)
 
 
 @inlined

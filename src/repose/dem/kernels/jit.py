@@ -20,8 +20,6 @@ FLAGS = {"contract"}
 INLINED: dict[str, Any] = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": False, "forceinline": True}
 
 
-
-
 def use_widest_vectors() -> None:
     """Let loops take vectors of 512 bits where the processor has them; LLVM prefers 256 on many, which is slower here.
 

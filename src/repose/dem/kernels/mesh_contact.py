@@ -8,7 +8,7 @@ face, beyond its side along the arc of the edge, and so on. Everything is in the
 
 import math
 
-from .contact import ascent_step
+from .contact import LONGEST_STEP
 from .features import EDGE, FACE, RADIUS_COLUMN, SIDES, STRICT
 from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
@@ -19,6 +19,27 @@ SLACK = 1e-8
 # An edge bends to its full curvature over this angle from its faces' normals [rad], so that R* has no jump there.
 BLEND = 0.2
 OUTSIDE = -1e300
+
+
+@inlined
+def ascent_step(g1, g2, q11, q12, q22, f):
+    """One Newton step on the sphere, or a scaled gradient step where the Hessian is not definite."""
+    a = q11 + f
+    c = q22 + f
+    det = a * c - q12 * q12
+    trace = q11 + q22
+    definite = (a > 0.0) and (c > 0.0) and (det > 1e-3 * trace * trace)
+    if definite:
+        s1 = (c * g1 - q12 * g2) / det
+        s2 = (a * g2 - q12 * g1) / det
+    else:
+        s1 = g1 / trace
+        s2 = g2 / trace
+    length = math.sqrt(s1 * s1 + s2 * s2)
+    if length > LONGEST_STEP:
+        s1 *= LONGEST_STEP / length
+        s2 *= LONGEST_STEP / length
+    return s1, s2
 
 
 @inlined

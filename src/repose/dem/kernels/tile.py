@@ -9,6 +9,7 @@ check a loop. Unused lanes hold a body that is not there and are thrown away.
 import math
 
 from . import state as st
+from .geometry import area
 from .jit import inlined
 from .rows import Rows
 from .simd import rsqrt
@@ -92,12 +93,6 @@ def body_terms(t, shape, parts, k, nx, ny, nz):
         x, y, z = x + dx, y + dy, z + dz
         xx, xy, xz, yy, yz, zz = xx + dxx, xy + dxy, xz + dxz, yy + dyy, yz + dyz, zz + dzz
     return x, y, z, xx, xy, xz, yy, yz, zz
-
-
-@inlined
-def area(xx, xy, xz, yy, yz, zz):
-    """Product of the two principal radii of a curvature matrix, whose third eigenvalue is 0."""
-    return xx * yy - xy * xy + (xx * zz - xz * xz) + (yy * zz - yz * yz)
 
 
 @inlined
