@@ -5,6 +5,7 @@ A pour that gives no pile to measure is a result, too: it has a status and a rea
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -36,6 +37,10 @@ SMALLEST_PILE = 0.5
 FEWEST_IN_PILE = 10
 # Below this height a berry has left the plate and is gone.
 FLOOR_M = -0.05
+# A pour ends before its time when its pile rests. That is looked at so often in a `rest_window_s`.
+LOOKS = 4
+# At its speed a berry at rest would move by this share of `rest_motion_mm` in a window.
+STANDSTILL = 0.01
 
 # --- responses ------------------------------------------------------------------------------------
 
@@ -433,7 +438,7 @@ def pour(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Pour:
-    """Pour the berries through the funnel and let them rest (section 3.1 of the paper).
+    """Pour the berries through the funnel until they rest, for `duration_s` at most (section 3.1 of the paper).
 
     Berries appear one by one at `rate_per_s` above the inlet, drawn from the seed; see
     `repose.apparatus.factory.fill`.
@@ -447,22 +452,41 @@ def pour(
     height = funnel.inlet_height_m + 1e-3 * section["factory_height_mm"]
     factory = Disc(0.5e-3 * section["factory_diameter_mm"] - reach, height)
     last_step = settings.steps(section["duration_s"])
-    rest_step = last_step - settings.steps(section["rest_window_s"])
-    timed_step = max(0, min(rest_step, last_step - settings.steps(1.0)))
+    window = settings.steps(section["rest_window_s"])
     bounded = Bounded(simulation, height)
     filmed = Filmed(bounded, interval_s, progress)
-    before, clock = None, began
+    clock, filled = began, 0
+    seen: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
     with bounded.guard():
-        fill(simulation, factory, section, seed, rest_step, filmed.run_to, scales)
-        timed_step = max(timed_step, simulation.steps)
-        filmed.run_to(timed_step)
-        clock = time.perf_counter()
-        filmed.run_to(rest_step)
-        before = simulation.positions.copy()
-        filmed.run_to(last_step)
-    us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, last_step - timed_step)
+        fill(simulation, factory, section, seed, last_step - window, filmed.run_to, scales)
+        clock, filled = time.perf_counter(), simulation.steps
+        every = max(1, window // LOOKS)
+        for step in range(last_step - (last_step - filled) // every * every, last_step + 1, every):
+            filmed.run_to(step)
+            seen.append(simulation.positions.copy())
+            if _rests(simulation, section, funnel, seen):
+                break
+    us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - filled)
     took_s = time.perf_counter() - began
+    before = seen[0] if seen else None
     return _judge(simulation, funnel, before, bounded.broken, filmed.frames(), took_s, us_per_step)
+
+
+def _rests(
+    simulation: "dem.Simulation", section: Mapping[str, Any], funnel: Funnel, seen: Sequence[np.ndarray]
+) -> bool:
+    """Whether all berries lie outside the funnel, have hardly moved in the last window and nearly stand still."""
+    there = simulation.present
+    if len(seen) <= LOOKS or simulation.n_bodies < section["berries"] or not there.any():
+        return False
+    motion_m = 1e-3 * section["rest_motion_mm"]
+    turning = np.linalg.norm(simulation.angular_velocities, axis=1) * simulation.radius
+    speed = (np.linalg.norm(simulation.velocities, axis=1) + turning)[there].max()
+    return bool(
+        speed * section["rest_window_s"] <= STANDSTILL * motion_m
+        and np.linalg.norm(seen[-1] - seen[0], axis=1)[there].max() <= motion_m
+        and (seen[-1][there, 2] <= funnel.outlet_height_m - simulation.radius).all()
+    )
 
 
 def _judge(
