@@ -152,7 +152,8 @@ def newton_step(t, c):
         x, y, z = x - f * nx, y - f * ny, z - f * nz
         trace = xx + yy + zz
         both = area(xx, xy, xz, yy, yz, zz)
-        t[RADIUS + k] = math.sqrt(t[AREA_A + k] * t[AREA_B + k] / both)
+        product = t[AREA_A + k] * t[AREA_B + k]
+        t[RADIUS + k] = product * rsqrt(product * both)
         det = both + f * (trace + f)
         definite = (trace + 2.0 * f > 0.0) & (det > 1e-3 * trace * trace)
         inv = 1.0 / (det if definite else trace * trace)

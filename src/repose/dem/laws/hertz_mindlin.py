@@ -183,9 +183,10 @@ def contact_sizes(t: np.ndarray) -> None:
     for k in range(L):
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
-        circle = math.sqrt(t[tl.RADIUS + k] * overlap)
+        square = t[tl.RADIUS + k] * overlap
+        circle = square * rsqrt(square)
         t[CIRCLE + k] = circle
-        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(t[tl.INVERSE_MASS + k])
+        t[VISCOUS + k] = circle * rsqrt(circle * t[tl.INVERSE_MASS + k])
 
 
 @inlined

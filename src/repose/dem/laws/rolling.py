@@ -15,7 +15,6 @@ Sakaguchi, Ozaki, Igarashi, Int. J. Mod. Phys. B 7 (1993) 1949: the torque of ea
 Physica A 269 (1999) 536. Ai, Chen, Rotter, Ooi, Powder Technol. 206 (2011) 269, model A.
 """
 
-import math
 from collections import namedtuple
 from typing import Any
 
@@ -24,6 +23,7 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.rows import Rows
+from ..kernels.simd import rsqrt
 from ..materials import Contact, Material
 from .law import Law
 
@@ -70,9 +70,11 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     for k in range(L):
         rolling = t[ROLLING_FRICTION + k] * t[tl.PUSH + k]
         x, y, z = t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k]
-        t[tl.TO_A + st.ROLL * L + k] = rolling * math.sqrt(x * x + y * y + z * z)
+        square = x * x + y * y + z * z
+        t[tl.TO_A + st.ROLL * L + k] = rolling * square * rsqrt(square)
         x, y, z = t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k]
-        t[tl.TO_B + st.ROLL * L + k] = rolling * math.sqrt(x * x + y * y + z * z)
+        square = x * x + y * y + z * z
+        t[tl.TO_B + st.ROLL * L + k] = rolling * square * rsqrt(square)
 
 
 LAW = Law(

@@ -17,6 +17,7 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
+from ..kernels.simd import rsqrt
 from .law import ELASTIC, KEEP
 
 L = st.LANES
@@ -140,7 +141,7 @@ def limited(
     """
     ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
     gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
-    cut = cap / math.sqrt(gx * gx + gy * gy + gz * gz)
+    cut = cap * rsqrt(gx * gx + gy * gy + gz * gz)
     cut = cut if cut < 1.0 else 1.0
     c[spring + k] = cut * ex
     c[spring + L + k] = cut * ey
@@ -148,6 +149,6 @@ def limited(
     fx = cut * gx + damping * t[tl.V + k]
     fy = cut * gy + damping * t[tl.V + L + k]
     fz = cut * gz + damping * t[tl.V + 2 * L + k]
-    cut = cap / math.sqrt(fx * fx + fy * fy + fz * fz)
+    cut = cap * rsqrt(fx * fx + fy * fy + fz * fz)
     cut = cut if cut < 1.0 else 1.0
     return cut, fx, fy, fz
