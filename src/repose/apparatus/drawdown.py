@@ -23,11 +23,10 @@ from repose.apparatus.discharge import LID_M_S, rate_kg_s
 from repose.apparatus.factory import Strip, fill, last_berry_s
 from repose.apparatus.funnel import LINE, narrow_openings
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.errors import NoFlankError
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -56,14 +55,11 @@ RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_below"))
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class Settings(Poured):
     """The section `drawdown` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
     open_from_s: float = Field(ge=0.1, le=600)
     longest_s: float = Field(ge=0.1, le=600)
-    seeds: Seeds
     width_mm: float = Field(ge=10, le=5000)
     depth_mm: float = Field(ge=1, le=5000)
     height_mm: float = Field(ge=1, le=5000)

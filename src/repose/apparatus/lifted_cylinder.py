@@ -22,10 +22,9 @@ from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import Disc, fill, last_berry_s
 from repose.apparatus.funnel import BERRY, LARGEST_LOSS, LINE, SEEN, SMALLEST_PILE, narrow_openings
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -89,15 +88,12 @@ OF_PILE = dict(zip(MEASURED, ("aor_deg", "height_mm", "base_radius_mm", "loose_p
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class Settings(Poured):
     """The section `lifted_cylinder` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
     lift_from_s: float = Field(ge=0.1, le=600)
     lifting_mm_s: float = Field(ge=0.1, le=5000)
     settle_s: float = Field(ge=0.1, le=600)
-    seeds: Seeds
     diameter_mm: float = Field(ge=1, le=5000)
     length_mm: float = Field(ge=1, le=5000)
     rim_radius_mm: float = Field(ge=0.05, le=20)
