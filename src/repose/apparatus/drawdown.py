@@ -311,12 +311,7 @@ def measure(
             measured[name] = measure_pile(*bodies, how, scales=scales[these]).record()["aor_deg"]
         except NoFlankError as error:
             reasons[name] = error.reason
-    judged = {}
-    missing = [one.name for one in BENCH.target_responses(config) if measured[one.name] is None]
-    if missing:
-        reason = reasons.get(missing[0], f"{missing[0]} cannot be measured")
-        judged = {"status": "no_flank", "reason": reason}
-    return {**record, **judged, **measured}
+    return {**record, **BENCH.judged(measured, config, reasons), **measured}
 
 
 BENCH = register(

@@ -590,10 +590,7 @@ def measure(
         plate_mm = config[NAME]["plate_diameter_mm"]
         responses, reasons = pile_responses(arrays, particle, settings, plate_mm, more)
         measured |= responses
-        for name in targets:
-            if measured.get(name, record.get(name)) is None:
-                judged |= {"status": "no_flank", "reason": reasons.get(name, f"{name} cannot be measured")}
-                break
+        judged |= BENCH.judged({**record, **measured}, config, reasons)
     return judged | measured | {key: value for key, value in record.items() if key not in judged}
 
 

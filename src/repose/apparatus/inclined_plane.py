@@ -50,6 +50,7 @@ RESPONSES = (
     Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
 )
 MEASURED = tuple(response.name for response in RESPONSES)
+LACKING = {"slip_deg": "no_slip", "roll_deg": "no_roll"}  # status of a run that lacks a target
 RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
 # --- section of the configuration -----------------------------------------------------------------
@@ -248,13 +249,7 @@ def measure(
             if measured[name] is not None:
                 why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
     measured["motion"] = "; ".join(why.values())
-    judged = {}
-    for target in BENCH.target_responses(config):
-        if measured[target.name] is None:
-            status = "no_slip" if target.name == "slip_deg" else "no_roll"
-            judged = {"status": status, "reason": why[target.name]}
-            break
-    return {**record, **judged, **measured}
+    return {**record, **BENCH.judged(measured, config, why, LACKING), **measured}
 
 
 def duration_s(config: Config) -> float:

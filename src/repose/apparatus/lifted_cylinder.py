@@ -303,12 +303,8 @@ def measure(
         arrays, particle, settings, plate_mm, ("base_radius_mm", "loose_percent")
     )
     measured = {name: of_pile.get(other) for name, other in OF_PILE.items()}
-    missing = [one.name for one in BENCH.target_responses(config) if measured[one.name] is None]
-    judged = {}
-    if missing:
-        reason = reasons.get(OF_PILE[missing[0]], f"{missing[0]} cannot be measured")
-        judged = {"status": "no_flank", "reason": reason}
-    return {**record, **judged, **measured}
+    reasons = {name: reasons[other] for name, other in OF_PILE.items() if other in reasons}
+    return {**record, **BENCH.judged(measured, config, reasons), **measured}
 
 
 def duration_s(config: Config) -> float:
