@@ -11,6 +11,7 @@ is a disc in the outlet. It is taken away downwards, faster than the berries fal
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,9 +20,9 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.factory import Disc, fill_and_rest, last_berry_s
 from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
-from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
+from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import Hopper, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -177,16 +178,16 @@ def run(
     factory = Disc(0.5 * funnel.inlet_diameter_m - reach, top)
     bounded = Bounded(simulation, top, max(LID_M_S, section["speed_m_s"]))
     filmed, opened_s = Filmed(bounded, interval_s, progress), math.nan
+    rests, every = partial(at_rest, simulation, settings.rest_energy_j), max(1, settings.steps(LOOK_S))
     with bounded.guard():
-        _fill_and_rest(simulation, factory, section, settings, seed, filmed.run_to, scales)
+        fill_and_rest(filmed, factory, section, seed, scales, section["open_from_s"], rests, every)
         opened_s = simulation.time_s
         closed = simulation.positions.copy(), simulation.quaternions.copy()
         energy = float(simulation.kinetic_energies().mean())
         early = int(np.isfinite(simulation.exit_times_s).sum())
         simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-        last, every = simulation.steps + settings.steps(section["longest_s"]), settings.steps(LOOK_S)
-        while simulation.steps < last and not np.isfinite(simulation.exit_times_s).all():
-            filmed.run_to(min(last, simulation.steps + max(1, every)))
+        last = simulation.steps + settings.steps(section["longest_s"])
+        filmed.wait(lambda: np.isfinite(simulation.exit_times_s).all(), last, every)
     if math.isnan(opened_s):
         closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
     exits = simulation.exit_times_s - opened_s
@@ -207,15 +208,6 @@ def run(
         "quaternion": closed[1].astype(np.float32),
     }
     return Run(record, arrays, filmed.frames())
-
-
-def _fill_and_rest(simulation, factory, section, settings, seed, run_to, scales):
-    """Fill the closed funnel and wait until the berries rest."""
-    latest, every = settings.steps(2.0 * section["open_from_s"]), max(1, settings.steps(LOOK_S))
-    fill(simulation, factory, section, seed, latest, run_to, scales)
-    run_to(settings.steps(section["open_from_s"]))
-    while simulation.kinetic_energies().mean() > settings.rest_energy_j and simulation.steps < latest:
-        run_to(min(latest, simulation.steps + every))
 
 
 # --- measure --------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ the berries fall, so that it drags none of them along.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,9 +21,9 @@ from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
-from repose.apparatus.factory import Strip, fill, last_berry_s
+from repose.apparatus.factory import Strip, fill_and_rest, last_berry_s
 from repose.apparatus.funnel import LINE, narrow_openings
-from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
+from repose.apparatus.scene import Filmed, at_rest, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.errors import NoFlankError
 from repose.core.responses import Response
@@ -227,16 +228,9 @@ def run(
     bounded = Bounded(simulation, factory.height_m, LID_M_S)
     filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
     filled, early, opened_s = 0, 0, np.nan
-
-    def rest(last):
-        while simulation.kinetic_energies().mean() > settings.rest_energy_j and simulation.steps < last:
-            filmed.run_to(min(last, simulation.steps + every))
-
+    rests = partial(at_rest, simulation, settings.rest_energy_j)
     with bounded.guard():
-        latest = settings.steps(2.0 * section["open_from_s"])
-        fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
-        filmed.run_to(settings.steps(section["open_from_s"]))
-        rest(latest)
+        fill_and_rest(filmed, factory, section, seed, scales, section["open_from_s"], rests, every)
         filled, opened_s = simulation.n_bodies, simulation.time_s
         early = int(np.isfinite(simulation.exit_times_s).sum())
         simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
@@ -244,7 +238,7 @@ def run(
         filmed.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
         simulation.set_motion("gate", dem.Motion())
         filmed.run_to(simulation.steps + every)
-        rest(simulation.steps + settings.steps(section["longest_s"]))
+        filmed.wait(rests, simulation.steps + settings.steps(section["longest_s"]), every)
     centres = simulation.positions.copy()
     over = (centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
     drained = Drained(

@@ -151,8 +151,7 @@ class _Follow:
     def hit(self):
         """Go on until the berry has left the plate; False where it does not."""
         last = self.simulation.steps + self.settings.steps(HIT_S)
-        while self.touches() and self.simulation.steps < last:
-            self.filmed.run_to(self.simulation.steps + 1)
+        self.filmed.wait(lambda: not self.touches(), last, every=1)
         return not self.touches()
 
     def _row(self):

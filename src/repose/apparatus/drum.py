@@ -16,8 +16,8 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Strip, fill, last_berry_s
-from repose.apparatus.scene import berry_simulation, sized_simulation
+from repose.apparatus.factory import Strip, fill_and_rest, last_berry_s
+from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import Rotating, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -321,15 +321,12 @@ def rotate(
     section, settings = config[NAME], SimulationSettings.of(config)
     empty = empty_drum(config, parameters, seed, particle, berry)
     simulation, bounded = empty.simulation, empty.bounded
-    latest = settings.steps(2.0 * section["rotate_from_s"])
     every = max(1, settings.steps(section["record_s"]))
     calm, rest_energy, slip = settings.rest_energy_j, math.nan, None
     watch = _Watch(bounded, particle)
     with bounded.guard():
-        fill(simulation, empty.factory, section, seed, latest, bounded.run_to, empty.scales)
-        bounded.run_to(settings.steps(section["rotate_from_s"]))
-        while simulation.kinetic_energies().mean() > calm and simulation.steps < latest:
-            bounded.run_to(min(latest, simulation.steps + every))
+        begin_s, rests = section["rotate_from_s"], partial(at_rest, simulation, calm)
+        fill_and_rest(Filmed(bounded), empty.factory, section, seed, empty.scales, begin_s, rests, every)
         bounded.look()
         rest_energy = float(simulation.kinetic_energies().mean())
         slip = _until_slip(watch, section, calm, every, progress)

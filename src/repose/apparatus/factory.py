@@ -10,6 +10,7 @@ import numpy as np
 from repose.dem.rotations import random_quaternion
 
 if TYPE_CHECKING:
+    from repose.apparatus.scene import Filmed
     from repose.dem import Simulation
 
 # Random places that are tried for a new berry before the factory waits a time step.
@@ -130,3 +131,21 @@ def fill(
             return
         scale = 1.0 if scales is None else scales[k]
         simulation.add("berry", place, random_orientation(orientation, rng), down, scale=scale)
+
+
+def fill_and_rest(
+    filmed: "Filmed",
+    factory: Factory,
+    section: Mapping[str, Any],
+    seed: int,
+    scales: Sequence[float] | np.ndarray,
+    from_s: float,
+    rests: Callable[[], bool],
+    every: int,
+) -> None:
+    """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long."""
+    simulation = filmed.simulation
+    first, latest = (round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
+    fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
+    filmed.run_to(first)
+    filmed.wait(rests, latest, every)

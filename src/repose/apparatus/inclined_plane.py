@@ -16,6 +16,7 @@ angle beyond the limit. The angle of the beginning is where the line of the root
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -25,7 +26,7 @@ from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import random_orientation
-from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
+from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -158,14 +159,13 @@ def _lay_down(simulation, config, seed, particle, scale, filmed):
     simulation.add("berry", (0.0, 0.0, depth), turn, scale=scale)
     every, last = settings.steps(0.01), settings.steps(config[NAME]["settle_s"])
     filmed.run_to(every)
-    while simulation.kinetic_energies()[0] > settings.rest_energy_j and simulation.steps < last:
-        filmed.run_to(min(last, simulation.steps + every))
+    filmed.wait(partial(at_rest, simulation, settings.rest_energy_j), last, every)
 
 
 def _tilt(simulation, config, particle, filmed):
     """Turn gravity until the berry has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
     section, settings = config[NAME], SimulationSettings.of(config)
-    if simulation.kinetic_energies()[0] > settings.rest_energy_j:
+    if not at_rest(simulation, settings.rest_energy_j):
         return []
     rows, began = [], simulation.positions[0].copy()
     far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[0]

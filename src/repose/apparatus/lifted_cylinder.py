@@ -19,7 +19,7 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.factory import Disc, fill_and_rest, last_berry_s
 from repose.apparatus.funnel import BERRY, LARGEST_LOSS, LINE, SEEN, SMALLEST_PILE, narrow_openings
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import Poured, SimulationSettings
@@ -221,18 +221,11 @@ def run(
     def in_tube() -> np.ndarray:
         return simulation.present & (simulation.positions[:, 2] > lifted_m)
 
-    def wait(until, last):
-        while not until() and simulation.steps < last:
-            filmed.run_to(min(last, simulation.steps + every))
-
-    def at_rest():
+    def rests():
         return simulation.kinetic_energies()[simulation.present].mean() <= settings.rest_energy_j
 
     with bounded.guard():
-        latest = settings.steps(2.0 * section["lift_from_s"])
-        fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
-        filmed.run_to(settings.steps(section["lift_from_s"]))
-        wait(at_rest, latest)
+        fill_and_rest(filmed, factory, section, seed, scales, section["lift_from_s"], rests, every)
         filled, filling_m = simulation.n_bodies, float(simulation.positions[:, 2].max())
         began_s = simulation.time_s
         _move(simulation, speed)
@@ -241,7 +234,7 @@ def run(
             filmed.run_to(min(last, simulation.steps + every))
             lifted_m = speed * (simulation.time_s - began_s)
         _move(simulation, 0.0)
-        wait(at_rest, simulation.steps + settings.steps(section["settle_s"]))
+        filmed.wait(rests, simulation.steps + settings.steps(section["settle_s"]), every)
     centres, there = simulation.positions.copy(), simulation.present
     hanging = in_tube()
     on_plate = there & (centres[:, 2] > 0.0) & ~hanging

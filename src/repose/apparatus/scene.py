@@ -154,6 +154,11 @@ class Filmed:
         if self.progress is not None:
             self.progress(self.simulation.time_s)
 
+    def wait(self, until: Callable[[], bool], last_step: int, every: int) -> None:
+        """Advance by `every` time steps until a condition holds, at most to a last time step."""
+        while not until() and self.simulation.steps < last_step:
+            self.run_to(min(last_step, self.simulation.steps + every))
+
     def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
         """The frames; None if none were requested.
 
@@ -172,6 +177,11 @@ class Filmed:
             "position": np.pad(kept["position"], absent, constant_values=np.nan),
             "quaternion": np.pad(kept["quaternion"], absent, constant_values=np.nan),
         } | ({name: kept[name] for name in ("planes", "wall_frames")} if walls else {})
+
+
+def at_rest(simulation: "dem.Simulation", energy_j: float) -> bool:
+    """Whether the mean kinetic energy of a berry is not above a value; true where it is no number, too."""
+    return not simulation.kinetic_energies().mean() > energy_j
 
 
 def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
