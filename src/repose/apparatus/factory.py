@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from repose.dem.rotations import random_quaternion
+from repose.dem.rotations import random_quaternion, rotation_matrix
 
 if TYPE_CHECKING:
     from repose.apparatus.scene import Filmed
     from repose.dem import Simulation
+    from repose.particle.particle import Particle
 
 # Random places that are tried for a new berry before the factory waits a time step.
 PLACES_TRIED = 200
@@ -93,6 +94,21 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
     c, s = math.cos(axis / 2), math.sin(axis / 2)
     w, x, y, z = q
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
+
+
+def add_above(
+    simulation: "Simulation",
+    particle: "Particle",
+    orientation: str,
+    seed: int,
+    scale: float,
+    height_m: float = 0.0,
+) -> None:
+    """Add a berry on the z axis in a random orientation of a kind, its lowest point at a height."""
+    turn = random_orientation(orientation, np.random.default_rng(seed))
+    down = rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
+    depth = scale * float(particle.support_point(down[None])[0] @ down)
+    simulation.add("berry", (0.0, 0.0, height_m + depth), turn, scale=scale)
 
 
 def last_berry_s(section: Mapping[str, Any]) -> float:

@@ -25,7 +25,7 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import random_orientation
+from repose.apparatus.factory import add_above
 from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
@@ -152,11 +152,8 @@ COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
 
 def _lay_down(simulation, config, seed, particle, scale, filmed):
     """Lay a berry on the level plane, its long axis level in a random direction, and let it rest."""
-    settings, rng = SimulationSettings.of(config), np.random.default_rng(seed)
-    turn = random_orientation("lying", rng)
-    down = dem.rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
-    depth = scale * float(particle.support_point(down[None])[0] @ down)
-    simulation.add("berry", (0.0, 0.0, depth), turn, scale=scale)
+    settings = SimulationSettings.of(config)
+    add_above(simulation, particle, "lying", seed, scale)
     every, last = settings.steps(0.01), settings.steps(config[NAME]["settle_s"])
     filmed.run_to(every)
     filmed.wait(partial(at_rest, simulation, settings.rest_energy_j), last, every)
