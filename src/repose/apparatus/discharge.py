@@ -20,7 +20,7 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill_and_rest, last_berry_s
+from repose.apparatus.factory import Disc, fill_and_rest, too_early
 from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
 from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import Hopper, SimulationSettings
@@ -66,10 +66,7 @@ class Settings(Hopper):
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     """Keys of a funnel that cannot be built or filled, and what is allowed."""
     yield from impossible_surfaces(config, NAME)
-    section = config[NAME]
-    last = last_berry_s(section)
-    if last >= section["open_from_s"]:
-        yield f"{NAME}.open_from_s", f"above {last:g}, when the last berry appears"
+    yield from too_early(config, NAME, "open_from_s")
 
 
 def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:

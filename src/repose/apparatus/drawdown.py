@@ -21,7 +21,7 @@ from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
-from repose.apparatus.factory import Strip, fill_and_rest, last_berry_s
+from repose.apparatus.factory import Strip, fill_and_rest, too_early
 from repose.apparatus.funnel import LINE, narrow_openings
 from repose.apparatus.scene import Filmed, at_rest, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import Poured, SimulationSettings
@@ -74,9 +74,7 @@ class Settings(Poured):
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     """Keys of a box that cannot be built or filled, and what is allowed."""
     section = config[NAME]
-    last = last_berry_s(section)
-    if last >= section["open_from_s"]:
-        yield f"{NAME}.open_from_s", f"above {last:g}, when the last berry appears"
+    yield from too_early(config, NAME, "open_from_s")
     if section["slot_mm"] >= section["width_mm"]:
         yield f"{NAME}.slot_mm", f"below {NAME}.width_mm, {section['width_mm']:g}"
     if 4 * section["edge_radius_mm"] > section["floor_mm"]:

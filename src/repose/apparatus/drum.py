@@ -16,7 +16,7 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Strip, fill_and_rest, last_berry_s
+from repose.apparatus.factory import Strip, fill_and_rest, too_early
 from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import Rotating, SimulationSettings
 from repose.core.responses import Response
@@ -140,9 +140,7 @@ def impossible_filling(config: Config, section: str) -> Iterator[tuple[str, str]
         yield f"{section}.wall_thickness_mm", allowed
     elif abs(drum["factory_height_mm"]) >= radius:
         yield f"{section}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
-    last = last_berry_s(drum)
-    if last >= drum["rotate_from_s"]:
-        yield f"{section}.rotate_from_s", f"above {last:g}, when the last berry appears"
+    yield from too_early(config, section, "rotate_from_s")
     if drum["record_s"] < step_s:
         yield f"{section}.record_s", f"at least simulation.time_step_s, {step_s:g}"
 

@@ -1,7 +1,7 @@
 """Places and orientations of new berries, and the filling of a scene."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -114,6 +114,13 @@ def add_above(
 def last_berry_s(section: Mapping[str, Any]) -> float:
     """When the last berry of a bench test appears [s]."""
     return (section["berries"] - 1) / section["rate_per_s"]
+
+
+def too_early(config: Mapping[str, Any], section: str, key: str) -> Iterator[tuple[str, str]]:
+    """A key of a section if its time is not after the last berry's, and what is allowed."""
+    last = last_berry_s(config[section])
+    if last >= config[section][key]:
+        yield f"{section}.{key}", f"above {last:g}, when the last berry appears"
 
 
 def fill(

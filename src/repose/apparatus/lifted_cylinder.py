@@ -19,7 +19,7 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill_and_rest, last_berry_s
+from repose.apparatus.factory import Disc, fill_and_rest, too_early
 from repose.apparatus.funnel import BERRY, LARGEST_LOSS, LINE, SEEN, SMALLEST_PILE, narrow_openings
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import Poured, SimulationSettings
@@ -103,9 +103,7 @@ class Settings(Poured):
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     """Keys of a tube that cannot be filled before it is lifted, or is as wide as the plate, and what is allowed."""
     section = config[NAME]
-    last = last_berry_s(section)
-    if last >= section["lift_from_s"]:
-        yield f"{NAME}.lift_from_s", f"above {last:g}, when the last berry appears"
+    yield from too_early(config, NAME, "lift_from_s")
     wide = section["diameter_mm"] + 4 * section["rim_radius_mm"]
     if section["plate_diameter_mm"] <= wide:
         yield f"{NAME}.plate_diameter_mm", f"above {wide:g}, the tube's outer diameter"
