@@ -129,7 +129,7 @@ class Discharge:
 
 def status_of(discharge: Discharge, config: Config) -> tuple[str, str]:
     """Status and reason of a run."""
-    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    section, settings = config[NAME], SimulationSettings.of(config)
     if discharge.unstable:
         return "unstable", discharge.unstable
     if discharge.filled < section["berries"]:
@@ -139,9 +139,8 @@ def status_of(discharge: Discharge, config: Config) -> tuple[str, str]:
         )
     if discharge.early:
         return "lost", f"{discharge.early} berries left the closed funnel"
-    if discharge.rest_energy_j > rest:
-        energy = f"kinetic energy {discharge.rest_energy_j:.2e} J a berry when the lid was taken away"
-        return "not_at_rest", f"{energy}, more than {rest:.0e}"
+    if discharge.rest_energy_j > settings.rest_energy_j:
+        return settings.not_at_rest(discharge.rest_energy_j, " when the lid was taken away")
     if discharge.late < section["berries"]:
         left = section["berries"] - discharge.late
         return (

@@ -188,16 +188,15 @@ class Drained:
 
 def status_of(drained: Drained, config: Config) -> tuple[str, str]:
     """Status and reason of a run before it is measured."""
-    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    section, settings = config[NAME], SimulationSettings.of(config)
     if drained.unstable:
         return "unstable", drained.unstable
     if drained.filled < section["berries"]:
         return "not_filled", f"only {drained.filled} of {section['berries']} berries find room above the gate"
     if drained.early or not drained.held:
         return "lost", "a berry lies outside the box, or left the closed chamber"
-    if not drained.energy_j <= rest:
-        after = f"{section['longest_s']:g} s after the opening"
-        return "not_at_rest", f"kinetic energy {drained.energy_j:.2e} J a berry {after}, more than {rest:.0e}"
+    if not drained.energy_j <= settings.rest_energy_j:
+        return settings.not_at_rest(drained.energy_j, f" {section['longest_s']:g} s after the opening")
     if drained.over_slot:
         return "jammed", f"{drained.over_slot} berries rest above the middle of the slot"
     return "ok", ""

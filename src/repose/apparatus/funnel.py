@@ -514,9 +514,9 @@ def status_of(poured: Pour, config: Config) -> tuple[str, str]:
     if poured.off_plate > LARGEST_LOSS * n:
         return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
     energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
-    rest = SimulationSettings.of(config).rest_energy_j
-    if energy > rest:
-        return "not_at_rest", f"kinetic energy {energy:.2e} J a berry, more than {rest:.0e}"
+    settings = SimulationSettings.of(config)
+    if energy > settings.rest_energy_j:
+        return settings.not_at_rest(energy)
     if 1e3 * poured.largest_motion_m > section["rest_motion_mm"]:
         return "not_at_rest", (
             f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {section['rest_window_s']:g} s, "

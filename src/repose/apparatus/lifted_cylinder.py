@@ -170,7 +170,7 @@ class Lifting:
 
 def status_of(lifting: Lifting, config: Config) -> tuple[str, str]:
     """Status and reason of a run before it is measured."""
-    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    section, settings = config[NAME], SimulationSettings.of(config)
     berries = section["berries"]
     if lifting.unstable:
         return "unstable", lifting.unstable
@@ -180,11 +180,8 @@ def status_of(lifting: Lifting, config: Config) -> tuple[str, str]:
         return "jammed", f"{lifting.in_tube} berries hang in the tube, which was lifted by its own length"
     if lifting.off_plate > LARGEST_LOSS * berries:
         return "left_plate", f"{lifting.off_plate} of {berries} berries left the plate"
-    if not lifting.energy_j <= rest:
-        energy = (
-            f"kinetic energy {lifting.energy_j:.2e} J a berry {section['settle_s']:g} s after the lifting"
-        )
-        return "not_at_rest", f"{energy}, more than {rest:.0e}"
+    if not lifting.energy_j <= settings.rest_energy_j:
+        return settings.not_at_rest(lifting.energy_j, f" {section['settle_s']:g} s after the lifting")
     there = berries - lifting.off_plate
     if lifting.in_pile < SMALLEST_PILE * there:
         return "no_flank", f"only {lifting.in_pile} of {there} berries touch each other in the largest pile"
