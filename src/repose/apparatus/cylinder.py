@@ -111,10 +111,7 @@ class Vessel:
     def density_kg_m3(
         self, masses_kg: np.ndarray, shares: np.ndarray | Sequence[float], margin_m: float = 0.0
     ) -> float:
-        """Mass of the shares (N,) of berries that lie in the cylinder, over its volume.
-
-        `margin_m` is the distance of the volume from wall, floor and rim.
-        """
+        """Mass of the shares (N,) of berries in the cylinder, `margin_m` off wall, floor and rim, over its volume."""
         radius, height = self.radius_m - margin_m, self.height_m - 2.0 * margin_m
         return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
 

@@ -162,9 +162,7 @@ def run(
     """Fill the closed funnel, let the berries rest, open it, and wait until it is empty.
 
     The arrays are ``exit_s`` (N,), when each berry left after the opening [s], NaN where it did not; ``scale``
-    (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away. That is at
-    `discharge.open_from_s`, or later when the berries are at rest (`simulation.rest_energy_j` a berry), at most
-    twice as late.
+    (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
     """
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation, scales, reach = sized_simulation(
@@ -210,10 +208,7 @@ def run(
 
 
 def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
-    """Mass flow in the middle of a discharge: from `FROM_SHARE` to `TO_SHARE` of all mass, over the time it took.
-
-    NaN if it took no time. The bodies of times exit_s (N,) and masses (N,) come in any order.
-    """
+    """Mass flow from `FROM_SHARE` to `TO_SHARE` of all mass, of N bodies in any order; NaN if it took no time."""
     order = np.argsort(exit_s, kind="stable")
     when, mass = exit_s[order], np.cumsum(mass_kg[order])
     first, last = np.searchsorted(mass, [FROM_SHARE * mass[-1], TO_SHARE * mass[-1]])

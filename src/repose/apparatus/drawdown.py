@@ -214,8 +214,7 @@ def run(
     """Fill the upper chamber, let the berries rest, open the gate, and let what stays and what fell rest.
 
     The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, ``exit_s`` (N,), when each
-    berry left the slot after the opening [s], NaN where it stayed, and ``in_pile`` (N,), the largest cluster below. The
-    gate is opened at `open_from_s`, or later when the berries are at rest, at most twice as late.
+    berry left the slot after the opening [s], NaN where it stayed, and ``in_pile`` (N,), the largest cluster below.
     """
     section, settings, box = config[NAME], SimulationSettings.of(config), Box.of(config[NAME])
     simulation, scales, reach = sized_simulation(

@@ -128,11 +128,7 @@ def contradictions(config: Config) -> Iterator[tuple[str, str]]:
 
 
 def impossible_filling(config: Config, section: str) -> Iterator[tuple[str, str]]:
-    """Keys of a section whose drum cannot be filled, and what is allowed.
-
-    Refused are a drum without room, a rotation before the last berry is there, and a record finer than the time
-    steps.
-    """
+    """Keys of a section whose drum has no room, turns too early or is recorded too finely, and what is allowed."""
     drum, step_s = config[section], SimulationSettings.of(config).time_step_s
     radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
     if radius <= 0:
@@ -311,9 +307,7 @@ def rotate(
 ) -> Rotation:
     """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
 
-    Berries appear at `drum.rate_per_s`, drawn from `seed`; see `repose.apparatus.factory.fill`. The rotation begins
-    at `drum.rotate_from_s`, or later when the bed is at rest (`simulation.rest_energy_j` a berry), at most twice as
-    late. It lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when
+    The rotation lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when
     the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
     """
     section, settings = config[NAME], SimulationSettings.of(config)

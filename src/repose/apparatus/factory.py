@@ -79,10 +79,7 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
-    """Random quaternion (w, x, y, z), body to world, of a new berry, uniform among the orientations of its kind.
-
-    orientation: ``random``, ``lying`` (long axis level) or ``upright`` (long axis vertical).
-    """
+    """Random quaternion (w, x, y, z), body to world: ``random``, or the long axis ``lying`` or ``upright``."""
     if orientation == "random":
         return random_quaternion(rng)
     axis, about = rng.uniform(0.0, 2.0 * math.pi, 2)

@@ -98,18 +98,14 @@ class ConeLine(NamedTuple):
 
 @dataclass(frozen=True)
 class Funnel:
-    """Inner surfaces of a funnel whose axis is z.
-
-    The narrowest circle of the outlet lies `outlet_height_m` above the plate. A tube may follow the cone. All edges
-    are rounded.
-    """
+    """Inner surfaces of a funnel whose axis is z, all edges rounded; a tube may follow the cone."""
 
     inlet_diameter_m: float  # of the upper circle
     outlet_diameter_m: float  # of the narrowest circle
     cone_angle_deg: float  # slope from the horizontal
     tube_length_m: float  # below the cone; 0 without a tube
     rim_radius_m: float  # of all rounded edges
-    outlet_height_m: float  # above the plate
+    outlet_height_m: float  # of the narrowest circle above the plate
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Funnel":
@@ -433,11 +429,7 @@ def pour(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Pour:
-    """Pour the berries through the funnel and let them rest (section 3.1 of the paper).
-
-    Berries appear one by one at `rate_per_s` above the inlet, drawn from the seed; see
-    `repose.apparatus.factory.fill`.
-    """
+    """Pour the berries through the funnel and let them rest (section 3.1 of the paper)."""
     section, settings = config[NAME], SimulationSettings.of(config)
     began = time.perf_counter()
     simulation, scales, reach = sized_simulation(
@@ -573,11 +565,7 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The record of a pour with every response of its pile: `ALWAYS`, and the other responses that are targets.
-
-    Numbers are None where there is no pile to measure. A pile that lacks a target gets the status ``no_flank`` and
-    keeps what could be measured.
-    """
+    """The record of a pour with `ALWAYS` and the other responses that are targets; None where there is no number."""
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import pile_responses
 

@@ -209,10 +209,7 @@ def tilted(
 
 
 def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
-    """Angle at which a motion began; the root of the speed is a line over the angle beyond it.
-
-    None of a motion that does not grow at the end, as where a berry tips and stops.
-    """
+    """Angle at which a motion began, by the line of the root of its speed; None if it does not grow at the end."""
     root = np.sqrt(speed_m_s)
     slower = np.flatnonzero(root < FROM_SHARE * root[-1])
     if slower.size == 0 or len(root) - slower[-1] < 3:

@@ -200,7 +200,7 @@ def run(
     """Fill the tube, let the berries rest, lift it until none is left in it, and let the pile rest.
 
     The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is
-    lifted at `lift_from_s`, or later when the berries are at rest, at most twice as late, by at most its own length.
+    lifted by at most its own length.
     """
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation, scales, reach = sized_simulation(
