@@ -1,4 +1,4 @@
-"""The grain and the configurations that the tests of the bench tests share."""
+"""The grains and the configurations that the tests of the bench tests share."""
 
 from pathlib import Path
 
@@ -12,18 +12,27 @@ DENSITY_KG_M3 = 840.47
 BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "density_kg_m3": DENSITY_KG_M3}
 
 
-def particle(axes_mm=AXES_MM):
+def particle(axes_mm=AXES_MM, density_kg_m3=DENSITY_KG_M3):
     """The ellipsoid of given axes."""
-    return fit_particle(ellipsoid_mesh(axes_mm), DENSITY_KG_M3)
+    return fit_particle(ellipsoid_mesh(axes_mm), density_kg_m3)
 
 
 PARTICLE = particle()
+BEAD = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
+SPHERE = particle((10.0, 10.0, 10.0), BEAD["density_kg_m3"])
 
 
-def recommended(section, **keys):
-    """The recommended configuration with some keys of a section changed."""
-    whole = Study.load(ROOT / "config/config.yaml").config
+def recommended(section, *over, **keys):
+    """The recommended configuration, and files over it, with some keys of a section changed."""
+    whole = Study.load(ROOT / "config/config.yaml", *over).config
     whole[section].update(keys)
+    return whole
+
+
+def example(name, time_step_s=1.5e-4, **keys):
+    """The configuration of a bench test of the examples with some keys of its section changed."""
+    whole = recommended(name, ROOT / f"examples/bench_tests/{name}.yaml", **keys)
+    whole["simulation"]["time_step_s"] = time_step_s
     return whole
 
 

@@ -2,35 +2,25 @@
 
 import dataclasses
 import math
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
+from goji import BEAD, SPHERE, example, named
 from refusals import not_refused
 
 from repose.apparatus import bench, drawdown
 from repose.apparatus.job import run_once
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
-from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
-FILES = [ROOT / "config" / "config.yaml", ROOT / "examples" / "bench_tests" / "drawdown.yaml"]
-BERRY = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
-SPHERE = fit_particle(ellipsoid_mesh(np.full(3, 10.0)), 1200.0)
-SET = dict(zip(PARAMETERS, (0.3, 0.4, 0.05, 0.3, 0.4, 0.05), strict=True))
+SET = named((0.3, 0.4, 0.05, 0.3, 0.4, 0.05))
 SMALL = {"berries": 550, "rate_per_s": 600.0, "open_from_s": 1.5, "longest_s": 4.0, "width_mm": 160.0}
 SMALL |= {"depth_mm": 60.0, "height_mm": 140.0, "slot_mm": 60.0, "lower_width_mm": 360.0, "drop_mm": 120.0}
 GOOD = drawdown.Drained(filled=600, early=0, held=True, over_slot=0, energy_j=1e-12)
 
 
-def config(**keys):
-    """The example's configuration with some keys of its box changed."""
-    whole = Study.load(*FILES).config
-    whole["drawdown"].update(keys)
-    whole["simulation"]["time_step_s"] = 1.5e-4
-    return whole
+config = partial(example, "drawdown")
 
 
 def test_a_run_is_judged():
@@ -88,7 +78,7 @@ def slopes(above_deg, below_deg):
 
 def test_both_slopes_are_measured():
     arrays = slopes(33.0, 24.0)
-    berry = BERRY | {"long_mm": 1.0, "major_mm": 1.0, "minor_mm": 1.0}
+    berry = BEAD | {"long_mm": 1.0, "major_mm": 1.0, "minor_mm": 1.0}
     found = drawdown.measure({"status": "ok"}, arrays, config(), SPHERE, berry)
     assert found["drawdown_above_deg"] == pytest.approx(33.0, abs=0.5)
     assert found["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
@@ -99,7 +89,7 @@ def test_both_slopes_are_measured():
 @pytest.mark.slow
 def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
     """An ensemble of four fillings; what drained and what stayed are all that was filled in."""
-    runs = [run_once(bench("drawdown"), config(**SMALL), SET, seed, SPHERE, BERRY) for seed in (1, 2, 3, 4)]
+    runs = [run_once(bench("drawdown"), config(**SMALL), SET, seed, SPHERE, BEAD) for seed in (1, 2, 3, 4)]
     for record, run in runs:
         assert record["status"] == "ok", record["reason"]
         stays = ~np.isfinite(run.arrays["exit_s"])
@@ -117,6 +107,6 @@ def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
 
 @pytest.mark.slow
 def test_a_narrow_slot_jams():
-    record, _ = run_once(bench("drawdown"), config(**SMALL | {"slot_mm": 18.0}), SET, 1, SPHERE, BERRY)
+    record, _ = run_once(bench("drawdown"), config(**SMALL | {"slot_mm": 18.0}), SET, 1, SPHERE, BEAD)
     assert record["status"] == "jammed"
     assert record["drawdown_mass_g"] is None

@@ -1,10 +1,11 @@
 """The drop test: a stiff sphere returns the restitution that was asked; known flights; how a run is judged."""
 
 import math
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
+from goji import BEAD, PARTICLE, SPHERE, example, named
 from refusals import not_refused
 
 from repose.apparatus import bench, drop_test
@@ -12,27 +13,17 @@ from repose.apparatus.job import run_once
 from repose.apparatus.scene import longest_time_step
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
-from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
-FILES = [ROOT / "config" / "config.yaml", ROOT / "examples" / "bench_tests" / "drop_test.yaml"]
-STIFF = {"shear_modulus_pa": 1e10, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
-SPHERE = fit_particle(ellipsoid_mesh(np.full(3, 10.0)), 1200.0)
-LONG = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+STIFF = BEAD | {"shear_modulus_pa": 1e10}
 
 
-def config(**keys):
-    """The example's configuration with some keys of its drop changed."""
-    whole = Study.load(*FILES).config
-    whole["drop_test"].update(keys)
-    return whole
+config = partial(example, "drop_test", time_step_s=2.5e-4)
 
 
 def dropped(e_wall, e_berry=0.5, particle=SPHERE, berry=STIFF, step_share=0.25, seed=1, **keys):
     """A drop with a share of the longest time step."""
     own = config(**keys)
-    values = dict(zip(PARAMETERS, (e_berry, 0.5, 0.1, e_wall, 0.5, 0.1), strict=True))
+    values = named((e_berry, 0.5, 0.1, e_wall, 0.5, 0.1))
     longest = longest_time_step(own, values, particle, berry)
     own["simulation"]["time_step_s"] = step_share * longest.time_step_s
     return run_once(bench("drop_test"), own, values, seed, particle, berry)
@@ -65,11 +56,11 @@ def test_a_flight_of_known_height_and_duration():
 
 def test_a_long_berry_loses_height_to_its_rotation():
     soft = STIFF | {"shear_modulus_pa": 1e6}
-    falls = [dropped(0.8, particle=LONG, berry=soft, step_share=0.5, seed=seed) for seed in (1, 2, 3)]
+    falls = [dropped(0.8, particle=PARTICLE, berry=soft, step_share=0.5, seed=seed) for seed in (1, 2, 3)]
     found = [record["height_restitution"] for record, _ in falls]
     assert max(found) < 0.8
     assert np.ptp(found) > 0.02
-    again, _ = dropped(0.8, particle=LONG, berry=soft, step_share=0.5, seed=3)
+    again, _ = dropped(0.8, particle=PARTICLE, berry=soft, step_share=0.5, seed=3)
     assert again == falls[2][0]
 
 

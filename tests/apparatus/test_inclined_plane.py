@@ -1,24 +1,18 @@
 """The inclined plane: a sled slides at atan(mu_s), a sphere rolls at atan(mu_r) or stays; how a run is judged."""
 
 import math
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
+from goji import BEAD, PARTICLE, SPHERE, example, named
 from refusals import not_refused
 
 from repose.apparatus import bench, inclined_plane
 from repose.apparatus.job import run_once
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
-from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
-FILES = [ROOT / "config" / "config.yaml", ROOT / "examples" / "bench_tests" / "inclined_plane.yaml"]
-BERRY = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
-SPHERE = fit_particle(ellipsoid_mesh(np.full(3, 10.0)), 1200.0)
-LONG = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
 ROLLS = {
     "response": "roll_deg",
     "apparatus": "inclined_plane",
@@ -29,18 +23,13 @@ ROLLS = {
 }
 
 
-def config(**keys):
-    """The example's configuration with some keys of its plane changed."""
-    whole = Study.load(*FILES).config
-    whole["inclined_plane"].update({"steepest_deg": 45.0} | keys)
-    whole["simulation"]["time_step_s"] = 1.5e-4
-    return whole
+config = partial(example, "inclined_plane", steepest_deg=45.0)
 
 
 def on_plane(friction, rolling, particle=SPHERE, own=None):
     """A sled and a body on a wall with these coefficients, or on a plate of their own material."""
-    values = dict(zip(PARAMETERS, (0.3, friction, rolling, 0.3, friction, rolling), strict=True))
-    return run_once(bench("inclined_plane"), own or config(), values, 1, particle, BERRY)[0]
+    values = named((0.3, friction, rolling, 0.3, friction, rolling))
+    return run_once(bench("inclined_plane"), own or config(), values, 1, particle, BEAD)[0]
 
 
 @pytest.mark.parametrize(("friction", "rolling"), [(0.2, 0.05), (0.5, 0.2), (0.8, 0.4)])
@@ -53,7 +42,7 @@ def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(fricti
 
 @pytest.mark.slow
 def test_a_sled_of_another_shape_slides_at_the_same_angle():
-    found = on_plane(0.4, 0.1, LONG)
+    found = on_plane(0.4, 0.1, PARTICLE)
     assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.01)
 
 
@@ -74,9 +63,9 @@ def test_a_sphere_that_cannot_roll_slides_or_stays():
 
 
 def test_the_other_surface_is_of_the_berries_own_material():
-    values = dict(zip(PARAMETERS, (0.3, 0.3, 0.1, 0.3, 0.6, 0.3), strict=True))
+    values = named((0.3, 0.3, 0.1, 0.3, 0.6, 0.3))
     own = config(surface="berry", tilting_deg_s=2.0)
-    found = run_once(bench("inclined_plane"), own, values, 1, SPHERE, BERRY)[0]
+    found = run_once(bench("inclined_plane"), own, values, 1, SPHERE, BEAD)[0]
     assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.3)), abs=0.1)
     assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.1)), abs=0.1)
 
@@ -113,16 +102,16 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
     arrays |= {f"{inclined_plane.SLED}_speed_m_s": slides, f"{inclined_plane.SLED}_slide_m_s": slides}
     own = config()
     own["targets"].append(ROLLS)
-    found = inclined_plane.measure({"seed": 1, "status": "ok", "reason": ""}, arrays, own, SPHERE, BERRY)
+    found = inclined_plane.measure({"seed": 1, "status": "ok", "reason": ""}, arrays, own, SPHERE, BEAD)
     assert (found["status"], found["roll_deg"]) == ("no_roll", None)
     assert "moves and stops" in found["reason"]
     assert found["slip_deg"] == pytest.approx(10.0, abs=0.01)
 
 
 def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
-    values = dict(zip(PARAMETERS, (0.3, 0.5, 0.3, 0.3, 0.5, 0.3), strict=True))
+    values = named((0.3, 0.5, 0.3, 0.3, 0.5, 0.3))
     own = config(tilting_deg_s=10.0, steepest_deg=45.0)
-    frames = bench("inclined_plane").run(own, values, 1, SPHERE, BERRY, interval_s=0.05).frames
+    frames = bench("inclined_plane").run(own, values, 1, SPHERE, BEAD, interval_s=0.05).frames
     normal = -frames["planes"][:, 0, 3:6]
     above = (frames["position"][:, 0] * normal).sum(axis=1)
     assert np.ptp(above) < 1e-4

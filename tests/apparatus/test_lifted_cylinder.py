@@ -1,43 +1,33 @@
 """The lifted cylinder: how a run is judged, the funnel's measurement, the effect of the speed of lifting."""
 
 import dataclasses
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
+from goji import BEAD, SPHERE, example, named
 from refusals import not_refused
 
 from repose.apparatus import bench, funnel, lifted_cylinder
 from repose.apparatus.job import run_once
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
 from repose.measure import pile
 from repose.measure.saved_piles import side_view
 from repose.measure.settings import MeasureSettings
-from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
-FILES = [ROOT / "config" / "config.yaml", ROOT / "examples" / "bench_tests" / "lifted_cylinder.yaml"]
-BERRY = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
-SPHERE = fit_particle(ellipsoid_mesh(np.full(3, 10.0)), 1200.0)
-SET = dict(zip(PARAMETERS, (0.3, 0.5, 0.1, 0.3, 0.5, 0.1), strict=True))
+SET = named((0.3, 0.5, 0.1, 0.3, 0.5, 0.1))
 TUBE = {"berries": 200, "rate_per_s": 400.0, "lift_from_s": 1.0, "settle_s": 2.0, "diameter_mm": 60.0}
 TUBE |= {"length_mm": 130.0, "rim_radius_mm": 0.5}
 GOOD = lifted_cylinder.Lifting(filled=300, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12)
 
 
-def config(**keys):
-    """The example's configuration with some keys of its tube changed."""
-    whole = Study.load(*FILES).config
-    whole["lifted_cylinder"].update(keys)
-    whole["simulation"]["time_step_s"] = 1.5e-4
-    return whole
+config = partial(example, "lifted_cylinder")
 
 
 def lifted(seed, **keys):
     """A small tube of spheres, run and measured once."""
-    return run_once(bench("lifted_cylinder"), config(**TUBE | keys), SET, seed, SPHERE, BERRY)
+    return run_once(bench("lifted_cylinder"), config(**TUBE | keys), SET, seed, SPHERE, BEAD)
 
 
 def test_a_run_is_judged():
@@ -75,10 +65,10 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     record, run = lifted(1, **own)
     assert (record["status"], record["berries_off_plate"]) == ("ok", 0)
     assert record["lifted_mm"] > record["lifted_height_mm"] - 10.0
-    of_funnel = funnel.measure({"seed": 1, "status": "ok", "reason": ""}, run.arrays, config(), SPHERE, BERRY)
+    of_funnel = funnel.measure({"seed": 1, "status": "ok", "reason": ""}, run.arrays, config(), SPHERE, BEAD)
     for name in ("aor_deg", "height_mm"):
         assert record[f"lifted_{name}"] == of_funnel[name]
-    settings = MeasureSettings.of(config()["measure"], BERRY)
+    settings = MeasureSettings.of(config()["measure"], BEAD)
     picture = side_view(run.arrays, SPHERE, pile.with_berry_height(settings, SPHERE))
     base_row = picture.shape[0] - 0.5
     photographed = pile.measure_image(picture, settings.mm_per_pixel, settings, base_row=base_row)
@@ -105,7 +95,7 @@ def test_wide_berries_jam_in_a_rough_tube():
         SET | {"mus_gp": 2.0, "mur_gp": 2.0, "mus_gg": 2.0},
         1,
         SPHERE,
-        BERRY,
+        BEAD,
     )
     assert record["status"] == "jammed"
 

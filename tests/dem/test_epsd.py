@@ -126,6 +126,18 @@ def on_floor(
     return s
 
 
+def lost_in_a_meeting(shape, law, rng):
+    """Share of their angular momentum that two bodies lose which spin and meet; they lose energy."""
+    s = scene(shape, Contact(0.3, 0.5, 0.2), dt=5e-5, gravity=(0.0, 0.0, 0.0), rolling_law=law)
+    direction = random_direction(rng)
+    s.add("body", (0, 0, 0), random_quaternion(rng), angular_velocity_rad_s=40.0 * rng.normal(size=3))
+    s.add("body", 0.0215 * direction, random_quaternion(rng), -direction, 40.0 * rng.normal(size=3))
+    before, energy = angular_momentum(s), s.kinetic_energies().sum()
+    s.run_steps(1500)
+    assert s.kinetic_energies().sum() < 0.95 * energy
+    return np.abs(angular_momentum(s) - before).max() / np.abs(before).max()
+
+
 def angular_momentum(s):
     """Of all bodies about the origin (3,) [kg m2/s]."""
     mass = s.shapes["body"].mass_kg
@@ -137,16 +149,8 @@ def angular_momentum(s):
     "shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"]
 )
 def test_bodies_that_spin_and_meet_keep_their_angular_momentum(shape):
-    rng, lost = np.random.default_rng(5), []
-    for law in ["epsd"] * 8 + ["budget"]:
-        s = scene(shape(), Contact(0.3, 0.5, 0.2), dt=5e-5, gravity=(0.0, 0.0, 0.0), rolling_law=law)
-        direction = random_direction(rng)
-        s.add("body", (0, 0, 0), random_quaternion(rng), angular_velocity_rad_s=40.0 * rng.normal(size=3))
-        s.add("body", 0.0215 * direction, random_quaternion(rng), -direction, 40.0 * rng.normal(size=3))
-        before, energy = angular_momentum(s), s.kinetic_energies().sum()
-        s.run_steps(1500)
-        assert s.kinetic_energies().sum() < 0.95 * energy
-        lost.append(np.abs(angular_momentum(s) - before).max() / np.abs(before).max())
+    rng = np.random.default_rng(5)
+    lost = [lost_in_a_meeting(shape(), law, rng) for law in ["epsd"] * 8 + ["budget"]]
     assert max(lost[:-1]) < 1e-9
     assert lost[-1] > 1e-3
 

@@ -123,6 +123,38 @@ class BenchTest:
             own[target["response"]] for target in config["targets"] if target["apparatus"] == self.name
         )
 
+    def judged(
+        self,
+        measured: Mapping[str, Any],
+        config: Config,
+        reasons: Mapping[str, str],
+        statuses: Mapping[str, str] = {},
+    ) -> dict[str, str]:
+        """Status and reason of a measured run that lacks a target.
+
+        Parameters
+        ----------
+        measured : mapping
+            Every target of the bench test by name; None where it could not be measured.
+        config : mapping
+            The whole configuration.
+        reasons : mapping of str to str
+            Why responses could not be measured.
+        statuses : mapping of str to str, optional
+            Statuses of a run that lacks a response, where they are not ``no_flank``.
+
+        Returns
+        -------
+        dict
+            ``status`` and ``reason`` by the first target that is lacking; empty if none is.
+        """
+        for target in self.target_responses(config):
+            name = target.name
+            if measured[name] is None:
+                reason = reasons.get(name, f"{name} cannot be measured")
+                return {"status": statuses.get(name, "no_flank"), "reason": reason}
+        return {}
+
     def recorded_for(self, config: Config) -> Recorded:
         """Columns of the bench test's runs in the tables of a study, the targets first.
 

@@ -111,10 +111,7 @@ class Vessel:
     def density_kg_m3(
         self, masses_kg: np.ndarray, shares: np.ndarray | Sequence[float], margin_m: float = 0.0
     ) -> float:
-        """Mass of the shares (N,) of berries that lie in the cylinder, over its volume.
-
-        `margin_m` is the distance of the volume from wall, floor and rim.
-        """
+        """Mass of the shares (N,) of berries in the cylinder, `margin_m` off wall, floor and rim, over its volume."""
         radius, height = self.radius_m - margin_m, self.height_m - 2.0 * margin_m
         return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
 
@@ -201,9 +198,9 @@ def status_of(
         return "unstable", unstable
     if np.any(np.hypot(*centres_m.T[:2]) >= vessel.radius_m) or np.any(centres_m[:, 2] <= 0.0):
         return "lost", "a berry lies outside the cylinder"
-    rest = SimulationSettings.of(config).rest_energy_j
-    if energy_j > rest:
-        return "not_at_rest", f"kinetic energy {energy_j:.2e} J a berry, more than {rest:.0e}"
+    settings = SimulationSettings.of(config)
+    if energy_j > settings.rest_energy_j:
+        return settings.not_at_rest(energy_j)
     below = int(np.count_nonzero(centres_m[:, 2] < vessel.height_m))
     layer = math.ceil(below * length_m / vessel.height_m)
     if len(centres_m) - below < layer:

@@ -11,6 +11,7 @@ is a disc in the outlet. It is taken away downwards, faster than the berries fal
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,9 +20,9 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.factory import Disc, fill_and_rest, too_early
 from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
-from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
+from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import Hopper, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -65,10 +66,7 @@ class Settings(Hopper):
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     """Keys of a funnel that cannot be built or filled, and what is allowed."""
     yield from impossible_surfaces(config, NAME)
-    section = config[NAME]
-    last = last_berry_s(section)
-    if last >= section["open_from_s"]:
-        yield f"{NAME}.open_from_s", f"above {last:g}, when the last berry appears"
+    yield from too_early(config, NAME, "open_from_s")
 
 
 def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
@@ -131,7 +129,7 @@ class Discharge:
 
 def status_of(discharge: Discharge, config: Config) -> tuple[str, str]:
     """Status and reason of a run."""
-    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    section, settings = config[NAME], SimulationSettings.of(config)
     if discharge.unstable:
         return "unstable", discharge.unstable
     if discharge.filled < section["berries"]:
@@ -141,9 +139,8 @@ def status_of(discharge: Discharge, config: Config) -> tuple[str, str]:
         )
     if discharge.early:
         return "lost", f"{discharge.early} berries left the closed funnel"
-    if discharge.rest_energy_j > rest:
-        energy = f"kinetic energy {discharge.rest_energy_j:.2e} J a berry when the lid was taken away"
-        return "not_at_rest", f"{energy}, more than {rest:.0e}"
+    if discharge.rest_energy_j > settings.rest_energy_j:
+        return settings.not_at_rest(discharge.rest_energy_j, " when the lid was taken away")
     if discharge.late < section["berries"]:
         left = section["berries"] - discharge.late
         return (
@@ -165,9 +162,7 @@ def run(
     """Fill the closed funnel, let the berries rest, open it, and wait until it is empty.
 
     The arrays are ``exit_s`` (N,), when each berry left after the opening [s], NaN where it did not; ``scale``
-    (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away. That is at
-    `discharge.open_from_s`, or later when the berries are at rest (`simulation.rest_energy_j` a berry), at most
-    twice as late.
+    (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
     """
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation, scales, reach = sized_simulation(
@@ -177,16 +172,16 @@ def run(
     factory = Disc(0.5 * funnel.inlet_diameter_m - reach, top)
     bounded = Bounded(simulation, top, max(LID_M_S, section["speed_m_s"]))
     filmed, opened_s = Filmed(bounded, interval_s, progress), math.nan
+    rests, every = partial(at_rest, simulation, settings.rest_energy_j), max(1, settings.steps(LOOK_S))
     with bounded.guard():
-        _fill_and_rest(simulation, factory, section, settings, seed, filmed.run_to, scales)
+        fill_and_rest(filmed, factory, section, seed, scales, section["open_from_s"], rests, every)
         opened_s = simulation.time_s
         closed = simulation.positions.copy(), simulation.quaternions.copy()
         energy = float(simulation.kinetic_energies().mean())
         early = int(np.isfinite(simulation.exit_times_s).sum())
         simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-        last, every = simulation.steps + settings.steps(section["longest_s"]), settings.steps(LOOK_S)
-        while simulation.steps < last and not np.isfinite(simulation.exit_times_s).all():
-            filmed.run_to(min(last, simulation.steps + max(1, every)))
+        last = simulation.steps + settings.steps(section["longest_s"])
+        filmed.wait(lambda: np.isfinite(simulation.exit_times_s).all(), last, every)
     if math.isnan(opened_s):
         closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
     exits = simulation.exit_times_s - opened_s
@@ -209,23 +204,11 @@ def run(
     return Run(record, arrays, filmed.frames())
 
 
-def _fill_and_rest(simulation, factory, section, settings, seed, run_to, scales):
-    """Fill the closed funnel and wait until the berries rest."""
-    latest, every = settings.steps(2.0 * section["open_from_s"]), max(1, settings.steps(LOOK_S))
-    fill(simulation, factory, section, seed, latest, run_to, scales)
-    run_to(settings.steps(section["open_from_s"]))
-    while simulation.kinetic_energies().mean() > settings.rest_energy_j and simulation.steps < latest:
-        run_to(min(latest, simulation.steps + every))
-
-
 # --- measure --------------------------------------------------------------------------------------
 
 
 def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
-    """Mass flow in the middle of a discharge: from `FROM_SHARE` to `TO_SHARE` of all mass, over the time it took.
-
-    NaN if it took no time. The bodies of times exit_s (N,) and masses (N,) come in any order.
-    """
+    """Mass flow from `FROM_SHARE` to `TO_SHARE` of all mass, of N bodies in any order; NaN if it took no time."""
     order = np.argsort(exit_s, kind="stable")
     when, mass = exit_s[order], np.cumsum(mass_kg[order])
     first, last = np.searchsorted(mass, [FROM_SHARE * mass[-1], TO_SHARE * mass[-1]])

@@ -11,6 +11,7 @@ the berries fall, so that it drags none of them along.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,14 +21,13 @@ from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
-from repose.apparatus.factory import Strip, fill, last_berry_s
+from repose.apparatus.factory import Strip, fill_and_rest, too_early
 from repose.apparatus.funnel import LINE, narrow_openings
-from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.scene import Filmed, at_rest, berry_simulation, largest_cluster, sized_simulation
+from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.errors import NoFlankError
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -56,14 +56,11 @@ RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_below"))
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class Settings(Poured):
     """The section `drawdown` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
     open_from_s: float = Field(ge=0.1, le=600)
     longest_s: float = Field(ge=0.1, le=600)
-    seeds: Seeds
     width_mm: float = Field(ge=10, le=5000)
     depth_mm: float = Field(ge=1, le=5000)
     height_mm: float = Field(ge=1, le=5000)
@@ -77,9 +74,7 @@ class Settings(Section):
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     """Keys of a box that cannot be built or filled, and what is allowed."""
     section = config[NAME]
-    last = last_berry_s(section)
-    if last >= section["open_from_s"]:
-        yield f"{NAME}.open_from_s", f"above {last:g}, when the last berry appears"
+    yield from too_early(config, NAME, "open_from_s")
     if section["slot_mm"] >= section["width_mm"]:
         yield f"{NAME}.slot_mm", f"below {NAME}.width_mm, {section['width_mm']:g}"
     if 4 * section["edge_radius_mm"] > section["floor_mm"]:
@@ -193,16 +188,15 @@ class Drained:
 
 def status_of(drained: Drained, config: Config) -> tuple[str, str]:
     """Status and reason of a run before it is measured."""
-    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    section, settings = config[NAME], SimulationSettings.of(config)
     if drained.unstable:
         return "unstable", drained.unstable
     if drained.filled < section["berries"]:
         return "not_filled", f"only {drained.filled} of {section['berries']} berries find room above the gate"
     if drained.early or not drained.held:
         return "lost", "a berry lies outside the box, or left the closed chamber"
-    if not drained.energy_j <= rest:
-        after = f"{section['longest_s']:g} s after the opening"
-        return "not_at_rest", f"kinetic energy {drained.energy_j:.2e} J a berry {after}, more than {rest:.0e}"
+    if not drained.energy_j <= settings.rest_energy_j:
+        return settings.not_at_rest(drained.energy_j, f" {section['longest_s']:g} s after the opening")
     if drained.over_slot:
         return "jammed", f"{drained.over_slot} berries rest above the middle of the slot"
     return "ok", ""
@@ -220,8 +214,7 @@ def run(
     """Fill the upper chamber, let the berries rest, open the gate, and let what stays and what fell rest.
 
     The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, ``exit_s`` (N,), when each
-    berry left the slot after the opening [s], NaN where it stayed, and ``in_pile`` (N,), the largest cluster below. The
-    gate is opened at `open_from_s`, or later when the berries are at rest, at most twice as late.
+    berry left the slot after the opening [s], NaN where it stayed, and ``in_pile`` (N,), the largest cluster below.
     """
     section, settings, box = config[NAME], SimulationSettings.of(config), Box.of(config[NAME])
     simulation, scales, reach = sized_simulation(
@@ -231,16 +224,9 @@ def run(
     bounded = Bounded(simulation, factory.height_m, LID_M_S)
     filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
     filled, early, opened_s = 0, 0, np.nan
-
-    def rest(last):
-        while simulation.kinetic_energies().mean() > settings.rest_energy_j and simulation.steps < last:
-            filmed.run_to(min(last, simulation.steps + every))
-
+    rests = partial(at_rest, simulation, settings.rest_energy_j)
     with bounded.guard():
-        latest = settings.steps(2.0 * section["open_from_s"])
-        fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
-        filmed.run_to(settings.steps(section["open_from_s"]))
-        rest(latest)
+        fill_and_rest(filmed, factory, section, seed, scales, section["open_from_s"], rests, every)
         filled, opened_s = simulation.n_bodies, simulation.time_s
         early = int(np.isfinite(simulation.exit_times_s).sum())
         simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
@@ -248,7 +234,7 @@ def run(
         filmed.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
         simulation.set_motion("gate", dem.Motion())
         filmed.run_to(simulation.steps + every)
-        rest(simulation.steps + settings.steps(section["longest_s"]))
+        filmed.wait(rests, simulation.steps + settings.steps(section["longest_s"]), every)
     centres = simulation.positions.copy()
     over = (centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
     drained = Drained(
@@ -315,12 +301,7 @@ def measure(
             measured[name] = measure_pile(*bodies, how, scales=scales[these]).record()["aor_deg"]
         except NoFlankError as error:
             reasons[name] = error.reason
-    judged = {}
-    missing = [one.name for one in BENCH.target_responses(config) if measured[one.name] is None]
-    if missing:
-        reason = reasons.get(missing[0], f"{missing[0]} cannot be measured")
-        judged = {"status": "no_flank", "reason": reason}
-    return {**record, **judged, **measured}
+    return {**record, **BENCH.judged(measured, config, reasons), **measured}
 
 
 BENCH = register(

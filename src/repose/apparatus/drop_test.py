@@ -19,7 +19,7 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import random_orientation
+from repose.apparatus.factory import add_above
 from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
@@ -107,10 +107,7 @@ def run(
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation, scales, reach = sized_simulation(build, config, parameters, seed, particle, berry, 1)
     height, scale = 1e-3 * section["height_mm"], float(scales[0])
-    turn = random_orientation(section["orientation"], np.random.default_rng(seed))
-    down = dem.rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
-    depth = scale * float(particle.support_point(down[None])[0] @ down)
-    simulation.add("berry", (0.0, 0.0, height + depth), turn, scale=scale)
+    add_above(simulation, particle, section["orientation"], seed, scale, height)
     bounded = Bounded(simulation, height + 2.0 * reach)
     follow = _Follow(Filmed(bounded, interval_s, progress), scale * particle.bounding_radius_m, settings)
     rows: list[tuple[float, float]] = []
@@ -151,8 +148,7 @@ class _Follow:
     def hit(self):
         """Go on until the berry has left the plate; False where it does not."""
         last = self.simulation.steps + self.settings.steps(HIT_S)
-        while self.touches() and self.simulation.steps < last:
-            self.filmed.run_to(self.simulation.steps + 1)
+        self.filmed.wait(lambda: not self.touches(), last, every=1)
         return not self.touches()
 
     def _row(self):

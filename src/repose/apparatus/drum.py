@@ -16,8 +16,8 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Strip, fill, last_berry_s
-from repose.apparatus.scene import berry_simulation, sized_simulation
+from repose.apparatus.factory import Strip, fill_and_rest, too_early
+from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import Rotating, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -128,11 +128,7 @@ def contradictions(config: Config) -> Iterator[tuple[str, str]]:
 
 
 def impossible_filling(config: Config, section: str) -> Iterator[tuple[str, str]]:
-    """Keys of a section whose drum cannot be filled, and what is allowed.
-
-    Refused are a drum without room, a rotation before the last berry is there, and a record finer than the time
-    steps.
-    """
+    """Keys of a section whose drum has no room, turns too early or is recorded too finely, and what is allowed."""
     drum, step_s = config[section], SimulationSettings.of(config).time_step_s
     radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
     if radius <= 0:
@@ -140,9 +136,7 @@ def impossible_filling(config: Config, section: str) -> Iterator[tuple[str, str]
         yield f"{section}.wall_thickness_mm", allowed
     elif abs(drum["factory_height_mm"]) >= radius:
         yield f"{section}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
-    last = last_berry_s(drum)
-    if last >= drum["rotate_from_s"]:
-        yield f"{section}.rotate_from_s", f"above {last:g}, when the last berry appears"
+    yield from too_early(config, section, "rotate_from_s")
     if drum["record_s"] < step_s:
         yield f"{section}.record_s", f"at least simulation.time_step_s, {step_s:g}"
 
@@ -313,23 +307,18 @@ def rotate(
 ) -> Rotation:
     """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
 
-    Berries appear at `drum.rate_per_s`, drawn from `seed`; see `repose.apparatus.factory.fill`. The rotation begins
-    at `drum.rotate_from_s`, or later when the bed is at rest (`simulation.rest_energy_j` a berry), at most twice as
-    late. It lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when
+    The rotation lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when
     the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
     """
     section, settings = config[NAME], SimulationSettings.of(config)
     empty = empty_drum(config, parameters, seed, particle, berry)
     simulation, bounded = empty.simulation, empty.bounded
-    latest = settings.steps(2.0 * section["rotate_from_s"])
     every = max(1, settings.steps(section["record_s"]))
     calm, rest_energy, slip = settings.rest_energy_j, math.nan, None
     watch = _Watch(bounded, particle)
     with bounded.guard():
-        fill(simulation, empty.factory, section, seed, latest, bounded.run_to, empty.scales)
-        bounded.run_to(settings.steps(section["rotate_from_s"]))
-        while simulation.kinetic_energies().mean() > calm and simulation.steps < latest:
-            bounded.run_to(min(latest, simulation.steps + every))
+        begin_s, rests = section["rotate_from_s"], partial(at_rest, simulation, calm)
+        fill_and_rest(Filmed(bounded), empty.factory, section, seed, empty.scales, begin_s, rests, every)
         bounded.look()
         rest_energy = float(simulation.kinetic_energies().mean())
         slip = _until_slip(watch, section, calm, every, progress)

@@ -1,16 +1,18 @@
 """Places and orientations of new berries, and the filling of a scene."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from repose.dem.rotations import random_quaternion
+from repose.dem.rotations import random_quaternion, rotation_matrix
 
 if TYPE_CHECKING:
+    from repose.apparatus.scene import Filmed
     from repose.dem import Simulation
+    from repose.particle.particle import Particle
 
 # Random places that are tried for a new berry before the factory waits a time step.
 PLACES_TRIED = 200
@@ -77,10 +79,7 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
-    """Random quaternion (w, x, y, z), body to world, of a new berry, uniform among the orientations of its kind.
-
-    orientation: ``random``, ``lying`` (long axis level) or ``upright`` (long axis vertical).
-    """
+    """Random quaternion (w, x, y, z), body to world: ``random``, or the long axis ``lying`` or ``upright``."""
     if orientation == "random":
         return random_quaternion(rng)
     axis, about = rng.uniform(0.0, 2.0 * math.pi, 2)
@@ -94,9 +93,31 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
+def add_above(
+    simulation: "Simulation",
+    particle: "Particle",
+    orientation: str,
+    seed: int,
+    scale: float,
+    height_m: float = 0.0,
+) -> None:
+    """Add a berry on the z axis in a random orientation of a kind, its lowest point at a height."""
+    turn = random_orientation(orientation, np.random.default_rng(seed))
+    down = rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
+    depth = scale * float(particle.support_point(down[None])[0] @ down)
+    simulation.add("berry", (0.0, 0.0, height_m + depth), turn, scale=scale)
+
+
 def last_berry_s(section: Mapping[str, Any]) -> float:
     """When the last berry of a bench test appears [s]."""
     return (section["berries"] - 1) / section["rate_per_s"]
+
+
+def too_early(config: Mapping[str, Any], section: str, key: str) -> Iterator[tuple[str, str]]:
+    """A key of a section if its time is not after the last berry's, and what is allowed."""
+    last = last_berry_s(config[section])
+    if last >= config[section][key]:
+        yield f"{section}.{key}", f"above {last:g}, when the last berry appears"
 
 
 def fill(
@@ -130,3 +151,21 @@ def fill(
             return
         scale = 1.0 if scales is None else scales[k]
         simulation.add("berry", place, random_orientation(orientation, rng), down, scale=scale)
+
+
+def fill_and_rest(
+    filmed: "Filmed",
+    factory: Factory,
+    section: Mapping[str, Any],
+    seed: int,
+    scales: Sequence[float] | np.ndarray,
+    from_s: float,
+    rests: Callable[[], bool],
+    every: int,
+) -> None:
+    """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long."""
+    simulation = filmed.simulation
+    first, latest = (round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
+    fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
+    filmed.run_to(first)
+    filmed.wait(rests, latest, every)

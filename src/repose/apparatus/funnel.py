@@ -103,18 +103,14 @@ class ConeLine(NamedTuple):
 
 @dataclass(frozen=True)
 class Funnel:
-    """Inner surfaces of a funnel whose axis is z.
-
-    The narrowest circle of the outlet lies `outlet_height_m` above the plate. A tube may follow the cone. All edges
-    are rounded.
-    """
+    """Inner surfaces of a funnel whose axis is z, all edges rounded; a tube may follow the cone."""
 
     inlet_diameter_m: float  # of the upper circle
     outlet_diameter_m: float  # of the narrowest circle
     cone_angle_deg: float  # slope from the horizontal
     tube_length_m: float  # below the cone; 0 without a tube
     rim_radius_m: float  # of all rounded edges
-    outlet_height_m: float  # above the plate
+    outlet_height_m: float  # of the narrowest circle above the plate
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Funnel":
@@ -438,11 +434,7 @@ def pour(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Pour:
-    """Pour the berries through the funnel until they rest, for `duration_s` at most (section 3.1 of the paper).
-
-    Berries appear one by one at `rate_per_s` above the inlet, drawn from the seed; see
-    `repose.apparatus.factory.fill`.
-    """
+    """Pour the berries through the funnel until they rest, for `duration_s` at most (section 3.1 of the paper)."""
     section, settings = config[NAME], SimulationSettings.of(config)
     began = time.perf_counter()
     simulation, scales, reach = sized_simulation(
@@ -538,9 +530,9 @@ def status_of(poured: Pour, config: Config) -> tuple[str, str]:
     if poured.off_plate > LARGEST_LOSS * n:
         return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
     energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
-    rest = SimulationSettings.of(config).rest_energy_j
-    if energy > rest:
-        return "not_at_rest", f"kinetic energy {energy:.2e} J a berry, more than {rest:.0e}"
+    settings = SimulationSettings.of(config)
+    if energy > settings.rest_energy_j:
+        return settings.not_at_rest(energy)
     if 1e3 * poured.largest_motion_m > section["rest_motion_mm"]:
         return "not_at_rest", (
             f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {section['rest_window_s']:g} s, "
@@ -597,11 +589,7 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The record of a pour with every response of its pile: `ALWAYS`, and the other responses that are targets.
-
-    Numbers are None where there is no pile to measure. A pile that lacks a target gets the status ``no_flank`` and
-    keeps what could be measured.
-    """
+    """The record of a pour with `ALWAYS` and the other responses that are targets; None where there is no number."""
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import pile_responses
 
@@ -614,10 +602,7 @@ def measure(
         plate_mm = config[NAME]["plate_diameter_mm"]
         responses, reasons = pile_responses(arrays, particle, settings, plate_mm, more)
         measured |= responses
-        for name in targets:
-            if measured.get(name, record.get(name)) is None:
-                judged |= {"status": "no_flank", "reason": reasons.get(name, f"{name} cannot be measured")}
-                break
+        judged |= BENCH.judged({**record, **measured}, config, reasons)
     return judged | measured | {key: value for key, value in record.items() if key not in judged}
 
 

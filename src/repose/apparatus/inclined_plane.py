@@ -16,6 +16,7 @@ angle beyond the limit. The angle of the beginning is where the line of the root
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -24,8 +25,8 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import random_orientation
-from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
+from repose.apparatus.factory import add_above
+from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -50,6 +51,7 @@ RESPONSES = (
     Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
 )
 MEASURED = tuple(response.name for response in RESPONSES)
+LACKING = {"slip_deg": "no_slip", "roll_deg": "no_roll"}  # status of a run that lacks a target
 RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
 # --- section of the configuration -----------------------------------------------------------------
@@ -150,21 +152,17 @@ COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
 
 def _lay_down(simulation, config, seed, particle, scale, filmed):
     """Lay a berry on the level plane, its long axis level in a random direction, and let it rest."""
-    settings, rng = SimulationSettings.of(config), np.random.default_rng(seed)
-    turn = random_orientation("lying", rng)
-    down = dem.rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
-    depth = scale * float(particle.support_point(down[None])[0] @ down)
-    simulation.add("berry", (0.0, 0.0, depth), turn, scale=scale)
+    settings = SimulationSettings.of(config)
+    add_above(simulation, particle, "lying", seed, scale)
     every, last = settings.steps(0.01), settings.steps(config[NAME]["settle_s"])
     filmed.run_to(every)
-    while simulation.kinetic_energies()[0] > settings.rest_energy_j and simulation.steps < last:
-        filmed.run_to(min(last, simulation.steps + every))
+    filmed.wait(partial(at_rest, simulation, settings.rest_energy_j), last, every)
 
 
 def _tilt(simulation, config, particle, filmed):
     """Turn gravity until the berry has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
     section, settings = config[NAME], SimulationSettings.of(config)
-    if simulation.kinetic_energies()[0] > settings.rest_energy_j:
+    if not at_rest(simulation, settings.rest_energy_j):
         return []
     rows, began = [], simulation.positions[0].copy()
     far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[0]
@@ -211,10 +209,7 @@ def tilted(
 
 
 def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
-    """Angle at which a motion began; the root of the speed is a line over the angle beyond it.
-
-    None of a motion that does not grow at the end, as where a berry tips and stops.
-    """
+    """Angle at which a motion began, by the line of the root of its speed; None if it does not grow at the end."""
     root = np.sqrt(speed_m_s)
     slower = np.flatnonzero(root < FROM_SHARE * root[-1])
     if slower.size == 0 or len(root) - slower[-1] < 3:
@@ -248,13 +243,7 @@ def measure(
             if measured[name] is not None:
                 why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
     measured["motion"] = "; ".join(why.values())
-    judged = {}
-    for target in BENCH.target_responses(config):
-        if measured[target.name] is None:
-            status = "no_slip" if target.name == "slip_deg" else "no_roll"
-            judged = {"status": status, "reason": why[target.name]}
-            break
-    return {**record, **judged, **measured}
+    return {**record, **BENCH.judged(measured, config, why, LACKING), **measured}
 
 
 def duration_s(config: Config) -> float:

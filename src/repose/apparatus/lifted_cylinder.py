@@ -19,13 +19,12 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.factory import Disc, fill_and_rest, too_early
 from repose.apparatus.funnel import BERRY, LARGEST_LOSS, LINE, SEEN, SMALLEST_PILE, narrow_openings
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -89,15 +88,12 @@ OF_PILE = dict(zip(MEASURED, ("aor_deg", "height_mm", "base_radius_mm", "loose_p
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class Settings(Poured):
     """The section `lifted_cylinder` of the configuration; config/README.md explains its keys."""
 
-    berries: Berries
-    rate_per_s: float = Field(ge=0.1, le=10000)
     lift_from_s: float = Field(ge=0.1, le=600)
     lifting_mm_s: float = Field(ge=0.1, le=5000)
     settle_s: float = Field(ge=0.1, le=600)
-    seeds: Seeds
     diameter_mm: float = Field(ge=1, le=5000)
     length_mm: float = Field(ge=1, le=5000)
     rim_radius_mm: float = Field(ge=0.05, le=20)
@@ -107,9 +103,7 @@ class Settings(Section):
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     """Keys of a tube that cannot be filled before it is lifted, or is as wide as the plate, and what is allowed."""
     section = config[NAME]
-    last = last_berry_s(section)
-    if last >= section["lift_from_s"]:
-        yield f"{NAME}.lift_from_s", f"above {last:g}, when the last berry appears"
+    yield from too_early(config, NAME, "lift_from_s")
     wide = section["diameter_mm"] + 4 * section["rim_radius_mm"]
     if section["plate_diameter_mm"] <= wide:
         yield f"{NAME}.plate_diameter_mm", f"above {wide:g}, the tube's outer diameter"
@@ -176,7 +170,7 @@ class Lifting:
 
 def status_of(lifting: Lifting, config: Config) -> tuple[str, str]:
     """Status and reason of a run before it is measured."""
-    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    section, settings = config[NAME], SimulationSettings.of(config)
     berries = section["berries"]
     if lifting.unstable:
         return "unstable", lifting.unstable
@@ -186,11 +180,8 @@ def status_of(lifting: Lifting, config: Config) -> tuple[str, str]:
         return "jammed", f"{lifting.in_tube} berries hang in the tube, which was lifted by its own length"
     if lifting.off_plate > LARGEST_LOSS * berries:
         return "left_plate", f"{lifting.off_plate} of {berries} berries left the plate"
-    if not lifting.energy_j <= rest:
-        energy = (
-            f"kinetic energy {lifting.energy_j:.2e} J a berry {section['settle_s']:g} s after the lifting"
-        )
-        return "not_at_rest", f"{energy}, more than {rest:.0e}"
+    if not lifting.energy_j <= settings.rest_energy_j:
+        return settings.not_at_rest(lifting.energy_j, f" {section['settle_s']:g} s after the lifting")
     there = berries - lifting.off_plate
     if lifting.in_pile < SMALLEST_PILE * there:
         return "no_flank", f"only {lifting.in_pile} of {there} berries touch each other in the largest pile"
@@ -209,7 +200,7 @@ def run(
     """Fill the tube, let the berries rest, lift it until none is left in it, and let the pile rest.
 
     The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is
-    lifted at `lift_from_s`, or later when the berries are at rest, at most twice as late, by at most its own length.
+    lifted by at most its own length.
     """
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation, scales, reach = sized_simulation(
@@ -225,18 +216,11 @@ def run(
     def in_tube() -> np.ndarray:
         return simulation.present & (simulation.positions[:, 2] > lifted_m)
 
-    def wait(until, last):
-        while not until() and simulation.steps < last:
-            filmed.run_to(min(last, simulation.steps + every))
-
-    def at_rest():
+    def rests():
         return simulation.kinetic_energies()[simulation.present].mean() <= settings.rest_energy_j
 
     with bounded.guard():
-        latest = settings.steps(2.0 * section["lift_from_s"])
-        fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
-        filmed.run_to(settings.steps(section["lift_from_s"]))
-        wait(at_rest, latest)
+        fill_and_rest(filmed, factory, section, seed, scales, section["lift_from_s"], rests, every)
         filled, filling_m = simulation.n_bodies, float(simulation.positions[:, 2].max())
         began_s = simulation.time_s
         _move(simulation, speed)
@@ -245,7 +229,7 @@ def run(
             filmed.run_to(min(last, simulation.steps + every))
             lifted_m = speed * (simulation.time_s - began_s)
         _move(simulation, 0.0)
-        wait(at_rest, simulation.steps + settings.steps(section["settle_s"]))
+        filmed.wait(rests, simulation.steps + settings.steps(section["settle_s"]), every)
     centres, there = simulation.positions.copy(), simulation.present
     hanging = in_tube()
     on_plate = there & (centres[:, 2] > 0.0) & ~hanging
@@ -307,12 +291,8 @@ def measure(
         arrays, particle, settings, plate_mm, ("base_radius_mm", "loose_percent")
     )
     measured = {name: of_pile.get(other) for name, other in OF_PILE.items()}
-    missing = [one.name for one in BENCH.target_responses(config) if measured[one.name] is None]
-    judged = {}
-    if missing:
-        reason = reasons.get(OF_PILE[missing[0]], f"{missing[0]} cannot be measured")
-        judged = {"status": "no_flank", "reason": reason}
-    return {**record, **judged, **measured}
+    reasons = {name: reasons[other] for name, other in OF_PILE.items() if other in reasons}
+    return {**record, **BENCH.judged(measured, config, reasons), **measured}
 
 
 def duration_s(config: Config) -> float:

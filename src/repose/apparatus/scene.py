@@ -78,10 +78,7 @@ def longest_time_step(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> "time_steps.Limit":
-    """The longest time step that the engine allows for the berries, the smallest ones included.
-
-    The lower a restitution, the shorter it is. It is the same for every bench test.
-    """
+    """The longest time step that the engine allows for the berries, the smallest included, in every bench test."""
     from repose.dem import time_steps
     from repose.dem.contact_table import pairs_of
     from repose.dem.laws import CONTACT_LAWS
@@ -125,11 +122,7 @@ def _contacts(parameters):
 
 
 class Filmed:
-    """Advances a simulation to given time steps, within bounds, and records frames on the way.
-
-    Without `interval_s`, the simulated time between two frames [s], none is recorded. `progress` is called with the
-    simulated time.
-    """
+    """Advances a simulation within bounds, calls `progress` with its time, and records a frame each `interval_s`."""
 
     def __init__(
         self,
@@ -154,6 +147,11 @@ class Filmed:
         if self.progress is not None:
             self.progress(self.simulation.time_s)
 
+    def wait(self, until: Callable[[], bool], last_step: int, every: int) -> None:
+        """Advance by `every` time steps until a condition holds, at most to a last time step."""
+        while not until() and self.simulation.steps < last_step:
+            self.run_to(min(last_step, self.simulation.steps + every))
+
     def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
         """The frames; None if none were requested.
 
@@ -174,11 +172,13 @@ class Filmed:
         } | ({name: kept[name] for name in ("planes", "wall_frames")} if walls else {})
 
 
-def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the largest set of allowed bodies (N,) that contacts (M, 2) connect.
+def at_rest(simulation: "dem.Simulation", energy_j: float) -> bool:
+    """Whether the mean kinetic energy of a berry is not above a value; true where it is no number, too."""
+    return not simulation.kinetic_energies().mean() > energy_j
 
-    Of equally large sets the one with the lowest index.
-    """
+
+def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """Mask (N,) of the largest set of allowed bodies (N,) that contacts (M, 2) connect; of equal ones the first."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

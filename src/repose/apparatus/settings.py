@@ -33,6 +33,11 @@ class SimulationSettings:
         laws = {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
         return laws if self.friction_limit is None else laws | {"friction_limit": self.friction_limit}
 
+    def not_at_rest(self, energy_j: float, when: str = "") -> tuple[str, str]:
+        """Status and reason of a run that ends with this mean energy of a berry; when: further words."""
+        moves = f"kinetic energy {energy_j:.2e} J a berry{when}"
+        return "not_at_rest", f"{moves}, more than {self.rest_energy_j:.0e}"
+
     def steps(self, seconds: float) -> int:
         """Number of time steps of a duration, to the nearest one."""
         return round(seconds / self.time_step_s)

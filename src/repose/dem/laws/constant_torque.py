@@ -27,7 +27,7 @@ from ..kernels import tile as tl
 from ..kernels.rows import Rows
 from ..materials import Contact, Material
 from . import epsd
-from .epsd import SPUN, TINY, lever
+from .epsd import SPUN, TINY, levers, oppose, turning
 from .law import Law
 
 L = st.LANES
@@ -49,30 +49,15 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
-        r_a = lever(t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k])
-        r_b = lever(t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k])
-        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a)
-        mobility += t[tl.B + st.INVERSE_MASS * L + k] / (r_b * r_b)
-        first, second = tl.A + st.ANGULAR_VELOCITY * L + k, tl.B + st.ANGULAR_VELOCITY * L + k
-        wx = t[first] - t[second]
-        wy = t[first + L] - t[second + L]
-        wz = t[first + 2 * L] - t[second + 2 * L]
-        spin = wx * nx + wy * ny + wz * nz
-        wx, wy, wz = wx - spin * nx, wy - spin * ny, wz - spin * nz
-        most = t[ROLLING_FRICTION + k] * t[tl.PUSH + k] / (1.0 / r_a + 1.0 / r_b)
+        inverse_arm, mobility = levers(t, k)
+        spin, wx, wy, wz = turning(t, k, nx, ny, nz)
+        most = t[ROLLING_FRICTION + k] * t[tl.PUSH + k] / inverse_arm
         stopping = SPUN / (dt * mobility + TINY)
         held = min(stopping, most / (math.sqrt(wx * wx + wy * wy + wz * wz) + TINY))
         limit = t[TWISTING_FRICTION + k] * t[tl.PUSH + k] * math.sqrt(t[tl.RADIUS + k] * overlap)
         twist = max(-limit, min(limit, stopping * spin))
         x, y, z = held * wx + twist * nx, held * wy + twist * ny, held * wz + twist * nz
-        t[tl.TO_A + 3 * L + k] -= x
-        t[tl.TO_A + 4 * L + k] -= y
-        t[tl.TO_A + 5 * L + k] -= z
-        t[tl.TO_B + 3 * L + k] += x
-        t[tl.TO_B + 4 * L + k] += y
-        t[tl.TO_B + 5 * L + k] += z
-        t[tl.TO_A + st.ROLL * L + k] = 0.0
-        t[tl.TO_B + st.ROLL * L + k] = 0.0
+        oppose(t, k, x, y, z)
 
 
 LAW = Law(

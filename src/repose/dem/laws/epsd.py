@@ -66,6 +66,40 @@ def lever(x: float, y: float, z: float) -> float:
 
 
 @inlined
+def levers(t: np.ndarray, k: int) -> tuple[float, float]:
+    """1/R and 1/(m_a r_a^2) + 1/(m_b r_b^2) of a lane."""
+    r_a = lever(t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k])
+    r_b = lever(t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k])
+    mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a)
+    mobility += t[tl.B + st.INVERSE_MASS * L + k] / (r_b * r_b)
+    return 1.0 / r_a + 1.0 / r_b, mobility
+
+
+@inlined
+def turning(t: np.ndarray, k: int, nx: float, ny: float, nz: float) -> tuple[float, float, float, float]:
+    """Relative angular velocity of a lane: its part along the normal, and the three components across it."""
+    first, second = tl.A + st.ANGULAR_VELOCITY * L + k, tl.B + st.ANGULAR_VELOCITY * L + k
+    wx = t[first] - t[second]
+    wy = t[first + L] - t[second + L]
+    wz = t[first + 2 * L] - t[second + 2 * L]
+    spin = wx * nx + wy * ny + wz * nz
+    return spin, wx - spin * nx, wy - spin * ny, wz - spin * nz
+
+
+@inlined
+def oppose(t: np.ndarray, k: int, x: float, y: float, z: float) -> None:
+    """A torque of a lane, against A and along B; no budget of rolling."""
+    t[tl.TO_A + 3 * L + k] -= x
+    t[tl.TO_A + 4 * L + k] -= y
+    t[tl.TO_A + 5 * L + k] -= z
+    t[tl.TO_B + 3 * L + k] += x
+    t[tl.TO_B + 4 * L + k] += y
+    t[tl.TO_B + 5 * L + k] += z
+    t[tl.TO_A + st.ROLL * L + k] = 0.0
+    t[tl.TO_B + st.ROLL * L + k] = 0.0
+
+
+@inlined
 def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, eta: float) -> None:
     """The torques of each lane on both bodies; of_tangent: k_r from the tangential stiffness, see `epsd2`."""
     for k in range(L):
@@ -74,17 +108,9 @@ def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, et
         touching, overlap = (1.0, -gap) if gap < 0.0 else (0.0, 0.0)
         circle = math.sqrt(t[tl.RADIUS + k] * overlap)
         push, friction = t[tl.PUSH + k], t[ROLLING_FRICTION + k]
-        r_a = lever(t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k])
-        r_b = lever(t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k])
-        arm = 1.0 / (1.0 / r_a + 1.0 / r_b)
-        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a)
-        mobility += t[tl.B + st.INVERSE_MASS * L + k] / (r_b * r_b)
-        first, second = tl.A + st.ANGULAR_VELOCITY * L + k, tl.B + st.ANGULAR_VELOCITY * L + k
-        wx = t[first] - t[second]
-        wy = t[first + L] - t[second + L]
-        wz = t[first + 2 * L] - t[second + 2 * L]
-        spin = wx * nx + wy * ny + wz * nz
-        wx, wy, wz = wx - spin * nx, wy - spin * ny, wz - spin * nz
+        inverse_arm, mobility = levers(t, k)
+        arm = 1.0 / inverse_arm
+        spin, wx, wy, wz = turning(t, k, nx, ny, nz)
         if of_tangent:
             stiffness = 2.0 * t[TWISTING_STIFFNESS + k] * circle * arm * arm
         else:
@@ -108,14 +134,7 @@ def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, et
         twist += 2.0 * ETA * math.sqrt(SPUN * stiffness / (mobility + TINY)) * spin
         twist = max(-limit, min(limit, twist))
         x, y, z = cut * x + twist * nx, cut * y + twist * ny, cut * z + twist * nz
-        t[tl.TO_A + 3 * L + k] -= x
-        t[tl.TO_A + 4 * L + k] -= y
-        t[tl.TO_A + 5 * L + k] -= z
-        t[tl.TO_B + 3 * L + k] += x
-        t[tl.TO_B + 4 * L + k] += y
-        t[tl.TO_B + 5 * L + k] += z
-        t[tl.TO_A + st.ROLL * L + k] = 0.0
-        t[tl.TO_B + st.ROLL * L + k] = 0.0
+        oppose(t, k, x, y, z)
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:

@@ -27,7 +27,6 @@ from collections import namedtuple
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..kernels import state as st
 from ..kernels import tile as tl
@@ -77,7 +76,10 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
     """
     log = math.log(restitution)
     if tension == "release" and restitution < 1.0:
-        return brentq(lambda b: _log_released(b) - log, 0.0, 1.0 / restitution)
+        low, high = 0.0, 1.0 / restitution
+        while low < (middle := 0.5 * (low + high)) < high:
+            low, high = (middle, high) if _log_released(middle) > log else (low, middle)
+        return low
     return -log / math.sqrt(log * log + math.pi * math.pi)
 
 
