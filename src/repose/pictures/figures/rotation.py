@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from repose.core.files import read_npz, read_table
 from repose.measure import bed
 from repose.particle import build
-from repose.particle.build import Particle
+from repose.particle.particle import Particle
 from repose.pictures.film import drum_inside
 from repose.pictures.render import render_pile
 from repose.pictures.scenery import look_at
