@@ -21,7 +21,7 @@ def berry_and_particle(
     study: "Study", berry_json: str | PathLike | None = None, particle_json: str | PathLike | None = None
 ) -> "tuple[dict[str, Any], Particle]":
     """The berry as in berry.json and its particle, each from its file or else from the study."""
-    from repose.particle import berry_files, build
+    from repose.particle import berry_files
     from repose.particle.particle import Particle
 
     of_berry = study.grain if berry_json is None else berry_files.read_berry(berry_json)
@@ -29,6 +29,8 @@ def berry_and_particle(
         return of_berry, Particle.load(particle_json)
     if berry_json is None:
         return of_berry, study.particle
+    from repose.particle import build  # slow to import: where a particle is made
+
     return of_berry, build.of_settings(of_berry, study.config["berry"])
 
 

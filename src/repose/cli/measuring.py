@@ -172,7 +172,7 @@ def silhouette(args: argparse.Namespace, study: "Study") -> None:
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import side_view
     from repose.measure.saved_pours import first_pour
-    from repose.particle.build import Particle
+    from repose.particle.particle import Particle
 
     how = MeasureSettings(**study.config["measure"])
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)

@@ -41,7 +41,7 @@ def figure(args: argparse.Namespace, study: "Study") -> None:
     ],
 )
 def film(args: argparse.Namespace, study: "Study") -> None:
-    from repose.particle.build import Particle
+    from repose.particle.particle import Particle
     from repose.pictures import film, scenery
 
     config, particle = study.config, Particle.load(args.particle)

@@ -34,7 +34,7 @@ def read_layers(
     A complete file needs no default. `overrides` are nested and lie over all; their texts are read as YAML. Values are
     not checked, and `auto` stays.
     """
-    from repose.config.faults import lacks_keys  # imported here and below, so that help loads none of it
+    from repose.config.faults import lacks_keys  # imported here and below: help and jobs load none of it
 
     paths = [places.find(path) for path in files]
     read_once: Any = functools.cache(read)
@@ -63,15 +63,17 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
     None if the working folder has one or is the program's, if the files need no default, or if one of them is made for
     the built-in crop.
     """
-    from repose.config.faults import lacks_keys
-
     own = places.root() / places.DEFAULT_CONFIG
     if places.configs()[-1] != own:
         return None
     paths = [places.find(path) for path in files]
     if any(path != own and path.parent == own.parent for path in paths):
         return None
-    if paths and own not in paths and (is_resolved(*paths) or not lacks_keys(_over_each_other(paths)[0])):
+    if is_resolved(*paths):
+        return None
+    from repose.config.faults import lacks_keys
+
+    if paths and own not in paths and not lacks_keys(_over_each_other(paths)[0]):
         return None
     return own if own in (*paths, *layers(paths)) else None
 

@@ -14,7 +14,7 @@ from repose.config.making import Making
 from repose.config.reading import get, read
 from repose.core import provenance
 from repose.core.errors import InputError
-from repose.core.files import json_text, write_json
+from repose.core.files import json_text, read_json, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.published import beside
 from repose.core.responses import Definitions
@@ -237,7 +237,7 @@ class Study:
         InputError
             If the file cannot be read.
         """
-        config = read(path)
+        config = read_json(path, what="the configuration of a folder of results")
         provenance.note_config(config)
         return cls._of(config, Making(config, str(path)))
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from .checks import array, direction, mapping, name_of, not_negative, number, positive, vector
 from .errors import InputError
@@ -400,6 +399,8 @@ class Mesh:
         ValueError
             Naming the file where its triangles are no `Mesh`, or the scale.
         """
+        import trimesh  # slow to import: where a mesh is read
+
         if not (math.isfinite(scale) and scale > 0.0):
             raise ValueError(f"scale is {scale!r}; allowed: above 0")
         try:

@@ -23,7 +23,10 @@ Extent = tuple[float, float, float]
 
 
 class ConvexBody(Protocol):
-    """A body by its support points; one made of spheres also has `spheres_m`, (M, 4): centre and radius in m."""
+    """A body by its support points, symmetric about its centre; one made of spheres may have any shape.
+
+    The latter also has `spheres_m`, (M, 4): centre and radius in m.
+    """
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Points (..., 3) in m at which tangent planes touch the body; `n` are unit normals in the body's frame."""
@@ -41,8 +44,8 @@ def outlines(
     """Outline polygons of bodies in orthographic side views: (views, N, OUTLINE_DIRECTIONS, 2), (u, z) in m.
 
     The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the curve of
-    its support points in the directions of the picture plane, so each vertex is exact. `inset_m` moves the outlines
-    inwards.
+    its support points in the directions of the picture plane, so each vertex is exact; half of it is the other half
+    turned by 180 degrees. `inset_m` moves the outlines inwards.
     """
     azimuth = np.radians(np.asarray(azimuths_deg, dtype=float))
     right = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
@@ -55,14 +58,18 @@ def outlines(
         middles = np.stack(np.broadcast_arrays(right @ spheres[:, :3].T, spheres[:, 2]), axis=-1)
         return middles[:, :, None, :] + (spheres[:, 3, None, None] - inset_m) * circle
     rotation = rotation_matrices(quaternions)
-    right_body = np.einsum("nij,vi->vnj", rotation, right)
-    up_body = np.broadcast_to(rotation[:, 2, :], right_body.shape)
-    cos, sin = circle[:, :1], circle[:, 1:]
-    touching = particle.support_point(cos * right_body[:, :, None, :] + sin * up_body[:, :, None, :])
-    points = sizes[:, None, None] * (touching @ np.stack([right_body, up_body], axis=-1))
-    points[..., 0] += (right @ centres.T)[:, :, None]
-    points[..., 1] += centres[:, 2][None, :, None]
-    return points - inset_m * circle
+    up_body = rotation[:, 2, :]
+    cos, sin = np.split(circle[: OUTLINE_DIRECTIONS // 2], 2, axis=1)
+    points = np.empty((len(right), len(centres), *circle.shape))
+    for view, direction in zip(points, right, strict=True):
+        right_body = np.einsum("nij,i->nj", rotation, direction)
+        n = cos * right_body[:, None, :] + sin * up_body[:, None, :]
+        touching = particle.support_point(n.reshape(-1, 3)).reshape(n.shape)
+        half = sizes[:, None, None] * (touching @ np.stack([right_body, up_body], axis=-1))
+        view[:] = np.concatenate([half, -half], axis=1) - inset_m * circle
+        view[..., 0] += (centres @ direction)[:, None]
+        view[..., 1] += centres[:, 2, None]
+    return points
 
 
 def spheres_of(

@@ -4,12 +4,13 @@ import math
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from repose.core.errors import InputError
 from repose.core.files import read_json
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
 COMPRESSION_COLUMNS = (
@@ -28,7 +29,7 @@ POSITIVE = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "scale_lo
 RECONSTRUCTION_MARK = "reconstruction"
 
 
-def read_sizes(path: str | PathLike) -> pd.DataFrame:
+def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     """Full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry."""
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
@@ -44,7 +45,7 @@ def read_sizes(path: str | PathLike) -> pd.DataFrame:
     return sizes
 
 
-def read_compression(path: str | PathLike) -> pd.DataFrame:
+def read_compression(path: str | PathLike) -> "pd.DataFrame":
     """Compression tests: `test`, `force_n`, `length_1_mm`, `length_2_mm`, `width_1_mm`, `width_2_mm`, `breadth_mm`.
 
     The berry lies on its broad side. The load runs along its minor diameter W (width), and the section that carries it
@@ -75,6 +76,8 @@ def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> di
 
 def _read_numbers(path, columns):
     """CSV with these columns of positive numbers, indexed by row number from 1; comments start with #."""
+    import pandas as pd  # slow to import: where there is a table
+
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "file", None, "an existing CSV file")

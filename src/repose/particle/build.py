@@ -19,8 +19,6 @@ from repose.dem.rotations import sphere_directions
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
 from repose.particle.mesh import (
-    MM,
-    Body,
     body_of,
     ellipsoid_mesh,
     load_mesh,
@@ -29,7 +27,8 @@ from repose.particle.mesh import (
     principal_pose,
     stl_of,
 )
-from repose.particle.particle import KINDS, Particle
+from repose.particle.particle import KINDS, MM, Body, Particle
+from repose.particle.support import support
 
 __all__ = [
     "KINDS",
@@ -71,7 +70,7 @@ def fit_particle(
         semi_axes = support_fit.fit_components(n, measured, radius, counts)
     # Below a nanometre lies only the rounding of the file.
     semi_axes = np.round(semi_axes, 9)
-    deviation = np.abs(support_fit.support(semi_axes, n) - measured)
+    deviation = np.abs(support(semi_axes, n) - measured)
     volume, second_moments = support_fit.volume_integrals(semi_axes)
     tolerance = VOLUME_TOLERANCE * (2 if kind == "ellipsoid" else 1)
     _check_fit(deviation.max() / radius, volume / (mesh.volume * MM**3), tolerance, source)
@@ -230,7 +229,7 @@ def run(
 
 
 def _row(name, body):
-    """Volume, mass, principal moments and extents of a `Particle` or a `repose.particle.mesh.Body`."""
+    """Volume, mass, principal moments and extents of a `Particle` or a `Body`."""
     row = {"body": name, "volume_mm3": body.volume_m3 / MM**3, "mass_g": body.mass_kg * 1e3}
     row |= {f"inertia_{x}_g_mm2": 1e9 * value for x, value in zip("xyz", body.inertia_kg_m2, strict=True)}
     return row | {f"axis_{x}_mm": value / MM for x, value in zip("xyz", body.axes_m, strict=True)}

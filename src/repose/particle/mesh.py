@@ -1,6 +1,5 @@
 """Meshes of berries: reading, checks, principal pose; volume, moments and extents of their bodies."""
 
-from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -11,8 +10,8 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from repose.core.errors import InputError
+from repose.particle.particle import MM, Body
 
-MM = 1e-3
 # Longest side a mesh may have; a berry in metres (0.02) or micrometres (20000) falls outside.
 EXTENT_LIMITS_MM = (0.5, 2000.0)
 CONVEX_SHARE = 0.95
@@ -87,16 +86,6 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     posed = mesh.copy()
     posed.vertices = (mesh.vertices - mesh.center_mass) @ axes.T
     return posed
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """Inertial properties of a closed mesh."""
-
-    volume_m3: float
-    mass_kg: float
-    inertia_kg_m2: np.ndarray  # (3,), principal moments
-    axes_m: np.ndarray  # (3,), full extents along x, y, z
 
 
 def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:

@@ -14,7 +14,7 @@ import trimesh
 from scipy.optimize import brentq
 
 from repose.core.errors import InputError
-from repose.particle.mesh import MM
+from repose.particle.particle import MM
 
 # Shape numbers from the leanest to the fullest convex body: see `profile_exponents`.
 SHAPE_LIMITS = (1.0, 30.0)

@@ -7,13 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from repose import dem
 from repose.core.errors import InputError
 from repose.core.files import read_json, write_json
-from repose.dem import Clump, Shape
-from repose.particle import support_fit
-from repose.particle.mesh import MM, Body
+from repose.particle import support
 
+MM = 1e-3
 KINDS = ("ellipsoid", "smooth", "multisphere")
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Inertial properties of a closed mesh."""
+
+    volume_m3: float
+    mass_kg: float
+    inertia_kg_m2: np.ndarray  # (3,), principal moments
+    axes_m: np.ndarray  # (3,), full extents along x, y, z
 
 
 def _no_spheres():
@@ -55,7 +65,7 @@ class Particle:
 
     @property
     def mesh(self) -> Body | None:
-        """The `repose.particle.mesh.Body` of the mesh, None where the particle has none."""
+        """The mesh's own body, None where the particle has none."""
         if self.mesh_volume_m3 is None or self.mesh_inertia_kg_m2 is None or self.mesh_axes_m is None:
             return None
         mass = self.density_kg_m3 * self.mesh_volume_m3
@@ -66,7 +76,7 @@ class Particle:
         n = np.asarray(n, dtype=float)
         if self.is_clump:
             return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
-        return support_fit.support(self.semi_axes_m, n)
+        return support.support(self.semi_axes_m, n)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Touching points (..., 3) [m] for directions n (..., 3): the gradient of the support function."""
@@ -74,13 +84,13 @@ class Particle:
         if self.is_clump:
             farthest = self.spheres_m[(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).argmax(axis=-1)]
             return farthest[..., :3] + farthest[..., 3:] * n
-        return support_fit.support_point(self.semi_axes_m, n)
+        return support.support_point(self.semi_axes_m, n)
 
-    def dem_shape(self, material: str) -> Shape | Clump:
+    def dem_shape(self, material: str) -> "dem.Shape | dem.Clump":
         """The engine's shape of the particle, with the name of its material."""
         if self.is_clump:
-            return Clump(self.spheres_m, self.mass_kg, self.inertia_kg_m2, material)
-        return Shape(self.semi_axes_m, self.mass_kg, self.inertia_kg_m2, material)
+            return dem.Clump(self.spheres_m, self.mass_kg, self.inertia_kg_m2, material)
+        return dem.Shape(self.semi_axes_m, self.mass_kg, self.inertia_kg_m2, material)
 
     def record(self) -> dict[str, Any]:
         """The particle as plain values for a file: lengths in mm, mass in g."""
@@ -123,9 +133,6 @@ class Particle:
         if not record["spheres_mm"] and not record["semi_axes_mm"]:
             raise InputError(path, "spheres_mm", [], "spheres, or semi-axes beside it")
         return cls.of_record(record)
-
-
-KINDS = ("ellipsoid", "smooth", "multisphere")
 
 
 def _check_numbers(path, key, value, shape):

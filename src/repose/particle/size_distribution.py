@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from repose.core.errors import InputError
 
@@ -54,6 +53,8 @@ def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: floa
     """Scales s (count,) of single berries with E[s^3] = 1; all 1 if `sd` is 0."""
     if sd == 0:
         return np.ones(count)
+    from scipy.special import ndtr, ndtri  # slow to import: where sizes differ
+
     bottom, top = ndtr((low - 1) / sd), ndtr((high - 1) / sd)
     x = 1 + sd * ndtri(bottom + (top - bottom) * rng.random(count))
     return np.clip(x, low, high) / normalisation(sd, low, high)

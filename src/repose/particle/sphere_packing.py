@@ -23,7 +23,7 @@ from scipy.stats import qmc
 
 from repose.core.errors import InputError
 from repose.dem.kernels.state import MOST_SPHERES
-from repose.particle.mesh import MM
+from repose.particle.particle import MM
 
 SURFACES = ("smooth", "rough", "rough_full")
 FEWEST = "fewest"

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from repose.dem.rotations import sphere_directions
+from repose.particle.support import component_supports, support, support_point
 
 # Vertices this near to a quadric (of the mean radius) lie on it, but for the rounding of a file; the coarsest
 # facets that still count as an ellipsoid's may cut this deep (of the mean radius).
@@ -23,21 +24,6 @@ GOOD_DEVIATION = 0.01  # of the body's smallest extent
 # Half axes of a fitted component, of the mean radius: a needle or a disc would have no radius of curvature,
 # and the contact force would vanish with it.
 AXIS_BOUNDS = (0.05, 10.0)
-
-
-def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Support values (..., K) of components with half axes (K, 3) in the directions n (..., 3); one unit of length."""
-    return np.sqrt(np.square(n) @ np.square(semi_axes).T)
-
-
-def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Support values (...) of the sum of components with half axes (K, 3) in the directions n (..., 3)."""
-    return component_supports(semi_axes, n).sum(axis=-1)
-
-
-def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Touching points (..., 3): the gradient of the support function, sum over components of s^2 n / h_k."""
-    return n * ((1.0 / component_supports(semi_axes, n)) @ np.square(semi_axes))
 
 
 def recognise_ellipsoid(

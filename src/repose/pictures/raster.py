@@ -8,15 +8,16 @@ import numpy as np
 
 @numba.njit(cache=True)
 def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
-    """z-buffer of all triangles: the largest `near` wins, so depth alone hides the far sides."""
+    """z-buffer of all triangles that face the viewer: the largest `near` wins."""
     rows, columns = nearest.shape
     for b in range(x.shape[0]):
         for t in range(triangles.shape[0]):
             i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
             x0, y0, x1, y1, x2, y2 = x[b, i], y[b, i], x[b, j], y[b, j], x[b, k], y[b, k]
             area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-            if area == 0.0:
+            if area >= 0.0:
                 continue
+            share = 1.0 / area
             first_row = max(0, math.ceil(min(y0, y1, y2) - 0.5))
             last_row = min(rows - 1, math.floor(max(y0, y1, y2) - 0.5))
             first_column = max(0, math.ceil(min(x0, x1, x2) - 0.5))
@@ -24,8 +25,8 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
             for row in range(first_row, last_row + 1):
                 for column in range(first_column, last_column + 1):
                     px, py = column + 0.5, row + 0.5
-                    u = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) / area
-                    v = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) / area
+                    u = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) * share
+                    v = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) * share
                     if u < 0.0 or v < 0.0 or u + v > 1.0:
                         continue
                     depth = near[b, i] + u * (near[b, j] - near[b, i]) + v * (near[b, k] - near[b, i])
@@ -42,7 +43,8 @@ def draw(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Draw triangles of N bodies with V points each into a z-buffer (H, W); a larger `near` is nearer.
 
-    `x` and `y` (N, V) are in pixels, row 0 on top; `triangles` (T, 3) are the same for all bodies. Returns `near` of
+    `x` and `y` (N, V) are in pixels, row 0 on top; `triangles` (T, 3) of closed surfaces are the same for all bodies,
+    anticlockwise seen from outside. Returns `near` of
     the visible point (minus infinity if none), the body's number (-1 if none), the triangle's number and the shares
     (H, W, 2) of its second and third point.
     """
@@ -93,7 +95,7 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
     rows, columns = depth.shape
     lit = np.ones((rows, columns), np.float32)
     across, down = _spiral(taps)
-    point, place = np.empty(3), np.empty(3)
+    point, place, reach = np.empty(3), np.empty(3), 1.0 + softness_m / pixel_m
     for row in range(rows):
         for column in range(columns):
             if math.isinf(depth[row, column]):
@@ -103,6 +105,9 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
                 place[axis] = 0.0
                 for k in range(3):
                     place[axis] += (point[k] + normals[row, column, k] * bias_m) * axes[axis, k]
+            u, v = (place[0] - origin[0]) / pixel_m, (place[1] - origin[1]) / pixel_m
+            if not (-reach < u < light_map.shape[1] + reach and -reach < v < light_map.shape[0] + reach):
+                continue
             spin = _noise(row, column)
             turn_x, turn_y = softness_m * math.cos(spin), softness_m * math.sin(spin)
             open_taps = 0

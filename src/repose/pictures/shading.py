@@ -132,10 +132,10 @@ def _paint_flat(
     """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
     if view.plate.any():
         low, high = np.min(frame, axis=0)[:2], np.max(frame, axis=0)[:2]
-        away = np.linalg.norm(_place(camera, view, rays, view.plate)[:, :2] - (low + high) / 2, axis=1)
+        away = np.hypot(*(_place(camera, view, rays, view.plate)[:, :2] - (low + high) / 2).T)
         fade = np.clip((2.6 - 2 * away / np.linalg.norm(high - low)) / 1.6, 0, 1) ** 1.5
         tone = (0.52 + 0.48 * lit[view.plate]) * (0.35 + 0.65 * sky[view.plate])
-        image[view.plate] += fade[:, None] * (PLATE * 1.13 * tone[:, None] - image[view.plate])
+        image[view.plate] = BACKGROUND + fade[:, None] * (PLATE * 1.13 * tone[:, None] - BACKGROUND)
     if backdrop is not None and view.behind.any():
         there = view.behind
         image[there] = backdrop.paint(
@@ -169,18 +169,19 @@ def _blend_walls(
         wall, distance, met = sides[side]
         turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
         light = _light_axes(camera)[2] @ turn
-        point = (camera.eye_m - wall.frame[:3] + distance[..., None] * rays) @ turn
-        z = point[..., 2]
-        where = met & (distance > 0) & (distance < depth) & (z >= wall.z_low_m) & (z <= wall.z_high_m)
+        where = met & (distance > 0) & (distance < depth)
+        z = (camera.eye_m - wall.frame[:3]) @ turn[:, 2] + distance * (rays @ turn[:, 2])
+        where &= (z >= wall.z_low_m) & (z <= wall.z_high_m)
         if not where.any():
             continue
-        outward = np.stack([point[where][:, 0], point[where][:, 1], np.zeros(where.sum())], -1)
-        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        seen, z = rays[where], z[where]
+        point = (camera.eye_m - wall.frame[:3] + distance[where][:, None] * seen) @ turn
+        outward = point / np.hypot(point[:, 0], point[:, 1])[:, None]
         outward[:, 2] = -wall.slope
         outward /= math.hypot(1.0, wall.slope)
-        sight = rays[where] @ turn / np.linalg.norm(rays[where], axis=1, keepdims=True)
+        sight = seen @ turn / np.linalg.norm(seen, axis=1, keepdims=True)
         grazing = 1 - np.abs(np.sum(outward * sight, axis=1))
-        edge = np.minimum(z[where] - wall.z_low_m, wall.z_high_m - z[where])
+        edge = np.minimum(z - wall.z_low_m, wall.z_high_m - z)
         alpha = np.clip(0.07 + 0.45 * grazing**3 + 0.45 * (edge < 0.0012), 0, 0.75)
         shine = 0.35 * np.clip(np.abs(outward @ light), 0, 1) ** 12
         image[where] += alpha[..., None] * (FUNNEL + shine[:, None] - image[where])
@@ -222,4 +223,5 @@ def _light_map(
     pixel_m = float((place[..., :2].max(axis=(0, 1)) - low).max() / size)
     x, y = (place[..., 0] - low[0]) / pixel_m, (place[..., 1] - low[1]) / pixel_m
     shape = (int(y.max()) + 2, int(x.max()) + 2)
-    return raster.draw(x, y, place[..., 2], triangles, shape)[0], low, pixel_m
+    # its rows count upwards, so what is anticlockwise in a picture is clockwise here
+    return raster.draw(x, y, place[..., 2], triangles[:, ::-1], shape)[0], low, pixel_m

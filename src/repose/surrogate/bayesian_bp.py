@@ -20,7 +20,7 @@ variance of a weight 1 / (2 alpha).
 
 import copy
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Self
 
@@ -45,6 +45,7 @@ from repose.surrogate.two_layer import (
     width,
 )
 
+AT_ONCE = 256  # points whose derivatives by all weights of several networks are in memory together
 FROM_SETTINGS = ("hidden", "epochs", "goal", "starts", "seed", "prior")
 
 
@@ -157,7 +158,7 @@ class BayesianBP(Surrogate):
         Y = Y[:, 0] if self.one_output_ else Y
         if not return_std:
             return Y
-        variance = (self._weight_roots(X) ** 2).sum(axis=2) * self._stretch() ** 2
+        variance = (weight_roots([self], X)[0] ** 2).sum(axis=2) * self._stretch() ** 2
         std = np.sqrt(variance + noise * self.noise_std_**2)
         return Y, std[:, 0] if self.one_output_ else std
 
@@ -170,8 +171,7 @@ class BayesianBP(Surrogate):
 
         The outputs share the hidden layer, so their errors are correlated.
         """
-        roots = self._weight_roots(np.asarray(X, dtype=float)) * self._stretch()[:, None]
-        return roots @ roots.transpose(0, 2, 1)
+        return covariances([self], X)[0]
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         # Every scaling is folded into the weights.
@@ -257,15 +257,6 @@ class BayesianBP(Surrogate):
         self.posterior_root_ = mix_outputs(root, unmix, self.hidden)
         self.noise_std_ = np.linalg.norm(unmix, axis=0) * self._stretch() / math.sqrt(2 * self.beta_)
 
-    def _weight_roots(self, X):
-        """dy/dw times the root of the weights' covariance, (samples, outputs, N), outputs scaled."""
-        if not self.knows_its_errors:
-            raise ValueError("the network was saved without its training data; it predicts without errors")
-        w = self._weights()
-        x = scale(X, self.input_min_, self.input_max_, self.scaled_range)
-        _, J = jacobian(w, x, len(self.b2_))
-        return (J.reshape(-1, w.size) @ self.posterior_root_).reshape(J.shape)  # one large product
-
     def _weights(self):
         """All weights (N,)."""
         return np.concatenate([self.W1_.ravel(), self.b1_, self.W2_.ravel(), self.b2_])
@@ -287,3 +278,26 @@ class BayesianBP(Surrogate):
         """Units of y in one unit of a scaled output, (outputs,)."""
         low, high = self.scaled_range
         return width(self.output_min_, self.output_max_) / (high - low)
+
+
+def covariances(networks: Sequence[BayesianBP], X: ArrayLike) -> np.ndarray:
+    """`BayesianBP.covariance` of networks that share their scalings, (networks, samples, outputs, outputs)."""
+    X, stretch = np.asarray(X, dtype=float), networks[0]._stretch()[:, None]
+    parts = []
+    for part in np.array_split(X, 1 + len(X) // AT_ONCE):
+        roots = weight_roots(networks, part) * stretch
+        parts.append(roots @ roots.swapaxes(-1, -2))
+    return np.concatenate(parts, axis=1)
+
+
+def weight_roots(networks: Sequence[BayesianBP], X: np.ndarray) -> np.ndarray:
+    """dy/dw times the root of the weights' covariance, (networks, samples, outputs, N), outputs scaled."""
+    if not all(network.knows_its_errors for network in networks):
+        raise ValueError("the network was saved without its training data; it predicts without errors")
+    first = networks[0]
+    x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
+    J = jacobian(np.array([network._weights() for network in networks]), x, len(first.b2_))[1]
+    for own, network in zip(J, networks, strict=True):
+        rows = own.reshape(-1, own.shape[-1])
+        rows[:] = rows @ network.posterior_root_  # one large product
+    return J

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
-from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.bayesian_bp import BayesianBP, covariances
 from repose.surrogate.levenberg_marquardt import CONVERGED
 from repose.surrogate.samples import checked_points
 from repose.surrogate.two_layer import response_function, scale, width
@@ -72,7 +72,7 @@ class NetworkEnsemble(Surrogate):
         """Covariance of the mixture's means, without noise (LPB17)."""
         means = self._means(X)
         off = means - means.mean(axis=0)
-        own = np.mean([member.covariance(X) for member in self.members_], axis=0)
+        own = covariances(self.members_, X).mean(axis=0)
         return own + np.einsum("mni,mnj->nij", off, off) / len(self.members_)
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

@@ -64,10 +64,11 @@ def nguyen_widrow(
 def unpack(
     w: np.ndarray, inputs: int, hidden: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Views W1, b1, W2, b2 of the weights by layer."""
-    ends = np.cumsum([hidden * inputs, hidden, outputs * hidden])
-    W1, b1, W2, b2 = np.split(w, ends)
-    return W1.reshape(hidden, inputs), b1, W2.reshape(outputs, hidden), b2
+    """Views W1, b1, W2, b2 of the weights by layer; of several networks, w (..., N), W1 is (..., hidden, inputs)."""
+    first, second = hidden * inputs, hidden * (inputs + 1)
+    W1, b1, W2, b2 = w[..., :first], w[..., first:second], w[..., second:-outputs], w[..., -outputs:]
+    several = w.shape[:-1]
+    return W1.reshape(*several, hidden, inputs), b1, W2.reshape(*several, outputs, hidden), b2
 
 
 def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
@@ -102,22 +103,23 @@ def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
 def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np.ndarray]:
     """Scaled outputs (samples, outputs) and their derivatives by the weights (samples, outputs, N).
 
-    The chain rule of the paper's step (3), for each output by itself as Levenberg-Marquardt needs it (HM94).
+    The chain rule of the paper's step (3), for each output by itself as Levenberg-Marquardt needs it (HM94). Of several
+    networks, w (..., N), both have the leading axes of w.
     """
-    samples, inputs = x.shape
-    hidden = (w.size - outputs) // (inputs + 1 + outputs)
+    inputs, N = x.shape[1], w.shape[-1]
+    hidden = (N - outputs) // (inputs + 1 + outputs)
     W1, b1, W2, b2 = unpack(w, inputs, hidden, outputs)
-    a = np.tanh(x @ W1.T + b1)  # (Eq. 6-7)
-    y = a @ W2.T + b2  # (Eq. 8)
-    J = np.zeros((samples, outputs, w.size))
-    through = W2 * (1 - a * a)[:, None, :]  # dy_k / dz_j
+    a = np.tanh(x @ W1.swapaxes(-1, -2) + b1[..., None, :])  # (Eq. 6-7)
+    y = a @ W2.swapaxes(-1, -2) + b2[..., None, :]  # (Eq. 8)
+    J = np.zeros((*y.shape, N))
+    through = W2[..., None, :, :] * (1 - a * a)[..., None, :]  # dy_k / dz_j
     first = hidden * inputs
-    J[:, :, :first] = (through[:, :, :, None] * x[:, None, None, :]).reshape(samples, outputs, first)
-    J[:, :, first : first + hidden] = through
+    J[..., :first] = (through[..., None] * x[:, None, None, :]).reshape(*y.shape, first)
+    J[..., first : first + hidden] = through
     for k in range(outputs):
         start = first + hidden + k * hidden
-        J[:, k, start : start + hidden] = a
-        J[:, k, w.size - outputs + k] = 1.0
+        J[..., k, start : start + hidden] = a
+        J[..., k, N - outputs + k] = 1.0
     return y, J
 
 

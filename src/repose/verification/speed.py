@@ -14,7 +14,7 @@ import numpy as np
 
 from repose.apparatus import funnel
 from repose.apparatus.settings import SimulationSettings
-from repose.particle.build import Particle
+from repose.particle.particle import Particle
 
 REFERENCE_LOOPS = 20_000
 REPEATS = 7

@@ -10,8 +10,6 @@ down to the back of its face.
 from collections import namedtuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from .jit import kernel
 
@@ -92,8 +90,10 @@ def coplanar_groups(vertices, faces, edges, beside):
         height = np.minimum(height, away)
     flat = (height < FLAT * size) & (np.sum(normal[one] * normal[two], axis=1) > 0.0)
     n = len(faces)
+    from scipy.sparse import coo_array, csgraph  # slow to import: where there is a mesh
+
     joined = coo_array((np.ones(flat.sum()), (one[flat], two[flat])), shape=(n, n))
-    count, group = connected_components(joined, directed=False)
+    count, group = csgraph.connected_components(joined, directed=False)
     common = np.zeros((count, 3))
     np.add.at(common, group, area)
     common /= np.maximum(np.linalg.norm(common, axis=1, keepdims=True), 1e-300)
@@ -248,6 +248,8 @@ def _convex_vertices(core, edges, pairs, planes):
 
 def _gentle_neighbours(core, faces, group, normals):
     """Pairs of faces (K, 2) that share a vertex and meet in a concave kink below GENTLE."""
+    from scipy.sparse import coo_array
+
     n = len(faces)
     at = coo_array(
         (np.ones(3 * n), (np.repeat(np.arange(n), 3), faces.ravel())), shape=(n, len(core))

@@ -1,69 +1,57 @@
 """Figures from the workflow's own tables, with the paper's numbers if the paper has a counterpart."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from repose.core.errors import InputError
 
-from . import (
-    bench_scenes,
-    berries,
-    checks,
-    discrepancy,
-    measuring,
-    plane,
-    refinement,
-    region,
-    response_surface,
-    rotation,
-    samples,
-    search,
-    sequential,
-    style,
-    surrogate,
-    testbench,
-    uncertainty,
-    workflow,
-)
+from . import style
+
+
+def _drawn_by(module: str, name: str) -> Callable[[Mapping[str, Any], Mapping[str, Any]], Any]:
+    """A function of a module of this package that is imported when it draws: each needs other slow libraries."""
+    return lambda inputs, config: getattr(import_module(f".{module}", __name__), name)(inputs, config)
+
 
 # Name of a figure: the function that draws it and the inputs it needs; inputs in OPTIONAL may be left out.
 FIGURES = {
-    "figure02": (berries.sizes_and_sphericity, ("sizes",)),
-    "figure05": (testbench.simulated_pile, ("heap", "particle")),
-    "figure06": (testbench.measurement, ("heap", "particle", "berry")),
-    "figure07": (berries.particle_and_mesh, ("stl", "particle")),
-    "figure08": (testbench.apparatus, ()),
-    "figure09": (workflow.rule_graph, ("dot",)),
-    "figure10": (surrogate.network_structure, ("network",)),
-    "figure13": (surrogate.predicted_against_simulated, ("predictions", "dataset")),
-    "figure14": (search.feasible_solutions, ("feasible", "summary")),
-    "figure15": (rotation.states, ("states", "particle")),
-    "definitions": (measuring.definitions, ("heap", "particle", "berry")),
-    "drum": (rotation.course, ("record", "profile", "runs")),
-    "convergence": (search.convergence, ("history",)),
-    "plane": (plane.planes, ("dataset", "feasible", "table4")),
-    "design": (samples.design_matrix, ("samples",)),
-    "dataset": (samples.responses_over_parameters, ("dataset",)),
-    "validation": (checks.validation, ("table4",)),
-    "published": (checks.published_solutions, ("published",)),
-    "noise": (uncertainty.noise_floor, ("runs", "seeds", "noise")),
-    "corner": (uncertainty.corner, ("draws", "posterior", "summary", "feasible")),
-    "intervals": (uncertainty.intervals, ("posterior",)),
-    "discrepancy": (discrepancy.over_the_discrepancy, ("discrepancy",)),
-    "region": (region.not_excluded, ("region", "summary")),
-    "sobol": (uncertainty.sobol_indices, ("sobol",)),
-    "approach": (refinement.approach, ("rounds",)),
-    "pareto_screening": (response_surface.pareto, ("effects",)),
-    "pareto_surface": (response_surface.pareto, ("effects",)),
-    "perturbation": (response_surface.perturbation, ("samples", "dataset")),
-    "contours": (response_surface.contours, ("samples", "dataset", "optimum")),
-    "sequential": (sequential.sequential, ("batches", "check")),
-    "lifted_cylinder": (bench_scenes.lifted_cylinder, ()),
-    "inclined_plane": (bench_scenes.inclined_plane, ()),
-    "drop_test": (bench_scenes.drop_test, ()),
-    "drawdown": (bench_scenes.drawdown, ()),
-    "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
+    "figure02": (_drawn_by("berries", "sizes_and_sphericity"), ("sizes",)),
+    "figure05": (_drawn_by("testbench", "simulated_pile"), ("heap", "particle")),
+    "figure06": (_drawn_by("testbench", "measurement"), ("heap", "particle", "berry")),
+    "figure07": (_drawn_by("berries", "particle_and_mesh"), ("stl", "particle")),
+    "figure08": (_drawn_by("testbench", "apparatus"), ()),
+    "figure09": (_drawn_by("workflow", "rule_graph"), ("dot",)),
+    "figure10": (_drawn_by("surrogate", "network_structure"), ("network",)),
+    "figure13": (_drawn_by("surrogate", "predicted_against_simulated"), ("predictions", "dataset")),
+    "figure14": (_drawn_by("search", "feasible_solutions"), ("feasible", "summary")),
+    "figure15": (_drawn_by("rotation", "states"), ("states", "particle")),
+    "definitions": (_drawn_by("measuring", "definitions"), ("heap", "particle", "berry")),
+    "drum": (_drawn_by("rotation", "course"), ("record", "profile", "runs")),
+    "convergence": (_drawn_by("search", "convergence"), ("history",)),
+    "plane": (_drawn_by("plane", "planes"), ("dataset", "feasible", "table4")),
+    "design": (_drawn_by("samples", "design_matrix"), ("samples",)),
+    "dataset": (_drawn_by("samples", "responses_over_parameters"), ("dataset",)),
+    "validation": (_drawn_by("checks", "validation"), ("table4",)),
+    "published": (_drawn_by("checks", "published_solutions"), ("published",)),
+    "noise": (_drawn_by("uncertainty", "noise_floor"), ("runs", "seeds", "noise")),
+    "corner": (_drawn_by("uncertainty", "corner"), ("draws", "posterior", "summary", "feasible")),
+    "intervals": (_drawn_by("uncertainty", "intervals"), ("posterior",)),
+    "discrepancy": (_drawn_by("discrepancy", "over_the_discrepancy"), ("discrepancy",)),
+    "region": (_drawn_by("region", "not_excluded"), ("region", "summary")),
+    "sobol": (_drawn_by("uncertainty", "sobol_indices"), ("sobol",)),
+    "approach": (_drawn_by("refinement", "approach"), ("rounds",)),
+    "pareto_screening": (_drawn_by("response_surface", "pareto"), ("effects",)),
+    "pareto_surface": (_drawn_by("response_surface", "pareto"), ("effects",)),
+    "perturbation": (_drawn_by("response_surface", "perturbation"), ("samples", "dataset")),
+    "contours": (_drawn_by("response_surface", "contours"), ("samples", "dataset", "optimum")),
+    "sequential": (_drawn_by("sequential", "sequential"), ("batches", "check")),
+    "lifted_cylinder": (_drawn_by("bench_scenes", "lifted_cylinder"), ()),
+    "inclined_plane": (_drawn_by("bench_scenes", "inclined_plane"), ()),
+    "drop_test": (_drawn_by("bench_scenes", "drop_test"), ()),
+    "drawdown": (_drawn_by("bench_scenes", "drawdown"), ()),
+    "main_effects": (_drawn_by("uncertainty", "main_effects"), ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
     "approach": ("summary",),

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from repose.config.reading import section
 from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import outlines
-from repose.particle.build import Particle
+from repose.particle.particle import Particle
 
 from . import style
 from .testbench import dimension

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from repose.core.errors import InputError
 from repose.dem.tessellation import tessellate
 from repose.particle import berry, build
-from repose.particle.build import Particle
-from repose.particle.mesh import Body
+from repose.particle.particle import Body, Particle
 from repose.particle.sphere_packing import distances
 
 from . import style

@@ -11,8 +11,8 @@ from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
-from repose.particle import build
 from repose.particle.berry_files import read_berry
+from repose.particle.particle import Particle
 
 from . import style
 
@@ -24,7 +24,7 @@ def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Four definitions on the first view of a pile (above), and their values in every view (below)."""
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
-    poured, particle = first_pour(inputs["heap"]), build.Particle.load(inputs["particle"])
+    poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 3.9)
     above, below = figure.subplots(2, 1, height_ratios=(1.9, 1))
     measured = _view(above, side_view(poured, particle, settings), settings)

@@ -10,11 +10,7 @@ from matplotlib.figure import Figure
 
 from repose.core.files import read_npz, read_table
 from repose.measure import bed
-from repose.particle import build
-from repose.particle.build import Particle
-from repose.pictures.film import drum_inside
-from repose.pictures.render import render_pile
-from repose.pictures.scenery import look_at
+from repose.particle.particle import Particle
 
 from . import style
 
@@ -31,7 +27,7 @@ TITLES = {
 def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 15 of the paper: side views along the axis with the line fitted to the upper edge, a panel per state."""
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
-    particle, scales = build.Particle.load(inputs["particle"]), arrays.get("scale")
+    particle, scales = Particle.load(inputs["particle"]), arrays.get("scale")
     slipped = "position_before" in arrays
     shown = ("start", "before", "after") if slipped else ("start", "report")
     figure = style.new_figure(style.PAGE, style.PAGE / len(shown) + 0.3)
@@ -57,6 +53,10 @@ def _side_view(
     config: Mapping[str, Any],
 ) -> float:
     """Draw one state with its fitted line; returns the line's angle in degrees."""
+    from repose.pictures.film import drum_inside  # slow to import, and `course` does without
+    from repose.pictures.render import render_pile
+    from repose.pictures.scenery import look_at
+
     section = config["drum"]
     inside = drum_inside(section, np.radians(turned_deg))
     picture = render_pile(

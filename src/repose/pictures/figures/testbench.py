@@ -14,10 +14,8 @@ from repose.measure import drawing, pile
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import outlines
-from repose.particle import build
 from repose.particle.berry_files import read_berry
-from repose.pictures.render import render_pile
-from repose.pictures.scenery import funnel_walls
+from repose.particle.particle import Particle
 
 from . import style
 
@@ -28,10 +26,12 @@ SNAPSHOT_S = 9.0
 
 def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Counterpart of Figure 5 of the paper: a shaded picture of a simulated pile, the first pour of the file."""
+    from repose.pictures.render import render_pile  # slow to import, and the other figures here do without
+
     poured = first_pour(inputs["heap"])
     centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
     scales = poured.get("scale", np.ones(len(centres))).astype(float)
-    particle = build.Particle.load(inputs["particle"])
+    particle = Particle.load(inputs["particle"])
     reach = particle.bounding_radius_m * scales.max(initial=0.0)
     near = centres[in_pile].astype(float)
     corners = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
@@ -59,7 +59,7 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
 def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 6 of the paper (section 2.3): the steps of the measurement; left line red, right line green."""
     settings = pile.MeasureSettings.of(config["measure"], read_berry(inputs["berry"]))
-    image = side_view(first_pour(inputs["heap"]), build.Particle.load(inputs["particle"]), settings)
+    image = side_view(first_pour(inputs["heap"]), Particle.load(inputs["particle"]), settings)
     steps = drawing.process_panels(
         image,
         settings.mm_per_pixel,
@@ -79,6 +79,8 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 8 of the paper: the virtual test bench from the side, in mm, with the berries of a pour if given."""
     funnel = config["funnel"]
+    from repose.pictures.scenery import funnel_walls
+
     walls = funnel_walls(funnel)
     top, half_inlet = 1e3 * walls[-1].z_high_m, funnel["inlet_diameter_mm"] / 2
     factory = top + funnel["factory_height_mm"]
@@ -199,7 +201,7 @@ def _dimensions(
 
 def _grains(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
     """Side view of the grains during a pour, each with its true outline, the nearest drawn last."""
-    particle = build.Particle.load(inputs["particle"])
+    particle = Particle.load(inputs["particle"])
     record = read_npz(inputs["trajectory"], ("time_s", "position", "quaternion"), "the trajectory of a pour")
     frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
     time_s = float(record["time_s"][frame])
