@@ -390,7 +390,7 @@ class Pour:
     largest_motion_m: float  # farthest way of a berry on the plate in the last `rest_window_s`
     discharge_s: float  # from the first to the last berry that left the outlet; NaN where none did
     wall_s: float  # wall time of the pour
-    us_per_step: float  # wall time of a time step at its end
+    us_per_step: float  # wall time of a time step in the last second of `duration_s`, or since the last berry
     frames: dict[str, np.ndarray] | None  # see `repose.apparatus.scene.Filmed.frames`
 
 
@@ -447,18 +447,20 @@ def pour(
     window = settings.steps(section["rest_window_s"])
     bounded = Bounded(simulation, height)
     filmed = Filmed(bounded, interval_s, progress)
-    clock, filled = began, 0
+    clock, timed = began, 0
     seen: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
     with bounded.guard():
         fill(simulation, factory, section, seed, last_step - window, filmed.run_to, scales)
-        clock, filled = time.perf_counter(), simulation.steps
+        clock, timed = time.perf_counter(), simulation.steps
         every = max(1, window // LOOKS)
-        for step in range(last_step - (last_step - filled) // every * every, last_step + 1, every):
+        for step in range(last_step - (last_step - timed) // every * every, last_step + 1, every):
             filmed.run_to(step)
+            if step <= last_step - settings.steps(1.0):
+                clock, timed = time.perf_counter(), step
             seen.append(simulation.positions.copy())
             if _rests(simulation, section, funnel, seen):
                 break
-    us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - filled)
+    us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - timed)
     took_s = time.perf_counter() - began
     before = seen[0] if seen else None
     return _judge(simulation, funnel, before, bounded.broken, filmed.frames(), took_s, us_per_step)
