@@ -38,7 +38,8 @@ def test_medians_are_set_beside_the_kernel_and_the_first_particle():
         {"name": "a", "us_per_step": 100.0, "job_s": 10.0, "ratio": 2.0, "to_first": 1.0},
         {"name": "b", "us_per_step": 250.0, "job_s": 30.0, "ratio": 5.0, "to_first": 2.5},
     ]
-    table = speed.message(found | {"berries": 500, "time_step_s": 2e-4}).splitlines()
+    table = speed.message(found | {"berries": 500, "time_step_s": 2e-4} | speed.machine()).splitlines()
+    assert f"vectors of {speed.machine()['vector_bits']} bits" in table[0]
     assert [line.split() for line in table[2:]] == [
         ["a", "100.0", "1.00", "2.000", "10.00"],
         ["b", "250.0", "2.50", "5.000", "30.00"],

@@ -11,11 +11,13 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import binding
 
 from repose.apparatus import funnel
 from repose.apparatus.settings import SimulationSettings
 from repose.particle.particle import Particle
 
+VECTOR_BITS = {"avx512f": 512, "avx": 256}  # by the feature of a processor
 REFERENCE_LOOPS = 20_000
 REPEATS = 7
 ROUNDS = 3
@@ -45,7 +47,7 @@ def run(
     """Time whole pours and settled piles on one core, the particles in turn so that all see the same machine.
 
     The first of the particles is the reference of the others; `berry` holds the moduli. Returns the `summary`, with
-    `berries` and `time_step_s` of the pours.
+    `berries` and `time_step_s` of the pours and the `machine`.
     """
     warm = {**config, "funnel": {**config["funnel"], "berries": 2, "duration_s": 1.0}}
     for particle in particles.values():  # compiles what is timed afterwards
@@ -59,7 +61,14 @@ def run(
             pours[name].append(timed_pour(config, parameters, seed, particle, berry))
     step_s = SimulationSettings.of(config).time_step_s
     of_pours = {"berries": config["funnel"]["berries"], "time_step_s": step_s}
-    return of_pours | summary(references, pours)
+    return of_pours | machine() | summary(references, pours)
+
+
+def machine() -> dict[str, Any]:
+    """The kind of processor by LLVM's name, and the width of the vectors of the compiled loops."""
+    features = binding.get_host_cpu_features()
+    bits = next((bits for name, bits in VECTOR_BITS.items() if features.get(name)), 128)
+    return {"processor": binding.get_host_cpu_name(), "vector_bits": bits}
 
 
 def timed_pour(
@@ -104,7 +113,8 @@ def message(result: Mapping[str, Any]) -> str:
     """The table of `run` for a terminal."""
     lines = [
         f"{result['berries']} berries, time step {result['time_step_s']:g} s, one core; "
-        f"reference kernel {result['reference_us']:.1f} us",
+        f"reference kernel {result['reference_us']:.1f} us; "
+        f"{result['processor']}, vectors of {result['vector_bits']} bits",
         f"{'particle':16} {'us a step':>10} {'to first':>9} {'to kernel':>10} {'pour, s':>8}",
     ]
     for row in result["particles"]:
