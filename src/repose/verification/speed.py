@@ -78,7 +78,7 @@ def timed_pour(
     particle: Particle,
     berry: Mapping[str, float],
 ) -> tuple[float, float]:
-    """Time of a step of the settled pile [us], and wall time of the whole pour [s]; two pours, so that both are whole."""
+    """Time of a step of the settled pile [us] and wall time of the whole pour [s]: two pours, both whole."""
     settled = {"duration_s": config["funnel"]["duration_s"] + SETTLED_S, "rest_motion_mm": NEVER_RESTS}
     longer = {**config, "funnel": {**config["funnel"], **settled}}
     poured = funnel.pour(config, parameters, seed, particle, berry)
