@@ -62,9 +62,8 @@ class Strip:
 def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
     """A random point (3,) of a factory [m] where a new berry cannot touch another; None where none was found."""
     place = factory.draw(rng, 1)[0]
-    others = simulation.positions[simulation.present]
-    reach = 2.0 * simulation.radius
-    others = others[others[:, 2] > factory.height_m - reach]
+    others, reach = simulation.positions, 2.0 * simulation.radius
+    others = others[simulation.present & (others[:, 2] > factory.height_m - reach)]
     if not len(others) or np.sum((others - place) ** 2, axis=1).min() > reach * reach:
         return place
     before = rng.bit_generator.state

@@ -21,12 +21,16 @@ def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
     """
     q = np.asarray(quaternions, dtype=float)
     w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-    rows = [
+    return np.moveaxis(np.array(_rows(w, x, y, z)), 2, 0)
+
+
+def _rows(w, x, y, z):
+    """The rows of the matrix of a unit quaternion: of numbers or of arrays."""
+    return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def rotation_matrix(quaternion: ArrayLike) -> np.ndarray:
@@ -42,7 +46,8 @@ def rotation_matrix(quaternion: ArrayLike) -> np.ndarray:
     ndarray (3, 3)
         Rotation from the body's frame to the world's.
     """
-    return rotation_matrices(np.asarray(quaternion, dtype=float)[None])[0]
+    q = np.asarray(quaternion, dtype=float)
+    return np.array(_rows(*(q / np.linalg.norm(q)).tolist()))
 
 
 def random_quaternion(rng: np.random.Generator) -> np.ndarray:
