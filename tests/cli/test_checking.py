@@ -14,7 +14,7 @@ from repose.dem.time_steps import Limit
 @pytest.mark.parametrize(
     ("step_s", "hint"),
     [
-        (4.0e-6, "; with 3.6e-05 a run takes 0.11 of the time"),  # 0.9 of 4.09e-5 is 3.681e-5
+        (4.0e-6, "; with 3.2e-05 a run takes 0.12 of the time"),  # 0.9 of 4.09e-5 is 3.681e-5
         (3.0e-5, ""),
     ],
 )
@@ -23,11 +23,11 @@ def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time(step_
     assert checking.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{hint}")
 
 
-@pytest.mark.parametrize("longest_s", [1.0e-3, 3.3e-5, 9.99e-7, 2.0e-6 / 0.9])
+@pytest.mark.parametrize("longest_s", [1.0e-3, 3.3e-5, 9.99e-7, 2.0e-6 / 0.8])
 def test_the_advised_step_has_two_digits_and_is_allowed(longest_s):
     step = computed.advised_step_s(longest_s)
     assert step == float(f"{step:.2g}")
-    assert 0.8 * longest_s < step <= computed.STEP_SHARE * longest_s * (1 + 1e-12)
+    assert 0.7 * longest_s < step <= computed.STEP_SHARE * longest_s * (1 + 1e-12)
 
 
 def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):

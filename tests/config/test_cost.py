@@ -64,6 +64,7 @@ def test_the_longest_job_has_the_most_seeds_of_the_slowest_bench_test(config):
 
 
 def test_work_counts_every_pour(config):
+    config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.work(config)
     solutions = (("representative", 1, 32), ("validation", 5, 16), ("published", 6, 16))
     assert work["pours"] == (("design", 150, 6), *solutions)

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 PIXELS_A_GRAIN = 32  # of a simulated pile's pictures, over the grain's equivalent diameter
 PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
-STEP_SHARE = 0.9  # of the longest time step: an edit that shortens that a little needs no new step
+# Of the longest time step. At 0.9 of it 4 of 64 piles of the lowest restitutions did not come to rest (a grain between
+# eight others trembles), at 0.81 none of 72.
+STEP_SHARE = 0.8
 REST_S = 1.5  # from the last grain on the pile until the pile rests
 # Shares (training, validation, test): only a network has validation samples.
 SPLITS = {"network": [0.70, 0.15, 0.15], "network_ensemble": [0.70, 0.15, 0.15]}

@@ -26,14 +26,12 @@ class Rule(NamedTuple):
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
-    """The rules for a configuration, those of its bench tests included."""
+    """The rules for a configuration whose `auto` are numbers, those of its bench tests included."""
     from repose import strategies
 
     used = used_tests(config)
     sections = [name for name in strategies.names() if strategies.strategy(name).settings is not None]
     return [
-        Rule(("targets",), _of_targets),
-        Rule(("parameters", "simulation"), _of_the_contact_law),
         *(Rule((test.name, "simulation"), test.contradictions) for test in used),
         Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
         Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
@@ -104,3 +102,10 @@ def _of_targets(config):
         if target["response"] in seen:
             yield f"targets.{k}.response", "each response once"
         seen.add(target["response"])
+
+
+# Rules that are applied before any `auto` is computed, since a time step needs the constants of the contact law.
+BEFORE_NUMBERS = (
+    Rule(("targets",), _of_targets),
+    Rule(("parameters", "simulation"), _of_the_contact_law),
+)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from repose.apparatus.settings import SimulationSettings
 from repose.config import computed, results_folder
-from repose.config.contradictions import rules, used_tests
+from repose.config.contradictions import BEFORE_NUMBERS, Rule, rules, used_tests
 from repose.config.reading import Origin, get, owner_of
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published
@@ -64,10 +64,9 @@ class Making:
             self._read_files()
         if inputs or any(setting.needs_grain for setting in pending):
             self._make_grain()
+        self._apply(BEFORE_NUMBERS)
         self._compute(pending)
-        for rule in rules(self.config):
-            if self._may_read(*rule.reads):
-                self._add(rule.faults(self.config))
+        self._apply(rules(self.config))
         if inputs:
             self._fit_together()
         raise_together(self.faults)
@@ -95,6 +94,12 @@ class Making:
         for key, allowed in pairs:
             self.faults.append(YamlError(owner_of(self.source, key), key, get(self.config, key), allowed))
             self.bad.add(key)
+
+    def _apply(self, some: Iterable[Rule]) -> None:
+        """Add the faults of rules whose sections have none."""
+        for rule in some:
+            if self._may_read(*rule.reads):
+                self._add(rule.faults(self.config))
 
     def _result_of(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
         """Result of a function; if it refuses its arguments, None, with a further fault of the key."""
