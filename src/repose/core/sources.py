@@ -61,7 +61,14 @@ def _parsed(path: Path) -> ast.Module:
 @cache
 def _imported(path: Path) -> tuple[Path, ...]:
     """Files that a file imports."""
-    return tuple(file for module in _imports(_parsed(path)) for file in _files(module))
+    tree, package = _parsed(path), ".".join((PACKAGE.name, *path.relative_to(PACKAGE).parts[:-1]))
+    # the engine has a hash of its own, so its modules' relative imports are not followed
+    modules = [*_imports(tree, package if package.split(".")[1:2] != ["dem"] else None)]
+    if path == PACKAGE / "pictures" / "figures" / "__init__.py":
+        modules += [
+            f"{package}.{beside.stem}" for beside in path.parent.glob("*.py")
+        ]  # imported by their names
+    return tuple(file for module in modules for file in _files(module))
 
 
 def _used_by(verb: str) -> Iterator[str]:
@@ -88,14 +95,18 @@ def _used_by(verb: str) -> Iterator[str]:
             yield from _imports(node)
 
 
-def _imports(tree: ast.AST) -> Iterator[str]:
-    """Names of modules of the package that a syntax tree imports, and names that may be modules."""
+def _imports(tree: ast.AST, package: str | None = None) -> Iterator[str]:
+    """Names of modules that a syntax tree imports, and names that may be; relative ones are those of a package."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and (package or node.level == 0):
+            around = (
+                package.split(".")[: package.count(".") + 2 - node.level] if package and node.level else []
+            )
+            module = ".".join([*around, *filter(None, [node.module])])
+            yield module
+            yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
 def _files(module: str) -> list[Path]:
