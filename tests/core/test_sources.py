@@ -21,7 +21,8 @@ def test_a_stage_stands_on_what_its_verb_imports_and_on_what_that_imports(monkey
     assert "particle/support_fit.py" in closure("shape", monkeypatch)  # through a helper of the command line
     assert "strategies/sequential/kriging.py" not in closure("network", monkeypatch)
     # modules of a package that imports them by their names, and relatively
-    assert {f"pictures/figures/{name}.py" for name in ("style", "search", "plane")} <= closure("figure", monkeypatch)
+    figures = {f"pictures/figures/{name}.py" for name in ("style", "search", "plane")}
+    assert figures <= closure("figure", monkeypatch)
 
 
 def test_the_engines_hash_has_all_that_a_pour_imports_besides_measurement_and_what_all_share():
