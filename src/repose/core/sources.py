@@ -4,6 +4,7 @@ import ast
 import hashlib
 from collections.abc import Iterable, Iterator
 from functools import cache
+from importlib.util import resolve_name
 from pathlib import Path
 
 from repose.core.places import PACKAGE
@@ -61,13 +62,11 @@ def _parsed(path: Path) -> ast.Module:
 @cache
 def _imported(path: Path) -> tuple[Path, ...]:
     """Files that a file imports."""
-    tree, package = _parsed(path), ".".join((PACKAGE.name, *path.relative_to(PACKAGE).parts[:-1]))
+    package = ".".join((PACKAGE.name, *path.relative_to(PACKAGE).parts[:-1]))
     # the engine has a hash of its own, so its modules' relative imports are not followed
-    modules = [*_imports(tree, package if package.split(".")[1:2] != ["dem"] else None)]
-    if path == PACKAGE / "pictures" / "figures" / "__init__.py":
-        modules += [
-            f"{package}.{beside.stem}" for beside in path.parent.glob("*.py")
-        ]  # imported by their names
+    modules = [*_imports(_parsed(path), None if path.is_relative_to(PACKAGE / "dem") else package)]
+    if path == PACKAGE / "pictures" / "figures" / "__init__.py":  # imports its modules by their names
+        modules += [f"{package}.{beside.stem}" for beside in path.parent.glob("*.py")]
     return tuple(file for module in modules for file in _files(module))
 
 
@@ -101,10 +100,7 @@ def _imports(tree: ast.AST, package: str | None = None) -> Iterator[str]:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and (package or node.level == 0):
-            around = (
-                package.split(".")[: package.count(".") + 2 - node.level] if package and node.level else []
-            )
-            module = ".".join([*around, *filter(None, [node.module])])
+            module = resolve_name("." * node.level + (node.module or ""), package)
             yield module
             yield from (f"{module}.{alias.name}" for alias in node.names)
 
