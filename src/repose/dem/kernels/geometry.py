@@ -43,23 +43,34 @@ def extent(row, parts, nx, ny, nz):
 
 
 @inlined
-def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
-    """Add one part to the support point and the curvature matrix of a body: S n / h and (S - x x') / h."""
-    px, py, pz = times_shape(row, part, nx, ny, nz)
-    inv = rsqrt(nx * px + ny * py + nz * pz)
-    px, py, pz = inv * px, inv * py, inv * pz
-    s = SHAPE + PART * part
+def part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz):
+    """Support point S n / h of a part with the matrix S, and its curvature (S - x x') / h; h is the root of n.S n."""
+    x = xx * nx + xy * ny + xz * nz
+    y = xy * nx + yy * ny + yz * nz
+    z = xz * nx + yz * ny + zz * nz
+    inv = rsqrt(nx * x + ny * y + nz * z)
+    x, y, z = inv * x, inv * y, inv * z
     return (
-        x + px,
-        y + py,
-        z + pz,
-        xx + inv * (row[s] - px * px),
-        xy + inv * (row[s + 1] - px * py),
-        xz + inv * (row[s + 2] - px * pz),
-        yy + inv * (row[s + 3] - py * py),
-        yz + inv * (row[s + 4] - py * pz),
-        zz + inv * (row[s + 5] - pz * pz),
+        x,
+        y,
+        z,
+        inv * (xx - x * x),
+        inv * (xy - x * y),
+        inv * (xz - x * z),
+        inv * (yy - y * y),
+        inv * (yz - y * z),
+        inv * (zz - z * z),
     )
+
+
+@inlined
+def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
+    """Add the `part_terms` of one part of a body to a support point and a curvature matrix."""
+    s = SHAPE + PART * part
+    px, py, pz, pxx, pxy, pxz, pyy, pyz, pzz = part_terms(
+        row[s], row[s + 1], row[s + 2], row[s + 3], row[s + 4], row[s + 5], nx, ny, nz
+    )
+    return x + px, y + py, z + pz, xx + pxx, xy + pxy, xz + pxz, yy + pyy, yz + pyz, zz + pzz
 
 
 @inlined

@@ -9,7 +9,7 @@ check a loop. Unused lanes hold a body that is not there and are thrown away.
 import math
 
 from . import state as st
-from .geometry import area
+from .geometry import area, part_terms
 from .jit import inlined
 from .rows import Rows
 from .simd import rsqrt
@@ -62,34 +62,19 @@ def fill_constants(t, at, constants):
 
 
 @inlined
-def part_terms(t, shape, k, nx, ny, nz):
-    """Support point S n / h of one part of a lane's body, and its curvature (S - x x') / h; h is the root of n.S n."""
+def lane_part(t, shape, k, nx, ny, nz):
+    """`part_terms` of one part of a lane's body."""
     xx, xy, xz = t[shape + k], t[shape + L + k], t[shape + 2 * L + k]
     yy, yz, zz = t[shape + 3 * L + k], t[shape + 4 * L + k], t[shape + 5 * L + k]
-    x = xx * nx + xy * ny + xz * nz
-    y = xy * nx + yy * ny + yz * nz
-    z = xz * nx + yz * ny + zz * nz
-    inv = rsqrt(nx * x + ny * y + nz * z)
-    x, y, z = inv * x, inv * y, inv * z
-    return (
-        x,
-        y,
-        z,
-        inv * (xx - x * x),
-        inv * (xy - x * y),
-        inv * (xz - x * z),
-        inv * (yy - y * y),
-        inv * (yz - y * z),
-        inv * (zz - z * z),
-    )
+    return part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz)
 
 
 @inlined
 def body_terms(t, shape, parts, k, nx, ny, nz):
     """`part_terms` of a lane's body, summed over its parts."""
-    x, y, z, xx, xy, xz, yy, yz, zz = part_terms(t, shape, k, nx, ny, nz)
+    x, y, z, xx, xy, xz, yy, yz, zz = lane_part(t, shape, k, nx, ny, nz)
     for part in range(1, parts):
-        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = part_terms(t, shape + part * PART * L, k, nx, ny, nz)
+        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = lane_part(t, shape + part * PART * L, k, nx, ny, nz)
         x, y, z = x + dx, y + dy, z + dz
         xx, xy, xz, yy, yz, zz = xx + dxx, xy + dxy, xz + dxz, yy + dyy, yz + dyz, zz + dzz
     return x, y, z, xx, xy, xz, yy, yz, zz
