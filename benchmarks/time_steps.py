@@ -73,7 +73,7 @@ def main():
     parser.add_argument("--config", nargs="+", default=["config/config.yaml"])
     parser.add_argument("--seeds", type=int, default=2, help="pours of each time step; 0: impacts alone")
     arguments = parser.parse_args()
-    for row in rows(Study.load(arguments.config), arguments.seeds):
+    for row in rows(Study.load(*arguments.config), arguments.seeds):
         print(*row, sep="\t", flush=True)
 
 

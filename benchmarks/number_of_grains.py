@@ -1,0 +1,86 @@
+"""Effect of the number of grains on the angle and the Height of a poured pile: a table of docs/measurement.md.
+
+    python benchmarks/number_of_grains.py [--config config/config.yaml] [--out number_of_grains.csv]
+
+The grain stays. Inlet, plate and height of the funnel go with the cube root of the number, as the pile does. So does
+the outlet, but it is never narrower than in the configuration, or it jams. The rate goes with these lengths
+to the power of 5/2, as discharge does (Beverloo). The parameters are the centre of the ranges.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from repose.apparatus import bench
+from repose.apparatus.job import run_once
+from repose.config.study import Study
+from repose.core.runs import mean_and_error
+
+GRAINS = {62: 32, 125: 32, 250: 32, 500: 32, 1000: 16, 2000: 8, 4000: 6}  # and pours of each
+LENGTHS = ("inlet_diameter_mm", "outlet_diameter_mm", "outlet_height_mm", "plate_diameter_mm")
+FACTORY = ("factory_diameter_mm", "factory_height_mm")
+AFTER_S = 4.0  # longest time from the last grain to rest; a pour ends when its pile rests
+ANGLES = ("whole", "flank", "secant", "steepest")
+
+
+def scaled(config, grains):
+    """The configuration with another number of grains, and the scale of its lengths."""
+    own = config["funnel"]
+    scale = (grains / own["berries"]) ** (1 / 3)
+    funnel = own | {key: scale * own[key] for key in (*LENGTHS, *FACTORY)}
+    funnel["outlet_diameter_mm"] = max(own["outlet_diameter_mm"], funnel["outlet_diameter_mm"])
+    funnel["factory_diameter_mm"] = min(
+        max(own["factory_diameter_mm"] * scale, funnel["outlet_diameter_mm"]), funnel["inlet_diameter_mm"]
+    )
+    funnel |= {"berries": grains, "rate_per_s": own["rate_per_s"] * scale**2.5}
+    funnel["duration_s"] = grains / funnel["rate_per_s"] + AFTER_S
+    return {**config, "funnel": funnel}, scale
+
+
+def row(study, grains, pours):
+    """Means and standard errors of the pours of one number of grains."""
+    config, scale = scaled(study.config, grains)
+    began = time.process_time()
+    records = [
+        run_once(bench("funnel"), config, study.parameters.centre, seed, study.particle, study.grain)[0]
+        for seed in range(1, pours + 1)
+    ]
+    cost = (time.process_time() - began) / pours
+    good = [record for record in records if record["status"] == "ok"]
+    axes = [study.grain[key] for key in ("long_mm", "major_mm", "minor_mm")]
+    values = {
+        "label": study.config["label"],
+        "grains": grains,
+        "scale": scale,
+        "pours": len(good),
+        "of": pours,
+    }
+    for name in ANGLES:
+        found = [record[f"aor_{name}_deg"] for record in good if record.get(f"aor_{name}_deg") is not None]
+        values[f"aor_{name}_deg"], values[f"aor_{name}_se_deg"] = mean_and_error(found)
+    heights = np.array([record["height_mm"] for record in good])
+    values["height_scaled_mm"], values["height_scaled_se_mm"] = mean_and_error(heights / scale)
+    values["height_grains"] = heights.mean() / np.prod(axes) ** (1 / 3)
+    return values | {"cpu_s": cost}
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--config", nargs="+", default=["config/config.yaml"])
+    parser.add_argument("--grains", type=int, nargs="+", default=list(GRAINS))
+    parser.add_argument("--out", type=Path, default=Path("number_of_grains.csv"))
+    arguments = parser.parse_args()
+    study, rows = Study.load(*arguments.config), []
+    for grains in arguments.grains:
+        rows.append(row(study, grains, GRAINS[grains]))
+        pd.DataFrame(rows).to_csv(arguments.out, index=False, float_format="%.4g")
+        print(rows[-1], flush=True)
+
+
+if __name__ == "__main__":
+    main()
