@@ -33,7 +33,7 @@ include_patterns = [
     "resources/*.md",
     "src/repose/dem/README.md",
 ]
-exclude_patterns = [".*", "build", "dist", "docs/_build", "results", "tests", "workflow"]
+exclude_patterns = [".*", "build", "dist", "docs/_build", "paper.md", "results", "tests", "workflow"]
 
 extensions = [
     "myst_nb",
