@@ -1,10 +1,9 @@
-"""Effect of the number of grains on the angle and the Height of a poured pile: a table of docs/measurement.md.
+"""Effect of the number of grains on the angle and the Height of a poured pile: the table of scene_size.py.
 
     python benchmarks/number_of_grains.py [--config config/config.yaml] [--out number_of_grains.csv]
 
-The grain stays. Inlet, plate and height of the funnel go with the cube root of the number, as the pile does. So does
-the outlet, but it is never narrower than in the configuration, or it jams. The rate goes with these lengths
-to the power of 5/2, as discharge does (Beverloo). The parameters are the centre of the ranges.
+The scene is scaled as `repose.apparatus.scene_size.scaled` does it; the parameters are the centre of the ranges. The
+tables of several crops together are what that module reads.
 """
 
 import argparse
@@ -14,35 +13,24 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import bench
+from repose.apparatus import bench, scene_size
+from repose.apparatus import funnel as funnel_test
 from repose.apparatus.job import run_once
 from repose.config.study import Study
 from repose.core.runs import mean_and_error
 
-GRAINS = {62: 32, 125: 32, 250: 32, 500: 32, 1000: 16, 2000: 8, 4000: 6}  # and pours of each
-LENGTHS = ("inlet_diameter_mm", "outlet_diameter_mm", "outlet_height_mm", "plate_diameter_mm")
-FACTORY = ("factory_diameter_mm", "factory_height_mm")
+GRAINS = {62: 32, 125: 32, 250: 32, 500: 32, 1000: 16, 2000: 8, 4000: 6, 8000: 4}  # and pours of each
 AFTER_S = 4.0  # longest time from the last grain to rest; a pour ends when its pile rests
 ANGLES = ("whole", "flank", "secant", "steepest")
 
 
-def scaled(config, grains):
-    """The configuration with another number of grains, and the scale of its lengths."""
-    own = config["funnel"]
-    scale = (grains / own["berries"]) ** (1 / 3)
-    funnel = own | {key: scale * own[key] for key in (*LENGTHS, *FACTORY)}
-    funnel["outlet_diameter_mm"] = max(own["outlet_diameter_mm"], funnel["outlet_diameter_mm"])
-    funnel["factory_diameter_mm"] = min(
-        max(own["factory_diameter_mm"] * scale, funnel["outlet_diameter_mm"]), funnel["inlet_diameter_mm"]
-    )
-    funnel |= {"berries": grains, "rate_per_s": own["rate_per_s"] * scale**2.5}
-    funnel["duration_s"] = grains / funnel["rate_per_s"] + AFTER_S
-    return {**config, "funnel": funnel}, scale
-
-
 def row(study, grains, pours):
     """Means and standard errors of the pours of one number of grains."""
-    config, scale = scaled(study.config, grains)
+    diameter_mm = funnel_test.diameter_mm(study.grain)
+    funnel = scene_size.scaled(study.config["funnel"], grains, diameter_mm)
+    funnel["duration_s"] = grains / funnel["rate_per_s"] + AFTER_S
+    config = {**study.config, "funnel": funnel}
+    scale = (grains / study.config["funnel"]["berries"]) ** (1 / 3)
     began = time.process_time()
     records = [
         run_once(bench("funnel"), config, study.parameters.centre, seed, study.particle, study.grain)[0]
@@ -50,7 +38,6 @@ def row(study, grains, pours):
     ]
     cost = (time.process_time() - began) / pours
     good = [record for record in records if record["status"] == "ok"]
-    axes = [study.grain[key] for key in ("long_mm", "major_mm", "minor_mm")]
     values = {
         "label": study.config["label"],
         "grains": grains,
@@ -63,7 +50,7 @@ def row(study, grains, pours):
         values[f"aor_{name}_deg"], values[f"aor_{name}_se_deg"] = mean_and_error(found)
     heights = np.array([record["height_mm"] for record in good])
     values["height_scaled_mm"], values["height_scaled_se_mm"] = mean_and_error(heights / scale)
-    values["height_grains"] = heights.mean() / np.prod(axes) ** (1 / 3)
+    values["height_grains"] = heights.mean() / diameter_mm
     return values | {"cpu_s": cost}
 
 

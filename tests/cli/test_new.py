@@ -19,7 +19,7 @@ FILLED = {
     "density_kg_m3: null": "density_kg_m3: 1350",
     "poisson_ratio: null # most": "poisson_ratio: 0.3 # most",
     "shear_modulus_pa: null # E": "shear_modulus_pa: 1.0e+7 # E",
-    "  poisson_ratio: null\n  shear_modulus_pa: null\n": "  poisson_ratio: 0.3\n  shear_modulus_pa: 1.0e+9\n",
+    "{poisson_ratio: null, shear_modulus_pa: null}": "{poisson_ratio: 0.3, shear_modulus_pa: 1.0e+9}",
     "berries: null": "berries: 400",
     "rate_per_s: null": "rate_per_s: 200.0",
     "inlet_diameter_mm: null": "inlet_diameter_mm: 80.0",
@@ -30,7 +30,6 @@ FILLED = {
     "value: null": "value: 30.0",
     "sd: null": "sd: 1.0",
     "repetitions: null": "repetitions: 10",
-    "range: [null, null]": "range: [29.5, 30.5]",
 }
 
 
@@ -64,12 +63,7 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
     """Nothing is made up: the template holds no measurement. All of it is reported at once, as YAML has it."""
     assert main(["check", "--config", "config.yaml"]) == 2
     output = capsys.readouterr().err
-    nulls = [
-        line.split(":")[0].strip()
-        for line in Path("config.yaml").read_text().splitlines()
-        if ": null" in line
-    ]
-    for key in {*nulls, "range"}:
+    for key in re.findall(r"(\w+): null", Path("config.yaml").read_text()):
         assert re.search(
             rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null", output, re.MULTILINE
         ), key
@@ -132,7 +126,7 @@ def test_the_list_of_studies_needs_no_complete_configuration(folder, capsys):
 def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
     filled(folder)
     text = (folder / "config.yaml").read_text()
-    assert len([line for line in text.splitlines() if re.match(r"\s+\w+:", line)]) < 40
+    assert len([line for line in text.splitlines() if re.match(r"\s*[^#\s]", line)]) <= 30
     known = Study.load(places.root() / places.DEFAULT_CONFIG).config
     assert set(yaml.safe_load(text)) <= set(known)
     (folder / "more.yaml").write_text("funnel: {speed: 1}")

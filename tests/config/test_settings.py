@@ -54,6 +54,20 @@ def test_shipped_configurations_write_to_folders_of_their_own():
     assert len(set(folders)) == 3
 
 
+def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
+    short = {"value": 40.0, "sd": 3.0, "repetitions": 9}
+    config["targets"] = [
+        {"response": "drum_slip_deg"} | short,
+        {"response": "height_mm"} | short | {"sd": 0.3},
+    ]
+    slip, height = Study.of(config).config["targets"]
+    assert (slip["apparatus"], slip["range"]) == ("drum", [39.0, 41.0])  # a standard error to each side
+    assert (height["apparatus"], height["range"]) == ("funnel", [39.6, 40.4])  # at least 1 %
+    config["targets"] = [{"response": "weight_g"} | short]
+    with pytest.raises(InputError, match="responses of funnel"):
+        Study.of(config)
+
+
 def test_paper_has_the_published_settings():
     config = Study.load("config/paper.yaml").config
     assert config["simulation"]["time_step_s"] == 2.9256e-5

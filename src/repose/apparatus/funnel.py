@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
+from repose.apparatus import scene_size
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import Disc, fill, last_berry_s
@@ -264,10 +265,11 @@ def advice(
     particle: "Particle",
     longest_step_s: Callable[[Mapping[str, Any]], float],
 ) -> Iterator[str]:
-    """Hints on stiffness and volume of the grains before they are poured; see `BenchTest.advice`."""
+    """Hints on stiffness, volume and number of the grains before they are poured; see `BenchTest.advice`."""
     yield f"stiffness: {_softer(config, berry, longest_step_s)}"
     sentence, fits = filling(config, particle.volume_m3)
     yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
+    yield from scene_size.advice(config, diameter_mm(berry), 1e3 * height_m(config))
 
 
 def _softer(config, berry, longest_step_s):
@@ -300,13 +302,18 @@ def softening(config: Config, berry: Mapping[str, Any]) -> Softening:
     is 3/5 of that at the bottom. Over d it is the share of the Height that is lost, and goes as the modulus to
     -2/3.
     """
-    diameter_m = 1e-3 * math.prod(berry[key] for key in ("long_mm", "major_mm", "minor_mm")) ** (1 / 3)
+    diameter_m = 1e-3 * diameter_mm(berry)
     gravity = SimulationSettings.of(config).gravity_m_s2
     pressure = PACKING * berry["density_kg_m3"] * gravity * height_m(config)
     young = berry["shear_modulus_pa"] / (1 - berry["poisson_ratio"])
     approach = (3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))) ** (2 / 3)
     sinking = 0.6 * approach / diameter_m
     return Softening(sinking, berry["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
+
+
+def diameter_mm(berry: Mapping[str, Any]) -> float:
+    """Equivalent diameter of the mean grain, the geometric mean of its axes."""
+    return math.prod(berry[key] for key in ("long_mm", "major_mm", "minor_mm")) ** (1 / 3)
 
 
 def poured_volume_m3(config: Config, grain_m3: float) -> float:

@@ -10,7 +10,7 @@ from repose.config.contradictions import BEFORE_NUMBERS, Rule, rules, used_tests
 from repose.config.reading import Origin, get, owner_of
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published
-from repose.core.targets import Targets
+from repose.core.targets import Targets, completed
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -56,6 +56,8 @@ class Making:
         """
         from repose.config import faults
 
+        if isinstance(self.config.get("targets"), list):
+            self.config = self.config | {"targets": [completed(entry) for entry in self.config["targets"]]}
         self.faults, self.bad = faults.check(self.config, self.source)
         pending = [setting for setting in computed.to_compute(self.config) if self._may_read(setting.section)]
         for setting in pending:

@@ -101,6 +101,11 @@ def response(name: str, source: object = "response") -> Response:
     return _REGISTRY[name]
 
 
+def all_responses() -> tuple[Response, ...]:
+    """All responses, in the order of their registration."""
+    return tuple(_REGISTRY.values())
+
+
 def responses_of(apparatus: str) -> tuple[Response, ...]:
     """All responses of a bench test, in the order of their registration."""
     return tuple(response for response in _REGISTRY.values() if response.apparatus == apparatus)

@@ -7,7 +7,28 @@ from typing import Any
 
 import numpy as np
 
-from repose.core.responses import Response, response
+from repose.core.responses import Response, all_responses, response
+from repose.core.seeds import UNNAMED
+
+LEAST_RANGE = 0.01  # of the value, to each side
+
+
+def range_about(value: float, sd: float, repetitions: int) -> tuple[float, float]:
+    """Range of a target for which none is given: its mean with one standard error, at least 1 % to each side."""
+    half = max(sd / math.sqrt(repetitions), LEAST_RANGE * abs(value))
+    return value - half, value + half
+
+
+def completed(entry: Any) -> Any:
+    """An entry of `targets` with the bench test of its response and `range_about`, where they are missing."""
+    if not isinstance(entry, Mapping):
+        return entry
+    known = {response.name: response.apparatus for response in all_responses()}
+    found = {"apparatus": known.get(str(entry.get("response")), UNNAMED)} | dict(entry)
+    numbers: list[Any] = [entry.get(key) for key in ("value", "sd", "repetitions")]
+    if "range" not in entry and all(type(one) in (int, float) for one in numbers) and numbers[2] > 0:
+        found["range"] = list(range_about(*numbers))
+    return found
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from repose.core.files import write_table, write_text
+from repose.core.targets import range_about
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs import Photograph, mean_of
 from repose.measure.settings import MeasureSettings
@@ -66,8 +67,8 @@ def targets(made: Tables, how: MeasureSettings) -> str:
     ]
     lines.append("targets:")
     for row in made.summary[made.summary["response"].isin(MEANT)].itertuples():
-        reach = max(row.sd / math.sqrt(row.repetitions), 0.01 * row.value)
         single = math.isnan(row.sd)
+        low, high = range_about(row.value, row.sd, row.repetitions)
         lines += [
             f"  - response: {row.response}",
             "    apparatus: funnel",
@@ -76,7 +77,7 @@ def targets(made: Tables, how: MeasureSettings) -> str:
             f"    repetitions: {row.repetitions}",
             "    range: [null, null] # what counts as met"
             if single
-            else f"    range: [{row.value - reach:.3f}, {row.value + reach:.3f}]",
+            else f"    range: [{low:.3f}, {high:.3f}]",
         ]
     return "\n".join(lines) + "\n"
 
