@@ -92,6 +92,20 @@ def responses(table, noise=0.0, seed=1):
     return values * (1 + noise / 100 * np.random.default_rng(seed).normal(size=values.shape))
 
 
+def write_poured(folder, table, noise=0.0, seed=1, seeds=3):
+    """The tables of a step's pours, as the verb dataset writes them."""
+    runs = table.loc[table.index.repeat(seeds), ["sample", *PARAMETERS]].reset_index(drop=True)
+    runs = runs.assign(seed=range(len(runs)), status="ok", reason="")
+    runs[list(TARGETS.names)] = responses(runs, noise, seed)
+    of_sample = runs.groupby("sample", sort=False)[list(TARGETS.names)]
+    data = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=seeds)
+    data[list(TARGETS.names)] = of_sample.mean().to_numpy()
+    data[list(TARGETS.errors)] = of_sample.sem().to_numpy()
+    folder.mkdir(parents=True, exist_ok=True)
+    data.to_csv(folder / "dataset.csv", index=False)
+    runs.drop(columns=list(PARAMETERS)).to_csv(folder / "runs.csv", index=False)
+
+
 def dataset(table, noise=0.0, seed=1):
     """The dataset of a step's samples, as the verb dataset writes it."""
     found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)

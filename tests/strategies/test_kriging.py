@@ -11,9 +11,9 @@ from repose.strategies.sequential.kriging import (
     PRIOR_FREEDOM,
     Kriging,
     Observed,
-    _conditioned,
     _factor,
 )
+from repose.surrogate.process import Process
 
 NOISE = np.array([[2.0, 1.6], [1.6, 4.0]])
 
@@ -45,7 +45,7 @@ def test_prediction_is_that_of_processes_of_all_responses_at_once():
     observed = poured(n=12)
     model = Kriging(observed)
     points = np.random.default_rng(2).random((5, 2))
-    slow = [one_process(model, observed, points, [kernel for kernel, *_ in one]) for one in model.sets]
+    slow = [one_process(model, observed, points, [process.kernel for process in one]) for one in model.sets]
     means, covariances = (np.array(one) for one in zip(*slow, strict=True))
     found = model.predict(points)
     assert len(slow) == DRAWS
@@ -77,21 +77,23 @@ def one_process(model, observed, points, kernels):
 def test_a_sample_is_predicted_from_all_the_others():
     model = Kriging(poured(n=12))
     residuals, variances, others = model._left_out()
+    columns = np.array([model.values.T, model.errors.T]).transpose(
+        1, 0, 2
+    )  # values and errors of each combination
     for i in range(12):
         rest = np.arange(12) != i
         kept = [
             [
-                _conditioned(kernel, model.unit[rest], model.values[rest, k], model.errors[rest, k])
-                for k, (kernel, *_) in enumerate(one)
+                Process(process.kernel, model.unit[rest], *column[:, rest], optimizer=None)
+                for process, column in zip(one, columns, strict=True)
             ]
             for one in model.sets
         ]
-        slow = Kriging.__new__(Kriging)
-        slow.unit = model.unit[rest]
-        means, within = zip(*(slow._moments(one, model.unit[i : i + 1]) for one in kept), strict=True)
-        assert residuals[i] == pytest.approx(model.values[i] - np.mean(means, axis=0)[0], rel=1e-6)
-        assert variances[i] == pytest.approx(np.mean(within, axis=0)[0], rel=1e-6)
-        assert others[i] == pytest.approx(np.var(means, axis=0)[0] + model.errors[i], rel=1e-6)
+        moments = np.array([[process.moments(model.unit[i : i + 1]) for process in one] for one in kept])
+        means, within = moments[..., 0].transpose(2, 0, 1)
+        assert residuals[i] == pytest.approx(model.values[i] - means.mean(axis=0), rel=1e-6)
+        assert variances[i] == pytest.approx(within.mean(axis=0), rel=1e-6)
+        assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
 
 
 def test_the_factor_is_what_the_residuals_say_once_there_are_many():

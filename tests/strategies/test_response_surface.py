@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import synthetic
 from matplotlib.text import Text
-from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, configuration, dataset, responses
+from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, configuration, dataset, responses, write_poured
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -16,9 +16,9 @@ from repose.core.targets import Targets
 from repose.doe.optimum import Optimum
 from repose.pictures.figures import response_surface as figures
 from repose.pictures.figures import style
-from repose.strategies import Answer
+from repose.strategies import Answer, batches
 from repose.strategies.response_surface import ResponseSurface, files, screening, surface
-from repose.strategies.response_surface.steps import factors_of, numbers
+from repose.strategies.response_surface.steps import STEPS, factors_of, numbers
 
 CONFIG = {
     "targets": [
@@ -37,32 +37,11 @@ CONFIG = {
 
 def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
     """All steps on files; the summary of the check."""
-    step = {name: folder / name for name in ("screening", "ascent", "surface", "check")}
-    given = (space, TARGETS, section)
-
-    def poured(name):
-        number = list(step).index(name)
-        table = pd.read_csv(step[name] / "samples.csv")
-        dataset(table, noise, [seed, number]).to_csv(step[name] / "dataset.csv", index=False)
-        every = table.loc[table.index.repeat(section["seeds"])].reset_index(drop=True)
-        runs = every[["sample"]].assign(status="ok")
-        runs[list(TARGETS.names)] = responses(every, noise, [seed, number])
-        runs.to_csv(step[name] / "runs.csv", index=False)
-        return step[name] / "samples.csv", step[name] / "dataset.csv"
-
-    files.run_design(space, section, step["screening"] / "samples.csv")
-    files.run_screening(*poured("screening"), *given, step["screening"], step["ascent"] / "samples.csv")
-    files.run_ascent(*poured("ascent"), *given, step["ascent"], step["surface"] / "samples.csv")
-    files.run_surface(*poured("surface"), *given, step["surface"], step["check"] / "samples.csv")
-    poured("check")
-    found = (
-        step["surface"] / "predictions.csv",
-        step["surface"] / "optimum.json",
-        step["surface"],
-        step["check"] / "dataset.csv",
-    )
-    config = configuration(TARGETS, space, response_surface=section)
-    return files.run_check(*found, [one / "runs.csv" for one in step.values()], config, step["check"])
+    steps, study = [folder / name for name in STEPS], synthetic.study(space=space, response_surface=section)
+    for number, step in enumerate(steps):
+        files.run_step(steps[:number], study, steps[number - 1], step / "samples.csv")
+        write_poured(step, pd.read_csv(step / "samples.csv"), noise, [seed, number], section["seeds"])
+    return files.run_check(steps, study, steps[-1])
 
 
 @pytest.fixture(scope="module")
@@ -193,18 +172,15 @@ def bent(table):
 
 
 @pytest.mark.parametrize(("aim", "sign"), [(64.0, -1), (72.0, 1)])
-def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(aim, sign, tmp_path):
+def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(aim, sign):
     targets = Targets.of(
         [configuration(TARGETS, SPACE)["targets"][1] | {"value": aim, "range": [aim - 2, aim + 2]}]
     )
-    table = files.run_design(SPACE, SECTION, tmp_path / "samples.csv")
-    bent(table).to_csv(tmp_path / "dataset.csv", index=False)
-    step = (tmp_path / "samples.csv", tmp_path / "dataset.csv")
-    found = files.run_screening(*step, SPACE, targets, SECTION, tmp_path, tmp_path / "next.csv")
-    assert found["centre"]["height_mm"] == pytest.approx(68.0)
-    assert found["corners"]["height_mm"] == pytest.approx(60.0)
-    path = pd.read_csv(tmp_path / "next.csv")
-    assert np.sign(path["coded_mus_gg"].iloc[-1]) == sign
+    study = synthetic.study(targets, response_surface=SECTION)
+    found = ResponseSurface().propose(study, bent(screening.design(SPACE, SECTION)))
+    assert found.notes["screening"]["centre"]["height_mm"] == pytest.approx(68.0)
+    assert found.notes["screening"]["corners"]["height_mm"] == pytest.approx(60.0)
+    assert np.sign(found.samples["coded_mus_gg"].iloc[-1]) == sign
 
 
 def test_samples_that_gave_no_pile_are_left_out():
@@ -217,32 +193,20 @@ def test_samples_that_gave_no_pile_are_left_out():
     assert len(fewer[0].response) == len(whole[0].response) - 2
 
 
-def test_too_few_piles_are_reported_with_their_file(tmp_path):
-    table = screening.design(SPACE, SECTION)
-    data = dataset(table).assign(status=["ok"] * 3 + ["failed"] * 9 + ["ok"] * SECTION["centres"])
-    table.to_csv(tmp_path / "samples.csv", index=False)
-    data.to_csv(tmp_path / "dataset.csv", index=False)
-    with pytest.raises(InputError, match=r"dataset\.csv.*enough for the model"):
-        files.run_screening(
-            tmp_path / "samples.csv",
-            tmp_path / "dataset.csv",
-            SPACE,
-            TARGETS,
-            SECTION,
-            tmp_path,
-            tmp_path / "next.csv",
-        )
-    data.iloc[:5].to_csv(tmp_path / "dataset.csv", index=False)
+def test_too_few_piles_are_reported_with_their_folder(tmp_path):
+    study, table = synthetic.study(response_surface=SECTION), screening.design(SPACE, SECTION)
+    write_poured(tmp_path, table)
+    data, runs = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("dataset", "runs"))
+    failed = data["sample"].iloc[3:12]
+    data.loc[data["sample"].isin(failed), ["status", "n_seeds"]] = ["failed", 0]
+    runs.loc[runs["sample"].isin(failed), "status"] = "failed"
+    for name, one in {"dataset": data, "runs": runs}.items():
+        one.to_csv(tmp_path / f"{name}.csv", index=False)
+    with pytest.raises(InputError, match=f"{tmp_path}: .*enough for the model"):
+        files.run_step([tmp_path], study, tmp_path, tmp_path / "next.csv")
+    write_poured(tmp_path, table.iloc[:5])
     with pytest.raises(InputError, match="all samples of the step"):
-        files.run_ascent(
-            tmp_path / "samples.csv",
-            tmp_path / "dataset.csv",
-            SPACE,
-            TARGETS,
-            SECTION,
-            tmp_path,
-            tmp_path / "next.csv",
-        )
+        files.run_step([tmp_path], study, tmp_path, tmp_path / "next.csv")
 
 
 def test_no_two_steps_share_a_sample():
@@ -269,20 +233,16 @@ def test_figures(noisy):
         assert "angle" in texts.lower() or "θ" in texts or "Height" in texts
 
 
-def test_the_loop_asks_for_the_samples_of_the_steps_on_files(tmp_path):
-    campaign(tmp_path, 0.5)
-    study = synthetic.study(response_surface=SECTION)
-    data = pd.DataFrame()
-    for step in ("screening", "ascent", "surface", "check"):
+def test_the_loop_of_a_study_is_that_of_the_files(noisy):
+    study, data = synthetic.study(response_surface=SECTION), pd.DataFrame()
+    for number, step in enumerate(STEPS, start=1):
         batch = ResponseSurface().propose(study, data)
-        table = pd.read_csv(tmp_path / step / "samples.csv")[["sample", *PARAMETERS]]
+        table = pd.read_csv(noisy[0] / step / "samples.csv")[["sample", *PARAMETERS]]
         assert (batch.samples["seeds"] == SECTION["seeds"]).all()
-        np.testing.assert_allclose(batch.samples.drop(columns="seeds"), table, rtol=1e-9)
-        data = pd.concat([data, pd.read_csv(tmp_path / step / "dataset.csv")], ignore_index=True)
+        np.testing.assert_allclose(batch.samples[list(table)], table, rtol=1e-9)
+        data = batches.read([noisy[0] / name for name in STEPS[:number]], TARGETS)
     found = ResponseSurface().propose(study, data)
     assert isinstance(found, Answer)
-    solution = pd.read_csv(tmp_path / "check/solutions.csv")
-    np.testing.assert_allclose(found.values, solution.loc[0, list(PARAMETERS)].to_numpy(float), rtol=1e-6)
-    np.testing.assert_allclose(
-        found.mean, solution.loc[0, list(TARGETS.predicted)].to_numpy(float), rtol=1e-6
-    )
+    solution = pd.read_csv(noisy[0] / "check/solutions.csv").iloc[0]
+    np.testing.assert_allclose(found.values, solution[list(PARAMETERS)].to_numpy(float), rtol=1e-6)
+    np.testing.assert_allclose(found.mean, solution[list(TARGETS.predicted)].to_numpy(float), rtol=1e-6)

@@ -6,11 +6,13 @@ import shutil
 import pandas as pd
 import pytest
 from plans import as_ours, planned, snakemake
-from synthetic import SPACE, dataset
+from synthetic import SPACE, write_poured
+from synthetic import Study as Given
 
 from repose.config.study import Study
 from repose.core.targets import Targets
 from repose.strategies.response_surface import files
+from repose.strategies.response_surface.steps import STEPS
 
 pytestmark = pytest.mark.slow
 
@@ -18,18 +20,16 @@ TARGET = ("--", "response_surface")
 
 
 def poured(folder, step, folders=("heaps",)):
-    """Files of a step's pours as if it had run, with responses of a simulator of one line; samples and dataset."""
+    """Files of a step's pours as if it had run, with responses of a simulator of one line."""
     table = pd.read_csv(folder / step / "samples.csv")
     for name in folders:
         (folder / step / name).mkdir()
         for sample in table["sample"]:
             for kind in ("pours.json", "npz", "json"):
                 (folder / step / name / f"{sample}.{kind}").touch()
-    dataset(table, 0.5).to_csv(folder / step / "dataset.csv", index=False)
-    table.loc[:, ["sample"]].assign(status="ok").to_csv(folder / step / "runs.csv", index=False)
-    (folder / step / "dataset_summary.json").touch()
+    write_poured(folder / step, table, 0.5)
+    (folder / step / "dataset_summary.json").write_text("{}")
     as_ours(folder / step)
-    return folder / step / "samples.csv", folder / step / "dataset.csv"
 
 
 def test_each_step_pours_what_the_one_before_found(finished):
@@ -37,27 +37,31 @@ def test_each_step_pours_what_the_one_before_found(finished):
     folder = project / "results/quick/response_surface"
     config = Study.load(project / "config/quick.yaml").config
     section = config["response_surface"]
-    given = (SPACE, Targets.of(config["targets"]), section)
+    study = Given(SPACE, Targets.of(config["targets"]), config)
+    steps = [folder / name for name in STEPS]
+
+    def analysed(count):
+        files.run_step(steps[:count], study, steps[count - 1], steps[count] / "samples.csv")
 
     jobs = planned(project, *words, *TARGET)
     assert "pour" not in jobs, "no pour of the published method"
     assert jobs["response_design"] == 1
     assert jobs["batch_pour"] == jobs["measure_batch_runs"] == section["screening_runs"] + section["centres"]
 
-    files.run_design(SPACE, section, folder / "screening/samples.csv")
-    step = poured(folder, "screening")
-    files.run_screening(*step, *given, folder / "screening", folder / "ascent/samples.csv")
+    analysed(0)
+    poured(folder, "screening")
+    analysed(1)
     jobs = planned(project, *words, *TARGET)
-    assert "response_screening" not in jobs
+    assert "after_screening" not in jobs
     assert jobs["batch_pour"] == section["steps"] + 1
 
-    step = poured(folder, "ascent")
-    files.run_ascent(*step, *given, folder / "ascent", folder / "surface/samples.csv")
+    poured(folder, "ascent")
+    analysed(2)
     jobs = planned(project, *words, *TARGET)
     assert jobs["batch_pour"] == 12 + section["centres"], "Box-Behnken in three factors"
 
-    step = poured(folder, "surface")
-    files.run_surface(*step, *given, folder / "surface", folder / "check/samples.csv")
+    poured(folder, "surface")
+    analysed(3)
     jobs = planned(project, *words, *TARGET)
     assert jobs["batch_pour"] == section["checks"]
 

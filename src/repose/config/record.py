@@ -41,7 +41,8 @@ class Record:
     @property
     def asked(self) -> pd.DataFrame:
         """The runs of the proposal: `sample`, `run` and the parameters."""
-        return runs_of(self.proposal.samples)
+        names = self.study.parameters.names
+        return runs_of(self.proposal.samples[["sample", *names, "seeds"]])
 
     def add(self, table: pd.DataFrame) -> None:
         """Add the runs of the proposal; `Study.tell` says what `table` holds."""

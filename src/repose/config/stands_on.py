@@ -47,19 +47,9 @@ KEYS = {
     "sequential_start": ("parameters", "design.seed", "sequential.start_samples"),
     "sequential_batch": (*_SEQUENTIAL, *_keys("sequential", "batch", "probability", "most_pours")),
     "sequential_check": (*_SEQUENTIAL, "sequential.start_samples", *_SOLUTIONS),
-    "response_design": ("parameters", *_keys("response_surface", "screening_runs", "centres")),
-    "response_screening": (
-        *_SURFACE,
-        *_keys("response_surface", "significance", "most_factors", "surface", "steps"),
-    ),
-    "response_ascent": (*_SURFACE, *_keys("response_surface", "surface", "centres", "reach")),
-    "response_surface": (*_SURFACE, "response_surface.checks"),
-    "response_check": (
-        *_SURFACE,
-        *_keys("response_surface", "screening_runs", "centres", "surface"),
-        "design.seed",
-        *_SOLUTIONS,
-    ),
+    "response_design": ("parameters", *_keys("response_surface", "screening_runs", "centres", "seeds")),
+    "response_step": (*_SURFACE, "response_surface"),
+    "response_check": (*_SURFACE, "response_surface", "design.seed", *_SOLUTIONS),
     "refine_search": ("parameters", "targets", "miga", *_keys("refine", "reach", "tolerance_percent")),
     "refine_propose": (
         "parameters",

@@ -12,7 +12,7 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import check_columns, read_rows, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.runs import Recorded, summarise_runs
+from repose.core.runs import mean_and_error
 from repose.core.targets import Targets
 from repose.strategies.base import Studied, strategy
 
@@ -37,14 +37,18 @@ def next_number(data: pd.DataFrame) -> int:
 
 
 def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
-    """The samples of all runs, as the stage `dataset` writes them: parameters, status, means and standard errors."""
-    ok = data[list(targets.names)].notna().all(axis=1)
-    runs = data.assign(status=np.where(ok, OK, "failed"), reason="")
-    recorded = Recorded(targets.names)
-    rows = []
-    for sample, own in runs.groupby("sample", sort=False):
-        values = own.iloc[0][list(space.names)].to_dict()
-        rows.append({"sample": sample, **values, **summarise_runs(own.to_dict("records"), recorded)})
+    """The samples of all runs, as the stage `dataset` writes them: parameters, status, means and standard errors.
+
+    A response counts as many runs as have it: bench tests fail separately.
+    """
+    known, rows = data[list(targets.names)].notna(), []
+    for sample, own in data.groupby("sample", sort=False):
+        count = int(known.loc[own.index].sum().min())
+        ok = count > 0 and 2 * count >= len(own)
+        row = {"sample": sample, **own.iloc[0][list(space.names)], "status": OK if ok else "failed"}
+        rows.append(row | {"reason": "", "n_seeds": count})
+        for name, error in zip(targets.names, targets.errors, strict=True):
+            rows[-1][name], rows[-1][error] = mean_and_error(own[name].dropna() if ok else ())
     table = pd.DataFrame(rows)
     numbers = [*targets.names, *targets.errors]
     return table.assign(**{name: table[name].astype(float) for name in numbers})

@@ -1,13 +1,12 @@
 """Gaussian process: one for each response, squared exponential with a length for each input, and noise.
 
-The processes are scikit-learn's; this file scales, handles noise that is known to differ, and makes files.
+The processes are those of `repose.surrogate.process`; this file scales, and makes files.
 
 Sources of the lines, named where they are used
-  (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, Algorithm 2.1 and equation 5.1
+  (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, equation 5.1
   (A35)   Aitken 1935, on least squares and linear combination of observations: independent combinations of outputs
 """
 
-import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
-from repose.surrogate.samples import checked_points, checked_samples, independent_mixing
+from repose.surrogate.samples import Combined, checked_points, checked_samples, independent_mixing
 from repose.surrogate.two_layer import width
 
 VARIANCE_BOUNDS = (1e-2, 1e3)  # of the process, in variances of the response
@@ -25,7 +24,7 @@ FIRST_NOISE = 0.1  # in variances of the response
 
 
 @register("gaussian_process")
-class GaussianProcess(Surrogate):
+class GaussianProcess(Combined, Surrogate):
     """Processes with the covariance s^2 exp(-1/2 sum ((x_i - x'_i) / l_i)^2) and noise (RW06, eq. 5.1).
 
     The hyperparameters s^2, l_i and the noise variance maximise the marginal likelihood. There are no settings.
@@ -49,16 +48,10 @@ class GaussianProcess(Surrogate):
         Without `noise_covariance` the responses are learned independently; with it, their combinations with independent
         noises (A35). `noise_freedom` is not used: the noise is estimated with the other hyperparameters.
         """
-        from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-
         X, Y, _, weight = checked_samples(X, Y, None, precision)
         self._take(X, Y, weight, noise_covariance)
-        lengths = np.ones(X.shape[1])
-        kernels = [
-            ConstantKernel(1.0, VARIANCE_BOUNDS) * RBF(lengths, LENGTH_BOUNDS) + self._noise(FIRST_NOISE, k)
-            for k in range(Y.shape[1])
-        ]
-        self._fit(kernels)
+        first = {"variance": 1.0, "lengths": np.ones(X.shape[1]), "noise_variance": FIRST_NOISE}
+        self._fit([first] * Y.shape[1])
         return self
 
     def _take(self, X, Y, precision, noise_covariance):
@@ -69,82 +62,65 @@ class GaussianProcess(Surrogate):
         self.noise_covariance_ = noise_covariance
         self.low_, self.width_ = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))
         self.offset_ = np.zeros(Y.shape[1])
-        self._mixing = independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision)
-        self._unmixing = np.linalg.inv(self._mixing)
+        self._combine(Y, independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision))
 
-    def _noise(self, level, k, bounds=NOISE_BOUNDS):
-        """Kernel of the noise of combination k."""
-        from sklearn.gaussian_process.kernels import WhiteKernel
+    def _fit(self, kernels, fixed=False):
+        """A process for each combination of the outputs, from hyperparameters as in `report`, as `processes_`."""
+        from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
-        from repose.surrogate.sample_noise import SampleNoise
+        from repose.surrogate.process import Process, SampleNoise
 
-        precision = self.training_["precision"][:, k]
-        return (
-            WhiteKernel(level, bounds) if (precision == 1.0).all() else SampleNoise(level, bounds, precision)
-        )
+        bounds = 3 * ["fixed"] if fixed else [VARIANCE_BOUNDS, LENGTH_BOUNDS, NOISE_BOUNDS]
+        x, self.processes_ = self._scaled(self.training_["inputs"]), []
+        for one, values, precision in zip(kernels, self.values.T, self.training_["precision"].T, strict=True):
+            kernel = ConstantKernel(one["variance"], bounds[0]) * RBF(one["lengths"], bounds[1])
+            noise = SampleNoise(one["noise_variance"], bounds[2], precision)
+            self.processes_.append(Process(kernel, x, values, noise=noise))
 
-    def _fit(self, kernels):
-        """A process for each combination of the outputs (RW06, Algorithm 2.1), as `processes_`."""
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.gaussian_process import GaussianProcessRegressor
-
-        x = (self.training_["inputs"] - self.low_) / self.width_
-        self.processes_ = []
-        for kernel, t in zip(kernels, (self.training_["outputs"] @ self._mixing).T, strict=True):
-            process = GaussianProcessRegressor(kernel, normalize_y=True)
-            with warnings.catch_warnings():  # a length at its bound is an input without effect
-                warnings.simplefilter("ignore", ConvergenceWarning)
-                self.processes_.append(process.fit(x, t))
-        self._noise_variances = np.array(
-            [process.kernel_.k2.noise_level * process._y_train_std**2 for process in self.processes_]
-        )
+    def _scaled(self, X):
+        """Parameter sets in ranges of the inputs."""
+        return (checked_points(X, len(self.low_)) - self.low_) / self.width_
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
+        x = self._scaled(X)
+        means = self.unmixed(np.column_stack([one.mean(x) for one in self.processes_])) + self.offset_
         if not return_std:
-            means = np.column_stack([process.predict(x) for process in self.processes_])
-            return means @ self._unmixing + self.offset_
-        means, variances = self._moments(x)
-        variances = variances + noise * self._noise_variances
-        return means @ self._unmixing + self.offset_, np.sqrt(variances @ self._unmixing**2)
+            return means
+        levels = noise * np.array([one.noise_level for one in self.processes_])
+        return means, np.sqrt((self._variances(x) + levels) * self._scale**2 @ self._unmixing**2)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Covariance of the predicted means; diagonal without a `noise_covariance`."""
-        x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
-        roots = np.sqrt(self._moments(x)[1])[:, :, None] * self._unmixing
-        return roots.transpose(0, 2, 1) @ roots
+        return self._covariance(self._variances(self._scaled(X)))
 
-    def _moments(self, x):
-        """Means and variances (n, k) of the combinations, without noise."""
-        means, stds = zip(*(process.predict(x, return_std=True) for process in self.processes_), strict=True)
-        # scikit-learn adds the noise to the variance of the mean
-        variances = np.column_stack(stds) ** 2 - self._noise_variances
-        return np.column_stack(means), np.maximum(variances, 0.0)
+    def _variances(self, x):
+        """Variances (n, k) of the scaled combinations, without noise."""
+        return np.column_stack([one.moments(x)[1] for one in self.processes_])
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """The means as one matrix product, an exponential and another product for each process."""
         middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
         parts = []
         for process in self.processes_:
-            lengths = process.kernel_.k1.k2.length_scale * np.ones(len(self.low_))
+            lengths = process.kernel.k2.length_scale
             scale = half / self.width_ / lengths
             start = (middle - self.low_) / self.width_ / lengths
-            weight = process.kernel_.k1.k1.constant_value * process._y_train_std * process.alpha_.ravel()
-            parts.append((scale, start, process.X_train_ / lengths, weight, process._y_train_mean))
+            weight = process.kernel.k1.constant_value * process.weights
+            parts.append((scale, start, process.x / lengths, weight))
 
         def respond(points):
             means = np.empty((len(points), len(parts)))
-            for k, (scale, start, x, weight, mean) in enumerate(parts):
+            for k, (scale, start, x, weight) in enumerate(parts):
                 z = points * scale + start
                 square = (z**2).sum(axis=1)[:, None] + (x**2).sum(axis=1) - 2 * (z @ x.T)
-                means[:, k] = np.exp(-0.5 * square) @ weight + mean
-            return means @ self._unmixing + self.offset_
+                means[:, k] = np.exp(-0.5 * square) @ weight
+            return self.unmixed(means) + self.offset_
 
         return respond
 
     def report(self) -> dict[str, Any]:
         """Log marginal likelihood and hyperparameters of each process."""
-        likelihood = [float(process.log_marginal_likelihood_value_) for process in self.processes_]
+        likelihood = [process.log_likelihood for process in self.processes_]
         return {"log_marginal_likelihood": likelihood, "kernels": self._kernels()}
 
     def to_dict(self) -> dict[str, Any]:
@@ -161,9 +137,9 @@ class GaussianProcess(Surrogate):
         """Hyperparameters of each process, in variances of its values and ranges of the inputs."""
         return [
             {
-                "variance": float(process.kernel_.k1.k1.constant_value),
-                "lengths": np.broadcast_to(process.kernel_.k1.k2.length_scale, len(self.low_)).tolist(),
-                "noise_variance": float(process.kernel_.k2.noise_level),
+                "variance": float(process.kernel.k1.constant_value),
+                "lengths": np.broadcast_to(process.kernel.k2.length_scale, len(self.low_)).tolist(),
+                "noise_variance": process.noise_level,
             }
             for process in self.processes_
         ]
@@ -171,18 +147,11 @@ class GaussianProcess(Surrogate):
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """The processes of a `to_dict`; their hyperparameters are not estimated again."""
-        from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-
         model, training = cls(), content["training"]
         X, Y, precision = (
             np.asarray(training[key], dtype=float) for key in ("inputs", "outputs", "precision")
         )
         model._take(X, Y, precision, content["noise_covariance"])
-        kernels = [
-            ConstantKernel(kernel["variance"], "fixed") * RBF(np.array(kernel["lengths"]), "fixed")
-            + model._noise(kernel["noise_variance"], k, "fixed")
-            for k, kernel in enumerate(content["kernels"])
-        ]
-        model._fit(kernels)
+        model._fit(content["kernels"], fixed=True)
         model.offset_ = np.asarray(content["offset"], dtype=float)
         return model

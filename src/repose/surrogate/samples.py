@@ -31,6 +31,27 @@ def independent_mixing(
     return np.linalg.inv(root).T * np.prod(np.diagonal(root)) ** (1 / len(root))
 
 
+class Combined:
+    """A model of k responses whose combinations, each scaled, have a process of their own."""
+
+    values: np.ndarray  # (n, k), the combinations at the samples, of mean 0 and variance 1
+
+    def _combine(self, Y: np.ndarray, mixing: np.ndarray) -> None:
+        """Keep the combinations of the responses Y (n, k), the columns of `mixing`, and their scaling."""
+        mixed, self._mixing, self._unmixing = Y @ mixing, mixing, np.linalg.inv(mixing)
+        self._middle, self._scale = mixed.mean(axis=0), np.maximum(mixed.std(axis=0), 1e-12)
+        self.values = (mixed - self._middle) / self._scale
+
+    def unmixed(self, scaled: np.ndarray) -> np.ndarray:
+        """Responses (..., k) from the scaled combinations (..., k) that the processes model."""
+        return (scaled * self._scale + self._middle) @ self._unmixing
+
+    def _covariance(self, variances: np.ndarray) -> np.ndarray:
+        """Covariance (m, k, k) of the responses from variances (m, k) of the scaled combinations."""
+        roots = (np.sqrt(variances) * self._scale)[:, :, None] * self._unmixing
+        return roots.transpose(0, 2, 1) @ roots
+
+
 def pure_error(
     noise_covariance: ArrayLike | None, freedom: float, stretch: np.ndarray, mixing: np.ndarray
 ) -> tuple[float, float]:

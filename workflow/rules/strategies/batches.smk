@@ -1,5 +1,5 @@
 # Common to all strategies with several batches: a batch of samples is poured, measured and put into a table. Its analysis is
-# a checkpoint of its own, which decides on the next batch: `sequential_batch`, `response_screening` and on, `refine_round`.
+# a checkpoint of its own, which decides on the next batch: `sequential_batch`, `after_screening` and on, `refine_round`.
 wildcard_constraints:
     strategy="|".join(BATCHES),
     batch=r"(batch|round)_\d{1,4}|screening|ascent|surface|check",

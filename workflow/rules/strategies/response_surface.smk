@@ -15,84 +15,33 @@ rule response_design:
         "python -m repose stage response_design --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
-checkpoint response_screening:
-    input:
-        samples=f"{RESPONSE_SURFACE}/screening/samples.csv",
-        dataset=f"{RESPONSE_SURFACE}/screening/dataset.csv",
-    output:
-        samples=f"{RESPONSE_SURFACE}/ascent/samples.csv",
-        anova=f"{RESPONSE_SURFACE}/screening/anova.csv",
-        effects=f"{RESPONSE_SURFACE}/screening/effects.csv",
-        statistics=f"{RESPONSE_SURFACE}/screening/statistics.csv",
-        kept=f"{RESPONSE_SURFACE}/screening/screening.json",
-    log:
-        f"{RESULTS}/logs/response_surface/screening.log",
-    resources:
-        **needs(250),
-    params:
-        **of_stage("response_screening", folder=subpath(output.anova, parent=True)),
-    message:
-        "Which parameters matter, and the path of steepest ascent"
-    shell:
-        "python -m repose stage response_screening --config {params.config:q} --samples {input.samples:q}"
-        " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
+for step, found in FOUND.items():
 
-
-checkpoint response_ascent:
-    input:
-        samples=f"{RESPONSE_SURFACE}/ascent/samples.csv",
-        dataset=f"{RESPONSE_SURFACE}/ascent/dataset.csv",
-    output:
-        samples=f"{RESPONSE_SURFACE}/surface/samples.csv",
-        path=f"{RESPONSE_SURFACE}/ascent/path.csv",
-    log:
-        f"{RESULTS}/logs/response_surface/ascent.log",
-    resources:
-        **needs(250),
-    params:
-        **of_stage("response_ascent", folder=subpath(output.path, parent=True)),
-    message:
-        "The best point of the path, and the design around it"
-    shell:
-        "python -m repose stage response_ascent --config {params.config:q} --samples {input.samples:q}"
-        " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
-
-
-checkpoint response_surface_fit:
-    input:
-        samples=f"{RESPONSE_SURFACE}/surface/samples.csv",
-        dataset=f"{RESPONSE_SURFACE}/surface/dataset.csv",
-    output:
-        samples=f"{RESPONSE_SURFACE}/check/samples.csv",
-        anova=f"{RESPONSE_SURFACE}/surface/anova.csv",
-        effects=f"{RESPONSE_SURFACE}/surface/effects.csv",
-        statistics=f"{RESPONSE_SURFACE}/surface/statistics.csv",
-        predictions=f"{RESPONSE_SURFACE}/surface/predictions.csv",
-        optimum=f"{RESPONSE_SURFACE}/surface/optimum.json",
-    log:
-        f"{RESULTS}/logs/response_surface/surface.log",
-    resources:
-        **needs(250),
-    params:
-        **of_stage("response_surface", folder=subpath(output.anova, parent=True)),
-    message:
-        "The surfaces, their analysis of variance and their optimum"
-    shell:
-        "python -m repose stage response_surface --config {params.config:q} --samples {input.samples:q}"
-        " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
+    checkpoint:
+        name:
+            f"after_{step}"
+        input:
+            tables_until(step),
+        output:
+            samples=f"{RESPONSE_SURFACE}/{following(step)}/samples.csv",
+            found=expand(f"{RESPONSE_SURFACE}/{step}/{{file}}", file=found),
+        log:
+            f"{RESULTS}/logs/response_surface/{step}.log",
+        resources:
+            **needs(250),
+        params:
+            **of_stage("response_step", folder=f"{RESPONSE_SURFACE}/{step}"),
+            steps=folders_until(step),
+        message:
+            f"What the {step} shows, and the parameter sets of the next step"
+        shell:
+            "python -m repose stage response_step {params.steps:q} --config {params.config:q} --next {output.samples:q}"
+            " --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule response_check:
     input:
-        runs=expand(
-            f"{RESPONSE_SURFACE}/{{step}}/runs.csv",
-            step=("screening", "ascent", "surface", "check"),
-        ),
-        dataset=f"{RESPONSE_SURFACE}/check/dataset.csv",
-        samples=f"{RESPONSE_SURFACE}/surface/samples.csv",
-        surface=f"{RESPONSE_SURFACE}/surface/dataset.csv",
-        predictions=f"{RESPONSE_SURFACE}/surface/predictions.csv",
-        optimum=f"{RESPONSE_SURFACE}/surface/optimum.json",
+        tables_until("check"),
     output:
         check=f"{RESPONSE_SURFACE}/check/check.csv",
         solutions=f"{RESPONSE_SURFACE}/check/solutions.csv",
@@ -105,12 +54,12 @@ rule response_check:
         **needs(250),
     params:
         **of_stage("response_check"),
-        surface=subpath(input.samples, parent=True),
+        steps=folders_until("check"),
     message:
         "The optimum, simulated again, compared with its prediction and the targets"
     shell:
-        "python -m repose stage response_check {input.runs:q} --config {params.config:q} --dataset {input.dataset:q}"
-        " --surface {params.surface:q} --predictions {input.predictions:q} --optimum {input.optimum:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m repose stage response_check {params.steps:q} --config {params.config:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"
 
 
 ANSWERS["response_surface"] = Answer(
@@ -161,10 +110,5 @@ for name, (label, shown) in RESPONSE_SURFACE_FIGURES.items():
 rule response_surface:
     input:
         rules.response_check.output,
-        expand(
-            f"{RESPONSE_SURFACE}/{{step}}/{{table}}.csv",
-            step=("screening", "surface"),
-            table=("anova", "effects", "statistics"),
-        ),
-        f"{RESPONSE_SURFACE}/ascent/path.csv",
+        [f"{RESPONSE_SURFACE}/{step}/{file}" for step in FOUND for file in FOUND[step]],
         [FIGURES[name].path for name in RESPONSE_SURFACE_FIGURES],

@@ -1,13 +1,31 @@
 # Steps of the strategy response_surface: inputs of its rules.
-from repose.strategies.response_surface.steps import numbers
+from repose.strategies.response_surface.steps import STEPS, numbers
 
 RESPONSE_SURFACE = f"{RESULTS}/response_surface"
-# Analyses that write the samples of a step.
-MAKERS = {
-    "ascent": "response_screening",
-    "surface": "response_ascent",
-    "check": "response_surface_fit",
+# What the analysis of a step writes besides the samples of the next one.
+FITTED = ("anova.csv", "effects.csv", "statistics.csv")
+FOUND = {
+    "screening": (*FITTED, "screening.json"),
+    "ascent": ("path.csv",),
+    "surface": (*FITTED, "predictions.csv", "optimum.json"),
 }
+
+
+def following(step):
+    """The step after one."""
+    return STEPS[STEPS.index(step) + 1]
+
+
+def folders_until(step):
+    """Folders of the steps up to one."""
+    return [f"{RESPONSE_SURFACE}/{name}" for name in STEPS[: STEPS.index(step) + 1]]
+
+
+def tables_until(step):
+    """Tables of the steps up to one."""
+    return expand(
+        "{folder}/{table}.csv", folder=folders_until(step), table=("dataset", "runs")
+    )
 
 
 def response_surface_numbers(step):
@@ -15,6 +33,6 @@ def response_surface_numbers(step):
     if step == "screening":
         section = config["response_surface"]
         return numbers(step, section["screening_runs"] + section["centres"])
-    return pandas.read_csv(getattr(checkpoints, MAKERS[step]).get().output.samples)[
-        "sample"
-    ]
+    before = STEPS[STEPS.index(step) - 1]
+    made = getattr(checkpoints, f"after_{before}").get().output.samples
+    return pandas.read_csv(made)["sample"]

@@ -60,7 +60,7 @@ def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
 def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Contours of each response over every pair of factors, the others at the optimum."""
     targets, models = _models(inputs, config)
-    best = read_json(inputs["optimum"], ("coded",), "the file of the verb response_surface")["coded"]
+    best = read_json(inputs["optimum"], ("coded",), "output of repose stage response_step")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))
     width = style.PAGE * max(1.0, len(pairs) / 3)
     figure = style.new_figure(width, 2.3 * len(models))

@@ -67,6 +67,15 @@ def screened(
         raise InputError(source, "targets", str(error), "a way towards the targets") from None
 
 
+def notes(found: Screened, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
+    """The tables of the screening, what it found, and the same in words."""
+    dropped = [name for name in space.free if name not in found.kept]
+    corners = dict(zip(targets.names, (float(model.constant) for model in found.models), strict=True))
+    summary = {"kept": found.kept, "dropped": dropped, "centre": found.centre.to_dict(), "corners": corners}
+    why = f"kept {', '.join(found.kept)}; dropped {', '.join(dropped) or 'none'}"
+    return {**analysis(found.models, targets)._asdict(), "screening": summary, "why": why}
+
+
 def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
     """The screening's samples: every free parameter at an end of its range; then the centre, `centres` times."""
     corners = plackett_burman(space.dimensions, section["screening_runs"])

@@ -1,5 +1,7 @@
 """Proposals of the strategy `response_surface`: each step follows from the runs of the steps before it."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -10,31 +12,37 @@ from repose.strategies.runs import next_number, samples_of_runs
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
-    """The samples of the next step, or the answer."""
+    """The samples of the next step, or the answer; the notes are the tables of the last step, and `why` in words."""
     space, targets, section = study.parameters, study.targets, study.config["response_surface"]
 
-    def batch(table):
-        return Batch(table[["sample", *space.names]].assign(seeds=section["seeds"]))
+    def batch(table: pd.DataFrame, **notes: Any) -> Batch:
+        return Batch(table.assign(seeds=section["seeds"]), notes)
 
     table = screening.design(space, section)
     if _lacks(data, table):
         return batch(table)
     dataset = samples_of_runs(data, space, targets)
-    path = screening.screened(table, dataset, space, targets, section, "runs").path
-    if _lacks(data, path):
-        return batch(path)
-    table = surface.design(surface.walked(path, dataset, targets), space, section)
+    found = screening.screened(table, dataset, space, targets, section, "runs")
+    if _lacks(data, found.path):
+        return batch(found.path, **screening.notes(found, space, targets))
+    points = surface.walked(found.path, dataset, targets)
+    table = surface.design(points, space, section)
     if _lacks(data, table):
-        return batch(table)
+        best = points[points["best"]].iloc[0]
+        why = f"sample {best['sample']} is nearest to the targets, {best['error_percent']:.2f} % off"
+        return batch(table, path=points, why=why)
     models = screening.models_of(table, dataset, targets, "quadratic", "runs")
     best = surface.best_point(models, targets)
     check = surface.check_samples(table, best, space, section)
+    notes = screening.analysis(models, targets)._asdict()
+    notes |= surface.notes(models, best, check, space, targets)
     if _lacks(data, check):
-        return batch(check)
+        return batch(check, **notes)
     others, predicted = surface.alternatives(models, table, space, targets, study.config)
     unit = surface.natural_unit(table, best.coded, space)
     error = np.array([float(model.standard_error(best.coded[None])[0]) for model in models])
     mean, covariance = best.predicted, np.diag(error**2)
+    poured = dataset[dataset["sample"].isin(check["sample"])]
     return Answer(
         space.values(unit)[0],
         mean,
@@ -44,6 +52,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         "the optimum of the surfaces is simulated",
         others,
         predicted,
+        notes=notes | {"check": surface.checked(notes["predictions"], poured)},
     )
 
 

@@ -104,6 +104,23 @@ def check_samples(
     return samples("check", space, unit, factors_of(table), np.repeat(best.coded[None], count, axis=0))
 
 
+def notes(
+    models: list[Model], best: Optimum, check: pd.DataFrame, space: ParameterSpace, targets: Targets
+) -> dict[str, Any]:
+    """Predictions at the optimum, its parameters, and the result in words; `check` has the samples of the check.
+
+    `met` is whether the surfaces meet the targets.
+    """
+    optimum = {
+        "parameters": check.loc[0, list(space.names)].astype(float).to_dict(),
+        "coded": dict(zip(models[0].factors, best.coded.tolist(), strict=True)),
+        "met": best.met,
+        "desirability": best.desirability,
+    }
+    why = f"the surfaces {'meet' if best.met else 'do not meet'} the targets: {optimum['parameters']}"
+    return {"predictions": predictions(models, best, targets, len(check)), "optimum": optimum, "why": why}
+
+
 def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int) -> pd.DataFrame:
     """Predictions at the optimum with the 95 % interval of the mean, `mean_low` to `mean_high`.
 

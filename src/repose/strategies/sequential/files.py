@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.chain.tables import read_dataset, read_runs
-from repose.core.errors import InputError
+from repose.chain.tables import read_dataset
 from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 from repose.strategies import answer
 from repose.strategies.base import Studied
+from repose.strategies.batches import data_of, propose, read, tables_of, write_samples
 from repose.strategies.sequential import strategy
 from repose.strategies.sequential.kriging import Observed
 
@@ -23,7 +23,7 @@ Path_ = str | os.PathLike
 
 def run_start(study: Studied, out_csv: Path_) -> pd.DataFrame:
     """Write the samples of the start; return them (`sample` from 1, and the parameters)."""
-    return _write_samples(strategy.propose(study, pd.DataFrame()), out_csv)
+    return write_samples(propose("sequential", study), out_csv)
 
 
 def run_batch(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> dict[str, Any]:
@@ -32,13 +32,9 @@ def run_batch(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> dict[
     next.csv has the samples of the next batch, or, at the end, the answer as a single sample. `in_reach` is the
     probability that any set meets the targets, `nearest` the least deviation of any set (Eq. 11).
     """
-    data = _data(folders, study.targets)
-    try:
-        proposal = strategy.propose(study, data)
-    except InputError as error:
-        raise InputError(folders[-1], error.key, error.value, error.allowed) from None
-    content = {"batch": len(folders) - 1, "pours": len(data), **proposal.notes}
-    _write_samples(proposal, Path(out_dir) / "next.csv")
+    proposal = propose("sequential", study, folders)
+    content = {"batch": len(folders) - 1, **proposal.notes}
+    write_samples(proposal, Path(out_dir) / "next.csv")
     write_json(Path(out_dir) / "advice.json", content)
     return content
 
@@ -73,7 +69,7 @@ def run_check(
         for folder in folders
     ]
     batches, last = pd.DataFrame([_row(advice, targets) for advice in advices]), advices[-1]
-    dataset, runs = _batches(folders, targets)
+    dataset, runs = tables_of(folders, targets)
     checked = read_table(runs_csv, ("sample", "status", *targets.names))
     check = _check(last, read_dataset(dataset_csv, targets), targets)
     out = Path(out_dir)
@@ -87,9 +83,7 @@ def run_check(
         "tolerance_percent": study.config["sequential"]["tolerance_percent"],
         "check_pours": _pours(checked, targets),
     }
-    answer.write(
-        _result(_data(folders, targets), last, study, details), checked, space, targets, out, details
-    )
+    answer.write(_result(read(folders, targets), last, study, details), checked, space, targets, out, details)
     return check
 
 
@@ -152,58 +146,9 @@ def observed_of(
     return strategy.observed_of(data_of(dataset, runs, targets), space, targets)
 
 
-def data_of(dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """The pours as a strategy takes them, a row for each: sample, parameters, responses, NaN for a failed sample.
-
-    Bench tests have separate runs. The first ok run of each makes the first pour of the sample, and so on; these runs
-    are independent, so any pairing is valid.
-    """
-    several = "apparatus" in runs
-    groups = ["sample", "apparatus"] if several else ["sample"]
-    most = runs.groupby(groups).size().groupby("sample").max().reindex(dataset["sample"], fill_value=0)
-    row = pd.Index(dataset["sample"]).get_indexer(runs["sample"])
-    ok = (runs["status"] == "ok").to_numpy() & (dataset["status"] == "ok").to_numpy()[row]
-    place = runs[ok].groupby(groups).cumcount().to_numpy()
-    values = np.full((len(dataset), int(most.max()), len(targets)), np.nan)
-    for k, target in enumerate(targets):
-        own = (runs[ok]["apparatus"] == target.response.apparatus).to_numpy() if several else slice(None)
-        values[row[ok][own], place[own], k] = runs[ok][target.name].to_numpy(float)[own]
-    poured = np.arange(values.shape[1]) < most.to_numpy()[:, None]
-    data = dataset.loc[dataset.index.repeat(most.to_numpy())].reset_index(drop=True)
-    data[list(targets.names)] = values[poured]
-    return data
-
-
-def _data(folders, targets):
-    """The pours of all batches, each with the number of its batch."""
-    tables = []
-    for number, folder in enumerate(folders):
-        dataset, runs = _batches([folder], targets)
-        tables.append(data_of(dataset, runs, targets).assign(batch=number))
-    return pd.concat(tables, ignore_index=True)
-
-
-def _batches(folders, targets):
-    """Samples and single runs of all batches."""
-    tables = []
-    for folder in folders:
-        dataset_csv, runs_csv = Path(folder) / "dataset.csv", Path(folder) / "runs.csv"
-        dataset = read_dataset(dataset_csv, targets)
-        tables.append((dataset, read_runs(runs_csv, targets, dataset, dataset_csv)))
-    dataset, runs = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
-    return dataset, runs
-
-
 def _pours(runs, targets):
     """Pours of a bench test, failed ones included; all bench tests of the targets have as many."""
     return len(runs) // len(targets.apparatus)
-
-
-def _write_samples(proposal, path):
-    """Write and return the samples of a proposal, without their seeds, which are those of the section."""
-    table = proposal.samples.drop(columns="seeds")
-    write_table(path, table)
-    return table
 
 
 def _row(advice, targets):

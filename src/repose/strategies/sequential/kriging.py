@@ -1,7 +1,7 @@
 """Stochastic kriging: Gaussian processes on the means of samples whose errors are known from their replicates.
 
-The processes are scikit-learn's. The responses are turned into combinations that are independent, both in the noise of
-a pour and over the samples; each combination has a process of its own.
+The responses are turned into combinations that are independent, both in the noise of a pour and over the samples; each
+combination has a process of its own (`repose.surrogate.process`).
 
 Sources of the lines, named where they are used:
 
@@ -16,7 +16,6 @@ Sources of the lines, named where they are used:
 """
 
 import math
-import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +23,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from repose.core.parameter_space import ParameterSpace
+from repose.surrogate.samples import Combined
 
 PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance
 LENGTH_LOG_MEAN = math.sqrt(2) - 3  # and half the logarithm of the number of inputs (H24)
@@ -91,7 +91,7 @@ class Observed(NamedTuple):
         return covariance
 
 
-class Kriging:
+class Kriging(Combined):
     """Model of the mean responses over all parameters, from the pours.
 
     The error of a sample's mean is known, not fitted (ANS10). A variance from few pours is a poor estimate, so it is
@@ -108,54 +108,36 @@ class Kriging:
     """
 
     unit: np.ndarray  # (n, d), the samples, about the centre of the ranges
-    values: np.ndarray  # (n, k), their scaled combinations
     errors: np.ndarray  # (n, k), variances of those
-    sets: list  # of processes, one for each draw of the lengths: kernel, root and weights of each combination
+    sets: list  # for each draw of variance and lengths a process of each combination
     factor: float  # on the variance of each draw
 
     def __init__(self, observed: Observed, noise: np.ndarray | None = None):
         if len(observed.unit) < 2:
             raise ValueError(f"{len(observed.unit)} samples; allowed: at least 2")
         self.noise = observed.noise() if noise is None else noise
-        self._mixing = _independent(observed, self.noise)
-        self._unmixing = np.linalg.inv(self._mixing)
+        self._combine(observed.means, _independent(observed, self.noise))
         self.unit = observed.unit - 0.5
-        mixed = observed.means @ self._mixing
-        self._middle, self._scale = mixed.mean(axis=0), np.maximum(mixed.std(axis=0), 1e-12)
-        self.values = (mixed - self._middle) / self._scale
         self.errors = _moderated(observed, self._mixing) / self._scale**2  # variances (n, k)
-        columns = list(zip(self.values.T, self.errors.T, strict=True))
-        kernels = [_drawn(self.unit, *column) for column in columns]
-        # one set of processes for each draw, (draws, k)
-        self.sets = [
-            [_conditioned(kernel, self.unit, *column) for kernel, column in zip(own, columns, strict=True)]
-            for own in zip(*kernels, strict=True)
-        ]
+        columns = zip(self.values.T, self.errors.T, strict=True)
+        self.sets = list(zip(*(_drawn(self.unit, *column) for column in columns), strict=True))
         self.factor = _factor(*self._left_out())
 
     def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean responses (m, k) at points (m, d), and their covariance (m, k, k) without the noise of a pour."""
-        moments = np.array([self._moments(processes, unit - 0.5) for processes in self.sets])
-        means, variances = moments[:, 0], moments[:, 1]
+        moments = np.array([[one.moments(unit - 0.5) for one in processes] for processes in self.sets])
+        means, variances = moments.transpose(2, 0, 3, 1)  # each (draws, m, k)
         off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
-        roots = np.sqrt(self.factor * variances.mean(axis=0)) * self._scale
-        roots = roots[:, :, None] * self._unmixing
-        covariance = roots.transpose(0, 2, 1) @ roots + np.einsum("smi,smj->mij", off, off) / len(off)
-        return self.unmixed(means.mean(axis=0)), covariance
-
-    def unmixed(self, scaled: np.ndarray) -> np.ndarray:
-        """Responses (..., k) from the scaled combinations (..., k) that the processes model."""
-        return (scaled * self._scale + self._middle) @ self._unmixing
+        covariance = self._covariance(self.factor * variances.mean(axis=0))
+        return self.unmixed(means.mean(axis=0)), covariance + np.einsum("smi,smj->mij", off, off) / len(off)
 
     def _left_out(self):
         """Each sample predicted from the others: residuals (n, k), variances within draws, and those that stay."""
         means, variances = [], []
         for processes in self.sets:
-            weights = np.column_stack([weights for _, _, weights in processes])
-            inverse = [
-                linalg.cho_solve((root, True), np.eye(len(root))).diagonal() for _, root, _ in processes
-            ]
-            precision = np.column_stack(inverse)
+            weights = np.column_stack([one.weights for one in processes])
+            inverse = [linalg.cho_solve((one.root, True), np.eye(len(weights))) for one in processes]
+            precision = np.column_stack([one.diagonal() for one in inverse])
             means.append(self.values - weights / precision)
             variances.append(np.maximum(1 / precision - self.errors, 1e-12))
         return (
@@ -163,16 +145,6 @@ class Kriging:
             np.mean(variances, axis=0),
             np.var(means, axis=0) + self.errors,
         )
-
-    def _moments(self, processes, unit):
-        """Means and variances (m, k) of the scaled combinations, by one set of processes."""
-        means, variances = [], []
-        for kernel, root, weights in processes:
-            between = kernel(unit, self.unit)
-            means.append(between @ weights)
-            solved = linalg.solve_triangular(root, between.T, lower=True, check_finite=False)
-            variances.append(np.maximum(kernel.diag(unit) - (solved**2).sum(axis=0), 1e-12))
-        return np.column_stack(means), np.column_stack(variances)
 
 
 class SpaceKriging:
@@ -222,9 +194,10 @@ def _factor(residuals, variances, others):
 
 
 def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
-    """Kernels of one combination, drawn from their posterior: a linear part, and the deviation from it."""
-    from sklearn.gaussian_process import GaussianProcessRegressor
+    """Processes of one combination, drawn from their posterior: a linear part, and the deviation from it."""
     from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern
+
+    from repose.surrogate.process import Process
 
     d = unit.shape[1]
     middle = LENGTH_LOG_MEAN + 0.5 * math.log(d)
@@ -250,21 +223,11 @@ def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
     slope = math.sqrt(12 / d)
     straight = ConstantKernel(slope**2, "fixed") * DotProduct(1.0 / slope, "fixed")
     kernel = straight + rough
-    model = GaussianProcessRegressor(kernel, alpha=error, optimizer=most_probable)
-    with warnings.catch_warnings():  # a length at its bound is a parameter without effect
-        warnings.simplefilter("ignore")
-        best = model.fit(unit, value).kernel_
+    best = Process(kernel, unit, value, error, optimizer=most_probable).kernel
     # nothing is less certain than the prior
     size, axes = np.linalg.eigh((curvature + curvature.T) / 2)
     root = axes / np.sqrt(np.maximum(size, LENGTH_LOG_SD**-2))
     normal = np.random.default_rng(1).standard_normal((DRAWS // 2, 1 + d))
     low, high = np.log(BOUNDS)
-    return [
-        best.clone_with_theta(np.clip(best.theta + root @ z, low, high)) for z in np.vstack([normal, -normal])
-    ]
-
-
-def _conditioned(kernel, unit, value, error):
-    """A kernel, the root of its covariance matrix and its weights of the samples (Rasmussen & Williams, Alg. 2.1)."""
-    root = linalg.cholesky(kernel(unit) + np.diag(error), lower=True)
-    return kernel, root, linalg.cho_solve((root, True), value)
+    drawn = [np.clip(best.theta + root @ z, low, high) for z in np.vstack([normal, -normal])]
+    return [Process(best.clone_with_theta(theta), unit, value, error, optimizer=None) for theta in drawn]

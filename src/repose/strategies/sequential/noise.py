@@ -4,11 +4,10 @@ Without replicates only the scatter about a smooth surface is left: a Gaussian p
 variance, the nugget (Rasmussen & Williams 2006, section 2.2). A rough surface without noise fits few runs as well as
 a smooth one with noise. So the variance is averaged over all shares of noise that the runs allow.
 
-This process is another than that of `repose.strategies.sequential.kriging`, which takes the noise as known: the lengths
+The kernel is another than that of `repose.strategies.sequential.kriging`, which takes the noise as known: the lengths
 there have a prior and no bound of their own, and may be so short that a rough surface explains the noise.
 """
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -84,18 +83,14 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
 
     `shares` (n,) is the variance of each of the `means` (n,) in variances of a single run.
     """
-    from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+    from repose.surrogate.process import Process
 
     scale = max(float(means.std()), 1e-9 * float(np.abs(means).max()), 1e-300)
     value = (means - means.mean()) / scale
     lengths = np.ones(unit.shape[1])
     kernel = ConstantKernel(1.0, BOUNDS) * Matern(lengths, LENGTHS, nu=SMOOTHNESS)
-    evidence = []
-    with warnings.catch_warnings():  # a length at its bound is a parameter without effect
-        warnings.simplefilter("ignore")
-        for share in SHARES:
-            model = GaussianProcessRegressor(kernel, alpha=share * shares).fit(unit, value)
-            evidence.append(model.log_marginal_likelihood_value_)
-    weights = np.exp(np.array(evidence) - max(evidence))
+    evidence = np.array([Process(kernel, unit, value, share * shares).log_likelihood for share in SHARES])
+    weights = np.exp(evidence - evidence.max())
     return float(weights @ SHARES / weights.sum()) * scale**2

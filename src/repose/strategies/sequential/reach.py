@@ -64,27 +64,28 @@ class Draws:
 
     def __init__(self, model: Kriging, number: int, random: np.random.Generator):
         self.model, self.parts, d = model, [], model.unit.shape[1]
-        for k, (kernel, root, of_mean) in enumerate(model.sets[number]):
-            matern, size = kernel.k2.k2, kernel.k2.k1.constant_value
+        for k, process in enumerate(model.sets[number]):
+            straight, rough = process.kernel.k1, process.kernel.k2
+            matern, size = rough.k2, rough.k1.constant_value
             # frequencies of Matern's covariance are distributed as Student's t
             freedom = 2 * SMOOTHNESS
             frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
             frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
             phase = 2 * np.pi * random.random(FEATURES)
             weights = np.sqrt(2 * size / FEATURES) * random.standard_normal((FEATURES, FUNCTIONS))
-            slopes = np.sqrt(kernel.k1.k1.constant_value) * random.standard_normal((d, FUNCTIONS))
+            slopes = np.sqrt(straight.k1.constant_value) * random.standard_normal((d, FUNCTIONS))
             constant = random.standard_normal(FUNCTIONS)
             values, errors = model.values[:, k, None], model.errors[:, k, None]
             off = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
             prior = constant + model.unit @ slopes + np.cos(model.unit @ frequencies.T + phase) @ weights
-            corrections = linalg.cho_solve((root, True), values - prior - off)
-            self.parts.append((kernel, of_mean, frequencies, phase, weights, slopes, constant, corrections))
+            corrections = linalg.cho_solve((process.root, True), values - prior - off)
+            self.parts.append((process, frequencies, phase, weights, slopes, constant, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
         unit, mixed, root = unit - 0.5, [], math.sqrt(self.model.factor)
-        for kernel, of_mean, frequencies, phase, weights, slopes, constant, corrections in self.parts:
-            between = kernel(unit, self.model.unit)
+        for process, frequencies, phase, weights, slopes, constant, corrections in self.parts:
+            between = process.kernel(unit, self.model.unit)
             prior = constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights
-            mean = (between @ of_mean)[:, None]
+            mean = (between @ process.weights)[:, None]
             mixed.append(mean + root * (prior + between @ corrections - mean))
         return self.model.unmixed(np.stack(mixed, axis=-1)).transpose(1, 0, 2)

@@ -38,7 +38,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
     except ValueError as error:
         raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
-    notes = _notes(advice, study)
+    notes = {"pours": len(data), **_notes(advice, study)}
     if advice.stop is None:
         return Batch(samples_of(space, advice.batch, section["seeds"], next_number(data)), notes)
     best = answer(study, data)
@@ -68,7 +68,7 @@ def answer(study: Studied, data: pd.DataFrame) -> Answer:
 
 
 def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> tuple[Observed, np.ndarray]:
-    """Samples with a good run as arrays, and the other samples (f, d) in the unit cube."""
+    """Samples with good runs as arrays, and the failed samples (f, d) in the unit cube."""
     names = list(targets.names)
     number, samples = pd.factorize(data["sample"])
     run = data[names].notna().any(axis=1).to_numpy()
@@ -76,7 +76,9 @@ def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> 
     values = np.full((len(samples), int(place.max(initial=0)) + 1, len(names)), np.nan)
     values[number[run], place] = data.loc[run, names].to_numpy(float)
     unit = space.unit(data.drop_duplicates("sample")[list(space.names)].to_numpy(float))
-    good = np.isfinite(values).all(axis=2).any(axis=1)
+    # as in `repose.core.runs.summarise_runs`: at least half of the runs of each bench test
+    enough = (2 * np.isfinite(values).sum(axis=1) >= np.bincount(number)[:, None]).all(axis=1)
+    good = np.isfinite(values).all(axis=2).any(axis=1) & enough
     return Observed(unit[good], values[good]), unit[~good]
 
 
