@@ -8,6 +8,7 @@ import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -201,6 +202,36 @@ def test_a_pile_without_a_flank_says_so():
     record, _ = run_once(funnel.BENCH, small(berries=4), named(CENTRE), 5, particle(), BERRY)
     assert record["status"] == "no_flank"
     assert record["reason"]
+
+
+def of_last_positions(heights_m, exits_s, radius_m=0.005):
+    """A judged pour of grains at these heights, which touch each other, under an outlet at 0.1 m."""
+    n = len(heights_m)
+    simulation = SimpleNamespace(
+        positions=np.column_stack([np.zeros((n, 2)), heights_m]),
+        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+        scales=np.ones(n),
+        present=np.ones(n, bool),
+        radius=radius_m,
+        exit_times_s=np.array(exits_s),
+        contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]),
+        kinetic_energies=lambda: np.zeros(n),
+    )
+    return funnel._judge(simulation, SimpleNamespace(outlet_height_m=0.1), None, "", None, 1.0, 1.0)
+
+
+def test_a_pour_is_judged_by_its_last_positions():
+    """A grain that hangs in the outlet has its centre less than a radius below the rim."""
+    poured = of_last_positions([0.01, 0.094, 0.096, 0.2, -1.0], [2.0, 3.5, 5.0, math.nan, 2.5])
+    assert (poured.in_funnel, poured.off_plate) == (2, 1)
+    assert poured.on_plate.tolist() == [True, True, False, False, False]
+    assert poured.discharge_s == 3.0
+
+
+def test_a_tenth_of_the_grains_may_leave_the_plate():
+    for lost, status in ((6, "ok"), (7, "left_plate")):
+        poured = of_last_positions([0.01] * (60 - lost) + [-1.0] * lost, [1.0] * 60)
+        assert funnel.status_of(poured, small())[0] == status, lost
 
 
 @pytest.mark.parametrize(("in_pile", "on_plate"), [(3, 57), (2, 15), (1, 1), (9, 9), (28, 57), (0, 60)])

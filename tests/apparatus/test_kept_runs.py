@@ -82,6 +82,20 @@ def test_a_damaged_run_never_reaches_a_result(pours, tmp_path):
         assert result.read_bytes() == right, at
 
 
+def test_a_run_that_somebody_changed_or_copied_is_made_again(pours, tmp_path):
+    """With its record, by which it would be the same run."""
+    pours(tmp_path, [1])
+    first, second, right = (tmp_path / name for name in ("runs/001_1.npz", "runs/001_2.npz", "001.npz"))
+    content = right.read_bytes()
+    second.write_bytes(first.read_bytes())
+    assert pours(tmp_path, [1, 2]) == [2]
+    arrays = dict(np.load(first))
+    for name, other in (("position", arrays["position"] + 1), (kept_runs.ABOUT, np.array("{"))):
+        np.savez(first, **{**arrays, name: other})
+        assert pours(tmp_path, [1]) == [1], name
+        assert right.read_bytes() == content
+
+
 def test_without_a_stage_nothing_is_taken(pours, tmp_path):
     pours(tmp_path, [1])
     assert kept_runs.read(tmp_path / "runs" / "001_1.npz", {}) is None

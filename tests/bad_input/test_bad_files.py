@@ -155,6 +155,12 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
 
     keys = (*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa")
     berry = [(berry_files.read_berry, BERRY | {key: value}, key) for key in keys for value in BAD]
+    berry += [
+        (berry_files.read_berry, BERRY | {key: value}, key)
+        for key in berry_files.FROM_ZERO
+        for value in BAD
+        if value != 0
+    ]
     numbers = [key for key in PARTICLE if key not in ("kind", "stl")]
     bad = ("text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True)
     particle = [(Particle.load, PARTICLE | {key: value}, key) for key in numbers for value in bad]
@@ -168,6 +174,13 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
             for read, record, key in berry + particle + without
         ],
     )
+
+
+@pytest.mark.parametrize("key", berry_files.MODULI)
+def test_a_simulation_needs_the_moduli_of_its_berry(refused, tmp_path, key):
+    path = tmp_path / "berry.json"
+    path.write_text(json.dumps({name: BERRY[name] for name in BERRY if name != key}))
+    assert f"berry.json: {key} is None" in refused("pour", f"--berry={path}")
 
 
 def test_a_file_that_was_cut(tmp_path):

@@ -2,11 +2,13 @@
 
 import copy
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import not_refused
 
 from repose.chain import answer, card
 from repose.chain.card import described
@@ -152,6 +154,25 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
         card.check(bad, "mine.json")
     assert "grain.density_kg_m3 is -1" in str(caught.value)
     assert "'laws' is a required property" in str(caught.value)
+
+
+def test_numbers_that_no_material_has_are_refused(config, solutions):
+    def check(change):
+        card.check(made(config, solutions) | change, "mine.json")
+
+    def of(name, **keys):
+        parameters = made(config, solutions)["parameters"]
+        return {"parameters": parameters | {name: parameters[name] | keys}}
+
+    bad = [
+        (of("e_gg", value=value), r"e_gg\.value is .*; allowed: .* 0\.01 to 1") for value in (0.0, -0.5, 5)
+    ]
+    bad += [
+        (of("mus_gg", value=value), r"mus_gg\.value is .* a finite number") for value in (math.nan, math.inf)
+    ]
+    bad += [(of("mus_gg", low=0.5, high=high), "low and high, or null for both") for high in (None, 0.4)]
+    bad += [({"correlations": {"mus_gg": {}, "mur_gg": {}}}, "correlations.mus_gg")]
+    assert not_refused(check, bad, InputError) == []
 
 
 def test_a_card_states_its_probabilities_if_its_runs_give_them(config, solutions):

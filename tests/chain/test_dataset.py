@@ -87,6 +87,9 @@ def edit(path, change):
         (lambda job: job["runs"][0].update(status="fine"), r"002.json: runs\[0\].status is 'fine'"),
         (lambda job: job["runs"][0].update(aor_deg=None), r"002.json: runs\[0\].aor_deg is None"),
         (lambda job: job["runs"][0].update(height_mm=math.nan), r"002.json: runs\[0\].height_mm is nan"),
+        (lambda job: job["runs"][0].update(aor_deg=1000), r"runs\[0\].aor_deg is 1000; allowed: .* up to 89"),
+        (lambda job: job["runs"][0].update(seed=2), r"002.json: seed is \[2, 2, 3\]; allowed: .* none twice"),
+        (lambda job: job["runs"][0].pop("seed"), r"002.json: seed is \[None, 2, 3\]"),
     ],
 )
 def test_a_bad_heap_job_is_named(study, change, message):

@@ -31,10 +31,11 @@ def test_the_advised_step_has_two_digits_and_is_allowed(longest_s):
 
 
 def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
-    """Three pours; another program slowed two of them."""
+    """Three pours; another program slowed two of them. None ends before its pile is timed."""
     took = iter([90.0, 50.0, 70.0])
 
-    def pour(*_):
+    def pour(small, *_):
+        assert small["funnel"]["rest_motion_mm"] < 0
         time.sleep(0.02)
         return SimpleNamespace(us_per_step=next(took))
 

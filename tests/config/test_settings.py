@@ -275,6 +275,8 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
         ("berry.sizes", "nowhere.csv", "an existing file"),
         ("validation.published", "nowhere.csv", "an existing file"),
         ("posterior.shape_study", "nowhere.csv", "an existing file"),
+        ("photograph", "nowhere.jpg", "an existing file"),
+        ("photograph", "resources", "an existing file"),
         ("simulation.time_step_s", 4e-4, "1/15 of the contact time"),
         ("simulation.time_step_s", 1e-3, "at most 0.000382"),
         ("funnel.outlet_diameter_mm", 9.0, "the size of a mean berry"),
@@ -293,6 +295,31 @@ def test_headers_of_the_named_tables_are_checked(config):
         InputError, match=r"berries\.csv: column solution is 'missing'; allowed: columns solution"
     ):
         Study.of(config).check_inputs()
+
+
+def test_photograph_and_shape_study_are_read_before_any_work(config):
+    sizes = "resources/berries.csv"
+    for changed, words in (
+        ({"photograph": sizes}, r"berries\.csv: picture is 'not a picture'"),
+        (
+            {"posterior": config["posterior"] | {"shape_study": sizes}},
+            r"berries\.csv: column particle is 'missing'",
+        ),
+    ):
+        with pytest.raises(InputError, match=words):
+            Study.of(config | changed).check_inputs()
+
+
+def test_a_range_that_its_prior_excludes_is_refused(config):
+    def of(low):
+        known = {"prior": {"mean": 0.5, "sd": 0.01}, "range": [low, 0.9]}
+        return Study.of(config | {"parameters": config["parameters"] | {"mus_gg": known}})
+
+    with pytest.raises(
+        InputError, match=r"parameters\.mus_gg is .*; allowed: a range that meets 0\.47 to 0\.53"
+    ):
+        of(0.57)
+    assert of(0.52).parameters.prior["mus_gg"] == (0.5, 0.01)
 
 
 def test_seeds_are_stable_distinct_and_fresh_for_validation():

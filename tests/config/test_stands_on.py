@@ -28,6 +28,18 @@ def test_what_only_the_measurement_reads_makes_no_run_again(name, monkeypatch):
 
 
 @pytest.mark.parametrize("name", USED)
+def test_whatever_else_a_run_reads_makes_it_again(name, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    config = Study.load("config/config.yaml").config
+    own = [(name, key) for key in config[name] if key not in ("seeds", *bench(name).measured_by)]
+    shared = [(section, key) for section in ("wall", "simulation") for key in config[section]]
+    for section, key in (*own, *shared, ("design", "seed")):
+        changed = copy.deepcopy(config)
+        changed[section][key] = "another"
+        assert stands_on.pouring(changed, name) != stands_on.pouring(config, name), (section, key)
+
+
+@pytest.mark.parametrize("name", USED)
 def test_another_order_of_the_keys_is_the_same_text(name, monkeypatch):
     def turned(value):
         return {key: turned(value[key]) for key in reversed(value)} if isinstance(value, dict) else value

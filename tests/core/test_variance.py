@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from repose.core import variance
 
@@ -24,6 +25,14 @@ def test_components_of_a_table_worked_by_hand():
     assert one.between == pytest.approx((between_square - 3) / n0)
     assert one.harmonic_seeds == pytest.approx(3 / (1 / 2 + 1 / 2 + 1 / 3))
     assert (one.groups, one.values) == (3, 7)
+    # the means' variance is 13 / 3; F quantiles with 2 and 4 degrees of freedom (TH78)
+    h = one.harmonic_seeds
+    least, most = ((h * (13 / 3) / (3 * stats.f.ppf(q, 2, 4)) - 1) / h for q in (0.975, 0.025))
+    assert least < one.icc_low == 0
+    assert one.icc_high == pytest.approx(most / (1 + most))
+    assert (one.within_low, one.within_high) == pytest.approx(
+        [12 / stats.chi2.ppf(q, 4) for q in (0.975, 0.025)]
+    )
 
 
 def test_components_are_unbiased_and_intervals_cover_with_failed_pours():

@@ -214,6 +214,8 @@ def test_a_sphere_rolls_with_the_calibrated_coefficient_on_a_wall(job):
     assert (radius, lever) == pytest.approx((0.005, 0.005))
     sphere = replace(job, lever_m=lever, on_wall=replace(job.on_wall, effective_radius_m=radius))
     assert laws.rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(job.on_wall.rolling_friction)
+    longer = replace(sphere, lever_m=2 * lever)  # the same torque needs twice the coefficient
+    assert laws.rolling_coefficient(longer, longer.on_wall) == pytest.approx(2 * job.on_wall.rolling_friction)
 
 
 def test_free_surface_of_two_spheres_that_overlap():

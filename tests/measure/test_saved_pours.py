@@ -8,6 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from refusals import not_refused
+from shared import check_all
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
@@ -196,3 +198,66 @@ def test_files_that_are_no_pours_are_named(saved, name, content, message):
         path.write_text(content)
     with pytest.raises(InputError, match=message):
         measure_job(config(), path, PARTICLE, AXES)
+
+
+def of_grains(name, change):
+    """A case: an array of the first pour changed."""
+    return f"{name}_1", lambda arrays: arrays | {f"{name}_1": change(arrays[f"{name}_1"])}
+
+
+IMPOSSIBLE = (
+    (
+        *of_grains("position", lambda values: np.where(np.arange(len(values))[:, None] == 3, np.nan, values)),
+        "finite",
+    ),
+    (*of_grains("position", lambda values: values[:10]), "of as many grains as the other arrays"),
+    (*of_grains("position", lambda values: values[:, :2]), r"numbers \(\d+, 3\)"),
+    (*of_grains("position", lambda values: values.astype(str)), "numbers"),
+    (*of_grains("quaternion", np.zeros_like), "a rotation of each grain"),
+    (*of_grains("in_pile", lambda values: values[:-1]), "of as many grains"),
+    (
+        "scale_1",
+        lambda arrays: arrays | {"scale_1": np.full(len(arrays["in_pile_1"]), -1.0)},
+        "sizes above 0",
+    ),
+    (
+        "position_1 in mm",
+        lambda arrays: arrays | {"position_1": 1e6 * arrays["position_1"]},
+        "positions are in m",
+    ),
+)
+
+
+def test_impossible_grains_are_refused_and_those_of_a_spoiled_run_are_not_read(saved):
+    path = saved.with_name("007.npz")
+    whole = dict(np.load(path))
+    np.savez(path, **whole | {"position_3": np.nan * whole["position_3"]})  # the run that jammed
+    measure_job(config(), saved, PARTICLE, AXES)
+
+    def check(change, words):
+        np.savez(path, **change(whole))
+        with pytest.raises(InputError, match=words):
+            measure_job(config(), saved, PARTICLE, AXES)
+
+    check_all(check, IMPOSSIBLE)
+
+
+def test_records_of_pours_hold_numbers_and_a_reason(saved):
+    job = json.loads(saved.read_text())
+
+    def change(**keys):
+        saved.write_text(json.dumps(job | {"pours": [job["pours"][0] | keys, *job["pours"][1:]]}))
+
+    def measure(keys):
+        change(**keys)
+        measure_job(config(), saved, PARTICLE, AXES)
+
+    cases = (
+        ({"discharge_s": "long"}, "discharge_s is 'long'; allowed: a finite number, or null"),
+        ({"discharge_s": math.nan}, "discharge_s is nan"),
+        ({"reason": 3}, "reason is 3; allowed: text"),
+        ({"seed": 2}, "each seed once"),
+    )
+    assert not_refused(measure, cases, InputError) == []
+    del job["pours"][2]["reason"]
+    measure({})

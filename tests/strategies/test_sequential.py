@@ -1,6 +1,7 @@
 """The sequential strategy with a simulator of one line."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -232,6 +233,17 @@ def test_the_expected_deviation_is_the_mean_over_what_the_responses_may_be():
     assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(
         goal.of_responses(drawn)[1].mean(), rel=0.01
     )
+
+
+def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they_say():
+    """Variance 4 and noise 4: one pour leaves 2 and says 2, so a mean 5 off may come to 5 - 3 root 2."""
+    model = SimpleNamespace(
+        noise=np.array([[4.0]]), predict=lambda _: (np.array([[65.0]]), np.array([[[4.0]]]))
+    )
+    goal = Goal(np.array([60.0]), np.array([1.0]), SPACE, np.ones(1))
+    off = 5 - 3 * np.sqrt(2)
+    expected = norm.cdf((1 - off) / np.sqrt(2)) - norm.cdf((-1 - off) / np.sqrt(2))
+    assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(expected, abs=1e-6)
 
 
 def test_pours_that_are_left_cannot_do_more_than_reachable():

@@ -302,6 +302,11 @@ def changed(key, value):
             "parameters.run is .*; allowed: another name",
         ),
         ("parameters", {"friction": {"fixed": 1}}, "at least one range or prior"),
+        (
+            "parameters",
+            {"friction": {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.6, 0.9]}},
+            "a range that meets",
+        ),
         ("targets", {}, "at least one response"),
         ("targets.friction", {"value": 1, "sd": 1, "repetitions": 3}, "a name that is no parameter's"),
         ("targets.time_s.value", None, "targets.time_s.value is null"),

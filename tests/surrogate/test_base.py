@@ -1,6 +1,7 @@
 """What every surrogate promises, on functions with a known answer."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -249,11 +250,16 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
         ({"samples": ["a", "b"]}, "samples"),
         ({"samples": [1, 1]}, "samples"),
         ({"samples": [1.5]}, "samples"),
-        ({"samples": [float("inf")]}, "samples"),
+        ({"samples": [math.inf]}, "numbers is 'not all finite'"),
     ):
         (tmp_path / "bad.json").write_text(json.dumps(good | change))
         with pytest.raises(InputError, match=text):
             load(tmp_path / "bad.json")
+    fitted["network"].save(tmp_path / "network.json")
+    damaged = json.loads((tmp_path / "network.json").read_text()) | {"output_max": [math.nan, 1.0]}
+    (tmp_path / "bad.json").write_text(json.dumps(damaged))
+    with pytest.raises(InputError, match="not all finite"):  # the mean of a network holds without it
+        load(tmp_path / "bad.json")
     with pytest.raises(InputError, match=r"outputs is \['x_deg', 'y_mm'\]; allowed: the targets y_mm, x_deg"):
         load(tmp_path / "good.json", ("y_mm", "x_deg"))
 

@@ -137,10 +137,11 @@ def measure_job(
         if pour["status"] not in test.statuses:
             raise InputError(path, "status", pour["status"], ", ".join(test.statuses))
     arrays = saved_positions(positions_file(path))
-    runs = [
-        test.measure(pour, pour_arrays(arrays, pour["seed"], path, test.kept), config, particle, berry)
-        for pour in pours
-    ]
+    runs = []
+    for pour in pours:
+        needed = test.kept if pour["status"] == "ok" else ()  # the arrays of a spoiled run may hold anything
+        kept = pour_arrays(arrays, pour["seed"], path, needed)
+        runs.append(test.measure(pour, kept, config, particle, berry))
     result = job | {"summary": summarise_runs(runs, test.recorded_for(config)), "runs": runs}
     out = path.parent if out_dir is None else Path(out_dir)
     write_json(out / f"{path.name.removesuffix(POURS)}.json", result)

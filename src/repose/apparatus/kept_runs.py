@@ -1,7 +1,7 @@
 """Runs kept one by one, so that none is made twice.
 
-A kept run is taken again only if it is the same: of the same parameters, settings, berry, particle and engine. This
-is judged by its record of provenance.
+A kept run is taken again only if it is the same: of the same parameters, settings, berry, particle and engine, by its
+record of provenance, and unchanged, by the ledger of its folder.
 """
 
 import json
@@ -29,7 +29,7 @@ def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
 
 def read(path: Path, about: Mapping[str, Any]) -> Run | None:
     """A kept run if it equals the run that the stage would make; about: the description in each file of its job."""
-    now, then = provenance.current(), attached.read(path)
+    now, then = provenance.current(), attached.read(path) if is_own_file(path) else None
     if now is None or then is None or then["origin"] != now["origin"]:
         return None
     try:

@@ -20,7 +20,7 @@ from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import LABELS
+from repose.core.parameters import LABELS, PHYSICAL_LIMITS
 from repose.core.responses import Response, derived
 from repose.core.targets import Target, Targets
 
@@ -283,11 +283,41 @@ def check(card: Mapping[str, Any], source: object) -> None:
         )
         for error in faults
     )
+    raise_together(InputError(source, *fault) for fault in _impossible(card))
     runs = min(test["runs"] if test["status"] == OK else 0 for test in card["tests"])
     unknown = [percent for percent, chance in card["within"].items() if chance is None]
     if unknown and runs >= FEWEST_RUNS:
         allowed = f"{WHAT}: a probability, as each test has {FEWEST_RUNS} runs or more"
         raise InputError(source, f"within.{unknown[0]}", None, allowed)
+
+
+def _impossible(card: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:
+    """What no schema says of a card: the key, the value and what is allowed."""
+    for key, value in _numbers(card):
+        if not math.isfinite(value):
+            yield key, value, f"{WHAT}: a finite number"
+    for name, row in card["parameters"].items():
+        if "simulator" not in card:
+            least, most = PHYSICAL_LIMITS[name]
+            for key in ("value", "low", "high"):
+                if row[key] is not None and (row[key] < least or row[key] > most):
+                    yield f"parameters.{name}.{key}", row[key], f"{WHAT}: {least:g} to {most:g}"
+        ends = (row["low"], row["high"])
+        if ends.count(None) == 1 or (None not in ends and ends[0] > ends[1]):
+            yield f"parameters.{name}", list(ends), f"{WHAT}: low and high, or null for both"
+    names = set(card["correlations"])
+    for name, row in card["correlations"].items():
+        if set(row) != names:
+            yield f"correlations.{name}", sorted(row), f"{WHAT}: {', '.join(sorted(names))}"
+
+
+def _numbers(value: Any, key: str = "") -> Iterator[tuple[str, float]]:
+    """Every number of a card, with its dotted key."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, inner in items:
+        yield from _numbers(inner, f"{key}.{name}" if key else str(name))
+    if isinstance(value, float):
+        yield key, value
 
 
 def read(path: str | PathLike) -> dict[str, Any]:

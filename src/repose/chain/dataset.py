@@ -27,6 +27,7 @@ from repose.core.targets import Targets
 
 SUMMARY = "_summary.json"  # follows the stem of a dataset's name
 RUN = ("seed", "status", "reason")
+ROUNDING = 1.01  # a measured restitution may lie a little above 1
 Job = Mapping[str, Any]
 
 
@@ -54,7 +55,7 @@ def assemble(
 
 def recorded(apparatus: str, targets: Targets) -> Recorded:
     """Responses of a bench test that the tables keep: its targets, then those that it always records."""
-    return bench(apparatus).recorded.beginning_with(_own(targets, apparatus))
+    return bench(apparatus).recorded.beginning_with(tuple(target.name for target in _own(targets, apparatus)))
 
 
 def summarise(runs: Sequence[Mapping[str, Any]], apparatus: str, targets: Targets) -> dict[str, Any]:
@@ -170,17 +171,22 @@ def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
         if not isinstance(run, dict) or run.get("status") not in statuses:
             value = run.get("status") if isinstance(run, dict) else run
             raise InputError(path, f"runs[{i}].status", value, ", ".join(statuses))
-        for key in _own(targets, apparatus):
-            value = run.get(key)
-            finite = isinstance(value, int | float) and math.isfinite(value)
-            if run["status"] == "ok" and not finite:
-                raise InputError(path, f"runs[{i}].{key}", value, "a finite number, as the run is ok")
+        if run["status"] == "ok":
+            for target in _own(targets, apparatus):
+                value, most = run.get(target.name), target.response.high
+                finite = isinstance(value, int | float) and math.isfinite(value)
+                if not finite or abs(value) > ROUNDING * most:
+                    limit = f", up to {most:g}" if finite else ", as the run is ok"
+                    raise InputError(path, f"runs[{i}].{target.name}", value, f"a finite number{limit}")
+    seeds = [run.get("seed") for run in job["runs"]]
+    if None in seeds or len(set(map(str, seeds))) < len(seeds):
+        raise InputError(path, "seed", seeds, "a seed for each run, and none twice")
     return job, apparatus
 
 
 def _own(targets, apparatus):
-    """Names of the targets of a bench test."""
-    return tuple(target.name for target in targets if target.response.apparatus == apparatus)
+    """The targets of a bench test."""
+    return tuple(target for target in targets if target.response.apparatus == apparatus)
 
 
 def _merged(summaries):

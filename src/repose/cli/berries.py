@@ -24,7 +24,8 @@ def berry_and_particle(
     from repose.particle import berry_files
     from repose.particle.particle import Particle
 
-    of_berry = study.grain if berry_json is None else berry_files.read_berry(berry_json)
+    needed = (*berry_files.SIZE_COLUMNS, *berry_files.MODULI)
+    of_berry = study.grain if berry_json is None else berry_files.read_berry(berry_json, needed)
     if particle_json is not None:
         return of_berry, Particle.load(particle_json)
     if berry_json is None:

@@ -196,5 +196,5 @@ def describe(run: Mapping[str, Any], template: str) -> str:
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:
         return f"seed {run['seed']}: {template.format(**run)}"
-    except TypeError:  # a response that is no target and could not be measured
+    except (KeyError, TypeError):  # a response that is no target and could not be measured
         return f"seed {run['seed']}: ok"

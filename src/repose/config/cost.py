@@ -24,6 +24,7 @@ REST_S = 120.0  # rest of a study without its runs: posterior, figures, film and
 TIMED_S, TIMED_STEPS = 1.5, 1.0e7
 REPEATS = 3  # the shortest time counts: other programs only slow a pour down
 FEWEST_TIMED = 20
+NEVER_RESTS = -1.0  # a motion in mm that no pile is below
 SEEDS = ("seeds", "checks")  # endings of keys for the number of runs of a parameter set
 # Purpose, number of parameter sets, seeds of each.
 Pours = Sequence[tuple[str, int, int]]
@@ -66,6 +67,7 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
         "rate_per_s": 4 * grains / TIMED_S,
         "duration_s": TIMED_S + 1.0,
         "rest_window_s": 0.5,
+        "rest_motion_mm": NEVER_RESTS,  # or the pour ends before there is a step to be timed
     }
     small = {**config, "funnel": {**config["funnel"], **pour}}
     values = ParameterSpace.of(config["parameters"]).centre

@@ -1,6 +1,7 @@
 """The making of a study: checks of its configuration and of its files, which report all faults at once."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 NAMED_FILES = (
     *("berry.sizes", "berry.compression", "berry.stl"),
-    *("validation.published", "posterior.shape_study"),
+    *("validation.published", "posterior.shape_study", "photograph"),
 )
 # Sections of the mean grain, and further sections that limit the time step.
 GRAIN = ("berry", "validation")
@@ -114,20 +115,23 @@ class Making:
 
     def _read_files(self) -> None:
         """Check that the files exist; read the files that no other check reads."""
+        from repose.measure.pile import read_image
         from repose.particle.berry_files import read_sizes
+        from repose.studies.discrepancy import of_shape_study
 
         if self._may_read("results_dir"):
             self._add(results_folder.existing_results(self.config["results_dir"]))
-        for key in filter(self._may_use, NAMED_FILES):
-            path = get(self.config, key)
-            if path is not None and not Path(path).is_file():
-                self._add([(key, "an existing file, relative to the folder of the project")])
-        if self._may_use("berry.sizes"):
-            self._result_of("berry.sizes", read_sizes, self.config["berry"]["sizes"])
-        if self._may_use("validation.published") and self._may_read("targets"):
-            published = self.config["validation"]["published"]
-            responses = Targets.of(self.config["targets"]).responses
-            self._result_of("validation.published", check_published, published, responses)
+        named = {key: get(self.config, key) for key in NAMED_FILES if self._may_use(key)}
+        named = {key: path for key, path in named.items() if path is not None}
+        missing = [key for key, path in named.items() if not Path(path).is_file()]
+        self._add((key, "an existing file, relative to the folder of the project") for key in missing)
+        readers: dict[str, Callable[[str], Any]] = {"berry.sizes": read_sizes, "photograph": read_image}
+        if self._may_read("targets"):
+            targets = Targets.of(self.config["targets"])
+            readers["validation.published"] = partial(check_published, responses=targets.responses)
+            readers["posterior.shape_study"] = partial(of_shape_study, targets=targets)
+        for key in [key for key in readers if key in named and key not in missing]:
+            self._result_of(key, readers[key], named[key])
 
     def _make_grain(self) -> None:
         """Make the mean berry and its particle."""

@@ -15,6 +15,7 @@ from pydantic_core import core_schema
 
 from repose.apparatus import bench, names
 from repose.config import results_folder
+from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import FURTHER
 from repose.core.responses import responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
@@ -109,6 +110,19 @@ class _Parameter:
         return handler.generate_schema(pair | fixed | known)
 
 
+def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
+    """Parameters, by name, whose range lies beyond their prior."""
+    for name, given in parameters:
+        if getattr(given, "range", None) is not None:
+            mean, reach = given.prior.mean, PRIOR_WIDTHS * given.prior.sd
+            if mean + reach < given.range[0] or mean - reach > given.range[1]:
+                low, high = mean - reach, mean + reach
+                yield (
+                    name,
+                    f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior",
+                )
+
+
 def _described(low, high):
     """The allowed values of a contact parameter within bounds, as text."""
     pair = f"a pair [low, high] of numbers from {low:g} to {high:g} with low < high"
@@ -177,7 +191,8 @@ class _SixParameters(Section):
     mur_gp: RollingFriction
 
     def contradictions(self) -> Contradictions:
-        """No free parameter."""
+        """No free parameter, or a prior that its range excludes."""
+        yield from far_priors(self)
         if all(value is None or hasattr(value, "fixed") for _, value in self):
             yield "", "at least one free parameter: there is nothing to calibrate"
 

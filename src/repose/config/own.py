@@ -16,6 +16,7 @@ from repose.config.models import (
     Refine,
     StrategyName,
     SurrogateName,
+    far_priors,
 )
 from repose.config.reading import get, read
 from repose.core import places
@@ -121,7 +122,7 @@ class OwnSettings(Section):
     @field_validator("parameters")
     @classmethod
     def _free(cls, parameters: dict[str, Any]) -> dict[str, Any]:
-        refuse(_bad_columns(parameters))
+        refuse([*_bad_columns(parameters), *far_priors(parameters.items())])
         if all(hasattr(one, "fixed") for one in parameters.values()):
             refuse([("", "at least one range or prior")])
         return parameters

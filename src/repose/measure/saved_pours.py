@@ -1,5 +1,6 @@
 """Reading of saved pours: NAME.pours.json holds the status of each pour, NAME.npz the final positions."""
 
+import math
 import re
 from collections.abc import Iterable
 from os import PathLike
@@ -13,11 +14,13 @@ from repose.core.files import read_json, read_npz
 
 POURS = ".pours.json"  # behind the stem of a job's files
 KINDS = ("position", "quaternion", "in_pile")
+COLUMNS = {"position": 3, "quaternion": 4}
+ONE_A_GRAIN = ("in_pile", "scale")
 WHAT = f"NAME{POURS} as the verb pour writes it"
 
 
 def read_pours(path: str | PathLike) -> dict[str, Any]:
-    """Read the JSON file of a job's pours; each of its ``pours`` has a seed and a status."""
+    """Read the JSON file of a job's pours; each of its ``pours`` has a seed, a status, a reason and numbers."""
     job = read_json(path, what=WHAT)
     pours = job.get("pours")
     if not str(path).endswith(POURS) or not isinstance(pours, list) or not pours:
@@ -25,6 +28,16 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     for pour in pours:
         if not isinstance(pour, dict) or not isinstance(pour.get("status"), str) or "seed" not in pour:
             raise InputError(path, "pours", pour, "records with a seed and a status")
+        if not isinstance(pour.setdefault("reason", ""), str):
+            raise InputError(path, "reason", pour["reason"], "text")
+        for key in pour.keys() - {"status", "reason"}:
+            if pour[key] is not None and not (
+                isinstance(pour[key], int | float) and math.isfinite(pour[key])
+            ):
+                raise InputError(path, key, pour[key], "a finite number, or null")
+    seeds = [pour["seed"] for pour in pours]
+    if len(set(seeds)) < len(seeds):
+        raise InputError(path, "seed", seeds, "each seed once")
     return job
 
 
@@ -36,13 +49,35 @@ def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
 def pour_arrays(
     arrays: dict[str, np.ndarray], seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
-    """Arrays of one pour by name, such as ``position``, from arrays with the keys NAME_SEED."""
+    """Arrays of one pour by name, such as ``position``, from arrays with the keys NAME_SEED.
+
+    InputError unless the arrays `kinds` are there and good ones of grains; without `kinds` nothing is checked.
+    """
     ending = f"_{seed}"
     selected = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
     for kind in kinds:
         if kind not in selected:
             raise InputError(source, f"{kind}{ending}", None, "an array in the .npz file beside it")
+    if "position" in kinds:
+        _check_grains(selected, source, ending)
     return selected
+
+
+def _check_grains(arrays, source, ending):
+    """Refuse arrays that differ in their grains, or hold impossible ones."""
+    grains = arrays["position"].shape[-2:-1]
+    for kind in filter(arrays.__contains__, (*COLUMNS, *ONE_A_GRAIN)):
+        values, name = arrays[kind], f"{kind}{ending}"
+        shape = (*grains, COLUMNS[kind]) if kind in COLUMNS else grains
+        if values.dtype.kind not in "bfiu" or values.shape[-len(shape) :] != shape or not grains:
+            found = f"{values.dtype} {values.shape}"
+            raise InputError(source, name, found, f"numbers {shape}, of as many grains as the other arrays")
+        if not np.isfinite(values).all():
+            raise InputError(source, name, "not finite", "finite numbers")
+        if kind == "quaternion" and not values.any(axis=-1).all():
+            raise InputError(source, name, "zero", "a rotation of each grain")
+        if kind == "scale" and not (values > 0).all():
+            raise InputError(source, name, float(values.min()), "sizes above 0, in sizes of the mean grain")
 
 
 def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:

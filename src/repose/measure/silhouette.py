@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
+from repose.core.errors import InputError
 from repose.dem.rotations import rotation_matrices
 
 # Simulations run side by side, one a core: OpenCV's own threads would only fight over them.
@@ -19,6 +20,7 @@ OUTLINE_DIRECTIONS = 64  # a berry's outline as a polygon: at most 0.03 mm insid
 SUBPIXEL_BITS = 8
 MARGIN_PX = 8
 PILE_TONE, BACKGROUND_TONE = 40, 255
+MOST_PIXELS = 1e9
 Extent = tuple[float, float, float]
 
 
@@ -106,6 +108,11 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
     pixel_m = mm_per_pixel * 1e-3
     width = math.ceil((right_m - left_m) / pixel_m)
     height = math.ceil(top_m / pixel_m)
+    if width * height > MOST_PIXELS:
+        allowed = (
+            f"at most {MOST_PIXELS:g}: positions are in m, and a larger measure.mm_per_pixel needs fewer"
+        )
+        raise InputError("picture of the pile", "pixels", f"{width:g} x {height:g}", allowed)
     image = np.full((height, width), BACKGROUND_TONE, dtype=np.uint8)
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5

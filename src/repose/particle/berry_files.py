@@ -23,8 +23,10 @@ COMPRESSION_COLUMNS = (
     "breadth_mm",
 )
 WRITTEN = "the file of the verb berry"
+MODULI = ("shear_modulus_pa", "poisson_ratio")  # a simulation needs them
 # Quantities in it besides the axes.
 POSITIVE = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "scale_low", "scale_high")
+FROM_ZERO = {"poisson_ratio": 0.5, "scale_sd": 10.0}  # quantities that may be 0, and their largest values
 # A comment line with this word marks a file whose rows were not measured but made to match a published table.
 RECONSTRUCTION_MARK = "reconstruction"
 
@@ -67,10 +69,12 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
 def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> dict[str, Any]:
     """The file of the verb berry; `needed` are keys that it must have."""
     berry = read_json(path, needed, WRITTEN)
-    for key in (*needed, *(key for key in POSITIVE if key in berry)):
-        value = berry[key]
-        if type(value) not in (int, float) or not (math.isfinite(value) and value > 0):
-            raise InputError(path, key, value, f"a positive number in {WRITTEN}")
+    for key in (*needed, *(key for key in (*POSITIVE, *FROM_ZERO) if key in berry)):
+        value, most = berry[key], FROM_ZERO.get(key)
+        good = type(value) in (int, float) and math.isfinite(value)
+        if not good or (value <= 0 if most is None else not 0 <= value <= most):
+            allowed = "a positive number" if most is None else f"a number from 0 to {most:g}"
+            raise InputError(path, key, value, f"{allowed} in {WRITTEN}")
     return berry
 
 

@@ -12,6 +12,7 @@ import the module in `repose.surrogate`; then the configuration knows the name.
 """
 
 import copy
+import json
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -310,6 +311,10 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     """
     content = read_json(path, KEYS, "a surrogate's JSON file")
     kind = _kind(content["surrogate"], path)
+    try:
+        json.dumps(content, allow_nan=False)
+    except ValueError:  # `save` never writes NaN or infinity
+        raise InputError(path, "numbers", "not all finite", "finite ones, as a surrogate has them") from None
     try:
         samples = content.get("samples", [])
         if len(set(samples)) < len(samples) or any(type(sample) is not int for sample in samples):

@@ -15,6 +15,7 @@ from llvmlite import binding
 
 from repose.apparatus import funnel
 from repose.apparatus.settings import SimulationSettings
+from repose.config.cost import NEVER_RESTS
 from repose.particle.particle import Particle
 
 VECTOR_BITS = {"avx512f": 512, "avx": 256}  # by the feature of a processor
@@ -22,7 +23,6 @@ REFERENCE_LOOPS = 20_000
 REPEATS = 7
 ROUNDS = 3
 SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide factory empties late
-NEVER_RESTS = -1.0  # a motion in mm that no pile is below
 
 
 @numba.njit
