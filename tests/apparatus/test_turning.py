@@ -8,6 +8,9 @@ from goji import BERRY, PARTICLE, named, recommended
 
 from repose.apparatus import bench, turning
 from repose.apparatus.job import run_once
+from repose.core.responses import derived
+from repose.dem import Shape
+from repose.measure import bed as measure_bed
 
 ROUGH = named((0.2, 0.6, 0.04, 0.25, 0.6, 0.2))
 SMOOTH = ROUGH | {"mus_gg": 0.0, "mur_gg": 0.0, "mus_gp": 0.0, "mur_gp": 0.0}
@@ -44,6 +47,93 @@ def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
     )
     assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
     assert "60 mm a pixel" in coarse["reason"]
+
+
+def inclined(angle_deg, seed, count=10_000, radius_m=1e-3):
+    """Centres of spheres, as dense as they please, in a layer that they fill up to a line of known angle."""
+    rng, slope = np.random.default_rng(seed), np.tan(np.radians(angle_deg))
+    x, y, depth = rng.uniform((-0.06, -0.01, 0.0), (0.06, 0.01, radius_m), (count, 3)).T
+    return np.column_stack([x, y, slope * x - (radius_m + depth) * np.hypot(1.0, slope)])
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, -40.0])
+def test_the_profile_of_a_flat_bed_is_straight_within_a_tenth_of_a_grain(angle_deg):
+    grain = Shape.sphere(1e-3, 1500.0, "grain")
+    x = np.linspace(-0.05, 0.05, 26)
+    centres = np.array([inclined(angle_deg, seed) for seed in range(3)])
+    turns = np.broadcast_to((1.0, 0.0, 0.0, 0.0), (*centres.shape[:2], 4))
+    occupied = measure_bed.occupied_share(centres, turns, grain, 0.095, 0.1)
+    heights = measure_bed.surface_heights(occupied, 0.5, x, 0.095, 0.1)
+    assert np.abs(heights - np.tan(np.radians(angle_deg)) * x).max() < 0.1 * 2e-3
+
+
+def test_the_profile_lies_where_the_share_of_the_frames_is_crossed():
+    """Two frames of three cover 10 pixels, one covers 20; where no frame covers any, the wall is the surface."""
+    occupied = np.zeros((100, 100))
+    occupied[80:], occupied[90:] = 1 / 3, 1.0
+    occupied[:, 70:] = 0.0
+    x_m = np.array([-0.02, 0.0, 0.03])
+    for covered, rows in ((0.3, 19.6), (2 / 3, 10.0)):
+        heights = measure_bed.surface_heights(occupied, covered, x_m, 0.05, 1.0)
+        assert heights[:2] == pytest.approx(1e-3 * rows - 0.05, abs=1e-4)
+        assert heights[2] == pytest.approx(-0.04, abs=1e-3)
+
+
+def profile_target(name, slope):
+    """A target of the configuration as it stands there for the first score of a profile."""
+    x = list(range(-40, 41, 10))
+    kept = {"name": name, "x": x, "z": [slope * one for one in x], "functions": 2, "covered": 0.5}
+    return {"response": derived(name, "2"), "apparatus": "turning", "profile": kept}
+
+
+def test_each_speed_has_its_time_its_angle_and_its_profile():
+    frames = [bed(angle) for angle in (20.0, 30.0, 40.0)]
+    position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
+    arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
+    names = ("turning_profile_mm", "turning_2_profile_mm")
+    both = config(angular_velocity_rad_s=[0.8, 1.6]) | {
+        "targets": [profile_target(name, 0.5) for name in names]
+    }
+    found = turning.measure({"status": "ok"}, arrays | {"speed": np.array([0, 1, 1])}, both, PARTICLE, BERRY)
+    for name, score, k in (
+        ("turning_deg", "turning_profile_2_mm", slice(0, 1)),
+        ("turning_2_deg", "turning_2_profile_2_mm", slice(1, 3)),
+    ):
+        part = {"position": position[k], "quaternion": quaternion[k], "scale": np.ones(400)}
+        alone = config() | {"targets": [profile_target("turning_profile_mm", 0.5)]}
+        once = turning.measure({"status": "ok"}, part, alone, PARTICLE, BERRY)
+        assert (found[name], found[score]) == (once["turning_deg"], once["turning_profile_2_mm"])
+    lost = turning.measure({"status": "lost"}, arrays, both, PARTICLE, BERRY)
+    assert {lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")} == {None}
+
+
+def test_speeds_and_times_belong_together():
+    one = config(measure_from_s=2.5)
+    assert turning.speeds(one) == [(0.8, 2.5, 8.5)]
+    two = config(angular_velocity_rad_s=[0.8, 1.6], measure_from_s=[2.0, 1.0], measure_until_s=3.0)
+    assert turning.speeds(two) == [(0.8, 2.0, 3.0), (1.6, 1.0, 3.0)]
+    assert bench("turning").duration_s(two) == pytest.approx(2.5 + 6.0)
+    three = config(measure_from_s=[1.0, 2.0, 3.0])
+    assert [key for key, _ in turning.contradictions(three)] == ["turning.measure_from_s"]
+
+
+def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
+    """The first speed gives the same bits as it does alone."""
+    short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
+    once, twice = (
+        turning.run(config(**short, **more), ROUGH, 1, PARTICLE, BERRY)
+        for more in ({}, {"angular_velocity_rad_s": [0.8, 3.2]})
+    )
+    assert (once.record["status"], twice.record["status"]) == ("ok", "ok")
+    assert "speed" not in once.arrays
+    assert twice.arrays["speed"].tolist() == [0] * len(once.arrays["time_s"]) + [1] * len(
+        once.arrays["time_s"]
+    )
+    np.testing.assert_array_equal(
+        twice.arrays["position"][: len(once.arrays["time_s"])], once.arrays["position"]
+    )
+    faster = np.abs(np.diff(twice.arrays["position"], axis=0)).mean(axis=(1, 2))
+    assert faster[-1] > 1.5 * faster[0]
 
 
 def test_a_run_is_judged():

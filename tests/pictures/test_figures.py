@@ -41,6 +41,7 @@ def size_of(path):
 
 # The figures of the strategies are drawn in tests/strategies.
 OF_A_STRATEGY = {"pareto_screening", "pareto_surface", "perturbation", "contours", "sequential"}
+OF_TARGETS = {"profiles"}  # drawn in test_figures_of_targets.py
 
 
 @pytest.fixture
@@ -50,7 +51,7 @@ def small(monkeypatch):
     monkeypatch.setattr(rotation, "PIXELS", 120)
 
 
-DRAWN = sorted(set(figures.FIGURES) - OF_A_STRATEGY)
+DRAWN = sorted(set(figures.FIGURES) - OF_A_STRATEGY - OF_TARGETS)
 
 
 SLOW = [pytest.param(name, marks=pytest.mark.slow) if name == "region" else name for name in DRAWN]

@@ -11,6 +11,7 @@ from scipy.spatial.distance import cdist
 from scipy.stats import norm
 from synthetic import RANGES, SPACE, TARGETS, responses, study
 
+from repose import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -342,3 +343,15 @@ def test_figure(done, targets):
     texts = " ".join(text.get_text() for text in figure.findobj(Text))
     assert "All targets within 1 %" in texts
     assert "asked for" in texts
+
+
+def test_a_corner_that_all_draws_find_is_asked_for_once():
+    """A target beyond the ranges: the nearest points of all draws lie in one corner."""
+    section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}
+    target = {"value": 20.0, "sd": 0.1, "repetitions": 1, "noise_sd": 0.01}
+    own = Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"sum_mm": target}, sequential=section)
+    own.tell(own.ask().eval("sum_mm = 10 + a + b"))
+    asked = own.ask()
+    assert not asked.duplicated(["a", "b"]).any()
+    own.tell(asked.eval("sum_mm = 10 + a + b"))
+    assert not own.runs.duplicated(["a", "b"]).any()

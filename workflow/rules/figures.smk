@@ -79,7 +79,14 @@ if PUBLISHED_SOLUTIONS:
         "targets",
         published=rules.validate.output.published,
     )
-if len(config["targets"]) > 1:
+if any("profile" in target for target in config["targets"]):
+    figure(
+        "profiles",
+        "Profiles",
+        "targets",
+        table4=answer().table4,
+    )
+if sum("profile" not in target for target in config["targets"]) > 1:
     figure(
         "plane",
         "Targets against each other",

@@ -87,6 +87,9 @@ class BenchTest:
         Arrays that every saved run must have.
     in_words : str
         A measured run in words, as a template of its values.
+    family : function or None
+        ``family(name)`` is a further response by its name, or None: for scores of a profile, or for each of any number
+        of speeds.
     """
 
     name: str
@@ -104,6 +107,7 @@ class BenchTest:
     measured_by: tuple[str, ...] = ()
     kept: tuple[str, ...] = ()
     in_words: str = ""
+    family: core.Family | None = None
 
     def target_responses(self, config: Config) -> tuple[Response, ...]:
         """Responses of the bench test that are targets of a configuration.
@@ -118,9 +122,10 @@ class BenchTest:
         tuple of Response
             In the order of the targets.
         """
-        own = {response.name: response for response in self.responses}
         return tuple(
-            own[target["response"]] for target in config["targets"] if target["apparatus"] == self.name
+            core.response(target["response"])
+            for target in config["targets"]
+            if target["apparatus"] == self.name
         )
 
     def judged(
@@ -195,7 +200,7 @@ def register(test: BenchTest) -> BenchTest:
     """
     if _REGISTRY.setdefault(test.name, test) is not test:
         raise ValueError(f"bench test {test.name!r} is registered already")
-    core.register(*test.responses)
+    core.register(*test.responses, family=test.family)
     return test
 
 

@@ -208,7 +208,8 @@ def empty_drum(
     simulation, scales, reach = sized_simulation(
         partial(build, section=section), config, parameters, seed, particle, berry, of_drum["berries"]
     )
-    bounded = Bounded(simulation, drum.radius_m, of_drum["angular_velocity_rad_s"] * drum.radius_m)
+    fastest = float(np.max(of_drum["angular_velocity_rad_s"]))
+    bounded = Bounded(simulation, drum.radius_m, fastest * drum.radius_m)
     return EmptyDrum(
         drum, simulation, bounded, drum.factory(1e-3 * of_drum["factory_height_mm"], reach), scales
     )

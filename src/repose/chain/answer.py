@@ -41,6 +41,7 @@ class Check:
     sd: float  # standard deviation of the physical repetitions
     low: float  # of the target range
     high: float
+    whole: float | None = None  # of a profile's score: what percents are of
 
     @classmethod
     def of(
@@ -49,6 +50,8 @@ class Check:
         """The check of a target."""
         response, unit = target.name, target.response.unit
         ends = {"measured": target.value, "sd": target.sd, "low": target.low, "high": target.high}
+        if target.profile is not None:
+            ends["whole"] = target.whole_value
         return cls(response, unit, simulated, standard_error, runs, status, **ends)
 
     @property
@@ -68,7 +71,7 @@ class Check:
         """Difference of the simulated from the measured mean, in percent and in standard deviations."""
         if self.simulated is None:
             return f"{self.response} unknown"
-        off, percent = self.simulated - self.measured, 100 / abs(self.measured)
+        off, percent = self.simulated - self.measured, 100 / (self.whole or abs(self.measured))
         error = "" if self.standard_error is None else f" +- {percent * self.standard_error:.1f}"
         spread = f" ({abs(off) / self.sd:.2f} standard deviations of a repetition)" if self.sd > 0 else ""
         return f"{self.response} {percent * off:+.1f}{error} %{spread}"

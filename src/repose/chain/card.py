@@ -204,6 +204,7 @@ def _test(check: Check, target: Target, about: Mapping[str, Any]) -> dict[str, A
         "repetitions": target.repetitions,
         "low": check.low,
         "high": check.high,
+        **({} if check.whole is None else {"whole": check.whole}),
         "simulated": check.simulated,
         "standard_error": check.standard_error,
         "runs": check.runs,
@@ -539,7 +540,7 @@ def _simulated(test):
 
 def _check(test):
     """A test of the card as a `Check`."""
-    return Check(**{field.name: test[field.name] for field in fields(Check)})
+    return Check(**{field.name: test[field.name] for field in fields(Check) if field.name in test})
 
 
 def _test_lines(test):

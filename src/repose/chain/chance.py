@@ -33,7 +33,7 @@ def chance_of_meeting(
             if percent is None:
                 low, high = target.low, target.high
             else:
-                low, high = (target.aim + side * percent / 100 * abs(target.aim) for side in (-1, 1))
+                low, high = (target.aim + side * percent / 100 * target.whole for side in (-1, 1))
             inside = (drawn[:, k] >= low) & (drawn[:, k] <= high)
             chances[target.name] = float(inside.mean())
             together &= inside

@@ -75,8 +75,8 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     """
     X = np.array([[parameters[name] for name in surrogate.inputs or PARAMETERS]])
     mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim
-    error, reach = np.sqrt(np.diagonal(covariance[0])), np.abs(aim) / 100
-    square = ((mean[0] - aim) ** 2 + error**2) / aim**2
+    error, reach = np.sqrt(np.diagonal(covariance[0])), targets.whole / 100
+    square = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
     chances = {
         f"{percent:g} %": within(mean, covariance, aim - percent * reach, aim + percent * reach)
         for percent in PERCENT

@@ -140,7 +140,7 @@ def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
                 "predicted": row[target.response.predicted],
                 "simulated": simulated,
                 "simulated_se": row[target.response.error],
-                "error_percent": 100 * abs(simulated - target.value) / abs(target.value),
+                "error_percent": 100 * abs(simulated - target.value) / target.whole_value,
                 "within_one_sd": bool(abs(simulated - target.value) <= target.sd),
                 "n_seeds": row["n_seeds"],
                 "status": row["status"],

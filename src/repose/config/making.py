@@ -55,10 +55,11 @@ class Making:
 
         Without it, files are read where an `auto` needs them.
         """
-        from repose.config import faults
+        from repose.config import faults, profiles
 
         if isinstance(self.config.get("targets"), list):
-            self.config = self.config | {"targets": [completed(entry) for entry in self.config["targets"]]}
+            targets = profiles.expanded(self.config["targets"], owner_of(self.source, "targets"))
+            self.config = self.config | {"targets": [completed(entry) for entry in targets]}
         self.faults, self.bad = faults.check(self.config, self.source)
         pending = [setting for setting in computed.to_compute(self.config) if self._may_read(setting.section)]
         for setting in pending:

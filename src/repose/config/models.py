@@ -15,9 +15,10 @@ from pydantic_core import core_schema
 
 from repose.apparatus import bench, names
 from repose.config import results_folder
+from repose.config.profiles import OfProfile
 from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import FURTHER
-from repose.core.responses import responses_of
+from repose.core.responses import named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
 
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
@@ -269,16 +270,20 @@ class Target(Section):
         description="a pair [low, high] of numbers with low < high"
     )
     weight: float = Field(default=1.0, gt=0, le=1.0e6)
+    profile: OfProfile = ABSENT  # of which it is a score; `repose.config.profiles` writes it
 
     def contradictions(self) -> Contradictions:
         """A response of no bench test, and values outside the allowed range."""
-        known = {response.name: response for response in responses_of(self.apparatus)}
+        known = [response.name for response in responses_of(self.apparatus)]
+        found = named(self.response)
         if not known:
             yield "apparatus", f"one of {', '.join(names())}"
-        elif self.response not in known:
+        elif found is None or found.apparatus != self.apparatus:
             yield "response", f"one of {', '.join(known)}, the responses of {self.apparatus}"
+        elif found.profile and self.profile is None:
+            yield "response", f"a number, or {found.profile} with the file of its measured heights"
         else:
-            yield from self._outside(known[self.response])
+            yield from self._outside(found)
 
     def _outside(self, limits):
         """Values outside the limits of the response, or outside the target's own range."""

@@ -18,9 +18,11 @@ from repose.config.models import (
     SurrogateName,
     far_priors,
 )
+from repose.config.profiles import OfProfile, expanded_own
 from repose.config.reading import get, read
 from repose.core import places
 from repose.core.errors import YamlError, raise_together
+from repose.core.profiles import Profile
 from repose.core.responses import Response
 from repose.core.section import ABSENT, AUTO, Contradictions, Section, refuse
 from repose.core.targets import Target, Targets
@@ -40,6 +42,7 @@ Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 class OwnTarget(Section):
     """A measured response."""
 
+    profile: OfProfile = ABSENT
     value: Value
     sd: Size
     repetitions: int = Field(ge=1, le=10_000)
@@ -52,8 +55,8 @@ class OwnTarget(Section):
 
     @field_validator("value")
     @classmethod
-    def _not_zero(cls, value: float) -> float:
-        if value == 0:
+    def _not_zero(cls, value: float, info: ValidationInfo) -> float:
+        if value == 0 and info.data.get("profile") is None:
             refuse([("", "not 0: tolerances are in percent of it")])
         return value
 
@@ -174,6 +177,7 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     defaults |= {"sequential": OwnSequential().model_dump(), "posterior": OwnPosterior().model_dump()}
     given: dict[str, Any] = {"strategy": "sequential", "seeds": SEEDS, "surrogate": SURROGATE} | dict(content)
+    given["targets"] = expanded_own(given.get("targets"), source)
     sections = [name for name in settings_type().model_fields if isinstance(defaults.get(name), Mapping)]
     for name in sections:
         section = given.get(name, {})
@@ -207,4 +211,5 @@ def _target(name, given):
     value, half = given["value"], RANGE_PERCENT / 100 * abs(given["value"])
     low, high = given.get("range", (value - half, value + half))
     response = Response(name, given.get("unit", ""), name, name, BENCH, -math.inf)
-    return Target(response, value, given["sd"], given["repetitions"], low, high, value)
+    profile = Profile.of(given["profile"]) if "profile" in given else None
+    return Target(response, value, given["sd"], given["repetitions"], low, high, value, profile=profile)

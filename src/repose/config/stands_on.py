@@ -88,9 +88,17 @@ def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     """Settings that the measurement of a run reads."""
     test = bench(apparatus)
     own = (f"{apparatus}.{key}" for key in test.measured_by)
-    return sections(config, "measure", *own) | {
-        "responses": [response.name for response in test.target_responses(config)]
-    }
+    return sections(config, "measure", *own) | responses(config, test.name)
+
+
+def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
+    """Names of the targets, of one bench test or of all, with the abscissae and functions of profiles."""
+    own = [target for target in config["targets"] if apparatus in (None, target["apparatus"])]
+    kept = {target["profile"]["name"]: target["profile"] for target in own if "profile" in target}
+    profiles = {name: {key: profile[key] for key in profile if key != "z"} for name, profile in kept.items()}
+    return {"responses": [target["response"] for target in own]} | (
+        {"profiles": profiles} if profiles else {}
+    )
 
 
 def settings_of(
@@ -111,7 +119,7 @@ def settings_of(
     elif verb == "measure_runs":
         chosen = measuring(config, apparatus)
     elif verb == "dataset":
-        chosen = {"responses": [target["response"] for target in config["targets"]]}
+        chosen = responses(config)
     elif verb in KEYS:
         chosen = sections(config, *KEYS[verb])
     else:

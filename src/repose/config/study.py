@@ -44,7 +44,7 @@ class Study:
         A range ``(low, high)``, ``{"fixed": value}`` or ``{"prior": {"mean": m, "sd": s}}`` for each parameter.
     targets : mapping
         ``(value, sd)`` or ``(value, sd, repetitions)`` for each response that was measured, 1 repetition if it is not
-        said, or the keys of docs/own_simulator.md.
+        said, or the keys of docs/own_simulator.md, by which a file of heights is a target, too.
     strategy : str
         One of `repose.strategies.names()`.
     seed : int
@@ -83,6 +83,7 @@ class Study:
         **sections: Any,
     ) -> None:
         from repose.config.own import completed
+        from repose.config.profiles import expanded_own
 
         given = {
             "simulator": simulator,
@@ -90,7 +91,7 @@ class Study:
             "seed": seed,
             "strategy": strategy,
             "parameters": {name: _listed(one) for name, one in parameters.items()},
-            "targets": {name: _target(one) for name, one in targets.items()},
+            "targets": expanded_own({name: _target(one) for name, one in targets.items()}, "study"),
             **sections,
         }
         config = completed(given)
@@ -269,12 +270,20 @@ class Study:
 
         Other bench tests are left out: the study's files do not change with them.
         """
-        return {
+        if self._making is None:
+            return {}
+        found = {
             response.name: {key: get(self.config, key) for key in response.definition}
             for test in bench_tests()
             if test.name in self.targets.apparatus
-            for response in test.responses
+            for response in (*test.responses, *test.target_responses(self.config))
         }
+        kept = {
+            target["response"]: target["profile"] for target in self.config["targets"] if "profile" in target
+        }
+        for name, profile in kept.items():
+            found[name] |= {"profile": {key: profile[key] for key in profile if key != "z"}}
+        return found
 
     def published(self, table: str) -> Path | None:
         """A table in the folder of the published solutions, such as ``table3.csv``; None if it is not there."""

@@ -146,14 +146,15 @@ def is_number(column: str) -> bool:
     return column in COUNTS or column in LABELS or (column.rpartition("_")[2] in UNITS and "_" in column)
 
 
-def _rows(path, columns, what):
-    """The text of a CSV file, and its rows as lists of text.
+def _rows(path, columns, what, comments=False):
+    """The text of a CSV file, and its rows as lists of text; with `comments` without those that begin with #.
 
     The names of the header differ, and all rows are as long as the header.
     """
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
         rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
+        rows = [row for row in rows if not (comments and row[0].startswith("#"))]
     except (*UNREADABLE, csv.Error) as error:
         raise InputError(path, "table", str(error), what) from error
     if "\0" in text:
@@ -170,11 +171,11 @@ def _rows(path, columns, what):
 
 
 def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> list[dict[str, str]]:
-    """Read a CSV file as text, without pandas; errors as in `read_table`.
+    """Read a CSV file as text, without pandas; errors as in `read_table`. Lines that begin with # are comments.
 
     The ``float`` of such a text is exact; `read_table` may give the neighbouring number.
     """
-    _, rows = _rows(path, columns, what)
+    _, rows = _rows(path, columns, what, comments=True)
     return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
 
 

@@ -39,6 +39,8 @@ class Response:
     function : function, optional
         ``function(run)`` is the number of a measured run, a mapping, or None where it could not be measured. By
         default the run holds it by the response's name.
+    profile : str
+        Name of the profile that it is a score of (`repose.core.profiles`); empty for any other number.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Response:
     high: float = math.inf
     definition: tuple[str, ...] = ()
     function: Callable[[Mapping[str, Any]], float | None] | None = field(default=None, compare=False)
+    profile: str = ""
 
     def of(self, run: Mapping[str, Any]) -> float | None:
         """Number of the response in a measured run; None where it could not be measured."""
@@ -83,10 +86,15 @@ def derived(name: str, what: str) -> str:
 
 
 _REGISTRY: dict[str, Response] = {}
+Family = Callable[[str], Response | None]
+"""From a name to a response of a bench test that gives any number of them, such as the scores of a profile."""
+_FAMILIES: dict[Family, None] = {}
 
 
-def register(*responses: Response) -> None:
+def register(*responses: Response, family: Family | None = None) -> None:
     """Make responses of a bench test known by their names; ValueError if another response has one."""
+    if family is not None:
+        _FAMILIES[family] = None
     for response in responses:
         if _REGISTRY.setdefault(response.name, response) != response:
             raise ValueError(
@@ -96,14 +104,17 @@ def register(*responses: Response) -> None:
 
 def response(name: str, source: object = "response") -> Response:
     """The response of a name; InputError, which names `source`, if there is none."""
-    if name not in _REGISTRY:
+    found = named(name)
+    if found is None:
         raise InputError(source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}")
-    return _REGISTRY[name]
+    return found
 
 
-def all_responses() -> tuple[Response, ...]:
-    """All responses, in the order of their registration."""
-    return tuple(_REGISTRY.values())
+def named(name: str) -> Response | None:
+    """The response of a name, one of a family included; None if there is none."""
+    if name in _REGISTRY:
+        return _REGISTRY[name]
+    return next(filter(None, (family(name) for family in _FAMILIES)), None)
 
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:

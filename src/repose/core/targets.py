@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from repose.core.responses import Response, all_responses, response
+from repose.core.profiles import Profile
+from repose.core.responses import Response, named, response
 from repose.core.seeds import UNNAMED
 
 LEAST_RANGE = 0.01  # of the value, to each side
@@ -23,8 +24,8 @@ def completed(entry: Any) -> Any:
     """An entry of `targets` with the bench test of its response and `range_about`, where they are missing."""
     if not isinstance(entry, Mapping):
         return entry
-    known = {response.name: response.apparatus for response in all_responses()}
-    found = {"apparatus": known.get(str(entry.get("response")), UNNAMED)} | dict(entry)
+    known = named(str(entry.get("response")))
+    found = {"apparatus": UNNAMED if known is None else known.apparatus} | dict(entry)
     numbers: list[Any] = [entry.get(key) for key in ("value", "sd", "repetitions")]
     if "range" not in entry and all(type(one) in (int, float) for one in numbers) and numbers[2] > 0:
         found["range"] = list(range_about(*numbers))
@@ -43,6 +44,7 @@ class Target:
     high: float
     aim: float  # goal of the search: `value`, or the centre of the range (Eq. 11-12 of the paper)
     weight: float = 1.0  # in the search's objective
+    profile: Profile | None = None  # of which the response is a score
 
     @property
     def name(self) -> str:
@@ -53,6 +55,22 @@ class Target:
     def standard_error(self) -> float:
         """Standard error of the mean of the repetitions."""
         return self.sd / math.sqrt(self.repetitions)
+
+    @property
+    def whole(self) -> float:
+        """What percents of the aim are of: its size, or a share of its profile's, whose scores may be 0."""
+        return abs(self.aim) if self.profile is None else self.profile.whole
+
+    def off_percent(self, number: float) -> float:
+        """How far a number is off the aim, in percent."""
+        if self.profile is None:
+            return 100 * (number / self.aim - 1)
+        return 100 * (number - self.aim) / self.whole
+
+    @property
+    def whole_value(self) -> float:
+        """As `whole`, of the measured value."""
+        return abs(self.value) if self.profile is None else self.profile.whole
 
 
 class Targets(Sequence[Target]):
@@ -75,6 +93,7 @@ class Targets(Sequence[Target]):
                     float(entry["range"][1]),
                     float(entry.get("aim", entry["value"])),
                     float(entry.get("weight", 1.0)),
+                    Profile.of(entry["profile"]) if "profile" in entry else None,
                 )
                 for entry in section
             ]
@@ -140,6 +159,16 @@ class Targets(Sequence[Target]):
     @property
     def weight(self) -> np.ndarray:
         return np.array([target.weight for target in self])
+
+    @property
+    def whole(self) -> np.ndarray:
+        """What percents of the aims are of."""
+        return np.array([target.whole for target in self])
+
+    @property
+    def profiles(self) -> dict[str, Profile]:
+        """The measured profiles by name."""
+        return {target.profile.name: target.profile for target in self if target.profile is not None}
 
     def in_words(self, numbers: Sequence[str]) -> str:
         """Text with a number for each target and its unit: ``32.5 deg and 66.1 mm``.

@@ -49,15 +49,11 @@ def measure_surface(
     The line goes through the middle `fit_share` of the edge's width, so that berries lifted along the wall do not
     count.
     """
-    lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
-    image = silhouette.silhouette(
-        lifted, quaternions, particle, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m), scales
-    )
-    filled = image == silhouette.PILE_TONE
+    filled = _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales)
     columns = np.flatnonzero(filled.any(axis=0))
     pixel_m = 1e-3 * mm_per_pixel
     x = (columns + 0.5) * pixel_m - radius_m
-    z = (len(image) - filled.argmax(axis=0)[columns]) * pixel_m - radius_m
+    z = (len(filled) - filled.argmax(axis=0)[columns]) * pixel_m - radius_m
     middle = np.abs(x - 0.5 * (x.min() + x.max())) <= 0.5 * fit_share * np.ptp(x) if len(x) else []
     if np.count_nonzero(middle) < SMALLEST_FIT:
         raise ValueError(
@@ -67,6 +63,51 @@ def measure_surface(
     ends = x[middle][[0, -1]]
     line = np.column_stack([ends, slope * ends + height])
     return Surface(math.degrees(math.atan(slope)), np.column_stack([x, z]), line)
+
+
+def _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales):
+    """Which pixels (H, W) of the drum's cross-section the bed covers, seen along the axis."""
+    lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
+    image = silhouette.silhouette(
+        lifted, quaternions, particle, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m), scales
+    )
+    return image == silhouette.PILE_TONE
+
+
+def occupied_share(
+    centres_m: np.ndarray,
+    quaternions: np.ndarray,
+    particle: silhouette.ConvexBody,
+    radius_m: float,
+    mm_per_pixel: float,
+    scales: np.ndarray | None = None,
+) -> np.ndarray:
+    """Share (H, W) of T frames, (T, N, 3) and (T, N, 4), in which the bed covers a pixel, seen along the axis."""
+    shares = [
+        _side_view(centres, turns, particle, radius_m, mm_per_pixel, scales)
+        for centres, turns in zip(centres_m, quaternions, strict=True)
+    ]
+    return np.mean(shares, axis=0)
+
+
+def surface_heights(
+    occupied: np.ndarray, covered: float, x_m: np.ndarray, radius_m: float, mm_per_pixel: float
+) -> np.ndarray:
+    """Heights over the axis (M,) in m, at abscissae (M,), of the uppermost line on which a share is `covered`.
+
+    `occupied` (H, W) is that of `occupied_share`; between pixels it is interpolated. Where the bed has no such line, it
+    is the drum's wall.
+    """
+    pixel_m = 1e-3 * mm_per_pixel
+    rows, columns = occupied.shape
+    places = (np.arange(columns) + 0.5) * pixel_m - radius_m
+    first, there = (occupied >= covered).argmax(axis=0), (occupied >= covered).any(axis=0)
+    inside = occupied[first, np.arange(columns)]
+    above = np.where(first > 0, occupied[first - 1, np.arange(columns)], 0.0)
+    # the middle of row k lies k + 1/2 pixels below the upper border
+    depth = first + 0.5 - (inside - covered) / np.where(there, inside - above, 1.0)
+    wall = -np.sqrt(np.maximum(radius_m**2 - places**2, 0.0))
+    return np.interp(x_m, places, np.where(there, (rows - depth) * pixel_m - radius_m, wall))
 
 
 def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:

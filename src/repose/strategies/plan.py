@@ -47,7 +47,7 @@ def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: ob
     """Expected results with the noise of `runs`, by default `default_noise`; InputError for too few replicates."""
     targets = Targets.of(config["targets"])
     noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
-    percent = 100 * np.sqrt(np.diagonal(noise)) / np.abs(targets.aim)
+    percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
     space = ParameterSpace.of(config["parameters"])
     needed = {
         tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY) for tolerance in TOLERANCES
@@ -82,7 +82,7 @@ def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
 
 def default_noise(targets: Targets) -> np.ndarray:
     """Covariance (k, k) of a pour if nothing is measured."""
-    sd = NOISE_PERCENT / 100 * np.abs(targets.aim)
+    sd = NOISE_PERCENT / 100 * targets.whole
     correlation = np.where(_same_bench(targets), CORRELATION, 0.0)
     np.fill_diagonal(correlation, 1.0)
     return np.outer(sd, sd) * correlation

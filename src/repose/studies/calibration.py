@@ -179,7 +179,7 @@ def describe(result: Calibration) -> str:
     lines.append(f"Predicted by {result.model.name.replace('_', ' ')}, not simulated again:")
     for target, mean, error in zip(study.targets, result.mean, result.error, strict=True):
         unit = f" {target.response.unit}".rstrip()
-        off = 100 * (mean / target.aim - 1)
+        off = target.off_percent(mean)
         lines.append(
             f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}"
         )

@@ -37,7 +37,8 @@ def of_targets(
     apparatus = [
         response.apparatus for response in targets.responses
     ]  # responses of a user's own simulator are not registered
-    return covariance(targets.names, percent / 100 * np.abs(targets.value), means, correlation, apparatus)
+    sd = percent / 100 * np.array([target.whole_value for target in targets])
+    return covariance(targets.names, sd, means, correlation, apparatus)
 
 
 class OfModels(NamedTuple):

@@ -83,7 +83,7 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
         components = variance_components(ok[target.name], ok["sample"])
         error, quantity = components.standard_error(seeds), target.response.quantity
         table[target.response.error] = error
-        table[f"{quantity}_se_percent"] = 100 * error / target.aim
+        table[f"{quantity}_se_percent"] = 100 * error / target.whole
         for label, icc in (
             ("", components.icc),
             ("_low", components.icc_low),
@@ -150,5 +150,5 @@ def _row(target: Target, components: Components, ok: pd.DataFrame, failed: pd.Da
         "r2_sample_means": float(components.reachable_r2(components.harmonic_seeds)),
     }
     return row | {
-        f"seeds_for_{p:g}_percent": components.seeds_for(p / 100 * target.aim) for p in WANTED_PERCENT
+        f"seeds_for_{p:g}_percent": components.seeds_for(p / 100 * target.whole) for p in WANTED_PERCENT
     }

@@ -31,6 +31,7 @@ FIGURES = {
     "drum": (_drawn_by("rotation", "course"), ("record", "profile", "runs")),
     "convergence": (_drawn_by("search", "convergence"), ("history",)),
     "plane": (_drawn_by("plane", "planes"), ("dataset", "feasible", "table4")),
+    "profiles": (_drawn_by("profiles", "profiles"), ("table4",)),
     "design": (_drawn_by("samples", "design_matrix"), ("samples",)),
     "dataset": (_drawn_by("samples", "responses_over_parameters"), ("dataset",)),
     "validation": (_drawn_by("checks", "validation"), ("table4",)),

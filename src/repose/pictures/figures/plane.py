@@ -22,14 +22,16 @@ SAMPLES = {
 
 
 def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets."""
-    targets = style.targets_of(config)
-    columns = (*targets.names, *targets.errors)
+    """All samples, target ranges, measured piles, solutions and the answer, for each pair of targets but profiles."""
+    targets = [target for target in style.targets_of(config) if target.profile is None]
+    columns = [column for target in targets for column in (target.name, target.response.error)]
     tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}
     good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
-    solutions = read_table(inputs["feasible"], ("feasible", *targets.predicted))
-    simulated = [response.simulated for response in targets.responses]
-    checked = read_table(inputs["table4"], ("role", *targets.predicted, *simulated, *targets.errors))
+    predicted, simulated = (
+        [getattr(target.response, what) for target in targets] for what in ("predicted", "simulated")
+    )
+    solutions = read_table(inputs["feasible"], ("feasible", *predicted))
+    checked = read_table(inputs["table4"], ("role", *predicted, *simulated, *columns[1::2]))
     answer = checked[checked["role"] == "representative"].iloc[0]
     pairs = list(combinations(targets, 2))
     width = style.PAGE if len(pairs) > 1 else 0.75 * style.PAGE

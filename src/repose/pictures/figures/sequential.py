@@ -25,7 +25,7 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     for k, (panel, target) in enumerate(zip(panels[1:], targets, strict=False)):
         response, colour = target.response, style.series(k)["color"]
         off, error = (
-            100 / target.aim * (batches[f"{response.name}_{what}"] - shift)
+            100 / target.whole * (batches[f"{response.name}_{what}"] - shift)
             for what, shift in (("mean", target.aim), ("error", 0))
         )
         panel.axhspan(
@@ -47,8 +47,8 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         )
         panel.errorbar(
             [after],
-            [100 * (simulated / target.aim - 1)],
-            yerr=[100 * spread / target.aim],
+            [target.off_percent(simulated)],
+            yerr=[100 * spread / target.whole],
             fmt="o",
             ms=5,
             color=colour,

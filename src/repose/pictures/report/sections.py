@@ -167,7 +167,7 @@ def _response_row(study: Study, target: Target) -> list[str]:
         study.number(column) for column in (response.predicted, response.simulated, response.error)
     )
     shown = "no result" if simulated is None else f"{simulated:.4g} ± {error or 0:.2g} {unit}"
-    away = "" if simulated is None else f"{100 * (simulated - target.value) / abs(target.value):+.1f} %"
+    away = "" if simulated is None else f"{100 * (simulated - target.value) / target.whole_value:+.1f} %"
     return [
         response.label,
         f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})",

@@ -76,7 +76,7 @@ def answer_of(study: Studied, model: Surrogate, inversion: Inversion, data: pd.D
 
 def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Any) -> dict[str, float]:
     """Probability that mean responses (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
-    reach = np.abs(targets.aim) / 100
+    reach = targets.whole / 100
     ends = {
         column: (targets.aim - percent * reach, targets.aim + percent * reach)
         for percent, column in WITHIN.items()

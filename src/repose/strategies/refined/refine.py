@@ -127,7 +127,7 @@ def search(
     for share in WIDENING:
         box = search_box(space, centre, share * reach)
         inversion = invert.invert(model, box, targets, config["miga"], published, support)
-        off = [inversion.summary["target_distance"][target.name] / target.aim for target in targets]
+        off = [inversion.summary["target_distance"][target.name] / target.whole for target in targets]
         if max(off) < tolerance * MET:
             break
     near = {"reach": share * reach, "offset": dict(zip(targets.names, offset.tolist(), strict=True))}

@@ -87,7 +87,7 @@ def judge(
     means = np.array([[row[response.simulated] for response in targets.responses]])
     row["objective"] = float(Objective.of(targets)(means)[0][0])
     off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
-    row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * abs(targets.aim)).any())
+    row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * targets.whole).any())
     row["outcome"], row["reason"] = _outcome(row, summary, targets, section)
     row["warning"] = str(rows["warning"].iloc[0]) if pd.notna(rows["warning"].iloc[0]) else ""
     return row

@@ -56,8 +56,8 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset
 
 
 def scale_of(targets: Targets) -> np.ndarray:
-    """Scale (responses,) of the misses: the aim of each target over the root of its weight."""
-    return np.array([target.aim / np.sqrt(target.weight) for target in targets])
+    """Scale (responses,) of the misses: 100 % of each target over the root of its weight."""
+    return np.array([target.whole / np.sqrt(target.weight) for target in targets])
 
 
 def aims_of(targets: Targets) -> np.ndarray:

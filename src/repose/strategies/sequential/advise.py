@@ -20,6 +20,7 @@ SPREAD = 0.1  # of a batch about the answer, standard deviation in ranges
 # Probability that any point meets the targets: below the first half a batch is poured where the draws come nearest;
 # below the second, once pours have followed the start, the search ends.
 IN_DOUBT, OUT_OF_REACH = 0.8, 0.3
+SAME = 1e-9  # nearer points are one, in ranges
 LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
 
 
@@ -76,10 +77,10 @@ def advise(
         stop = "noise"
     batch = np.empty((0, len(answer)))
     if stop is None and attainable.probability < IN_DOUBT:
-        draws = random.permutation(attainable.points)
+        draws = _new(random.permutation(attainable.points), np.vstack([observed.unit, failed]))
         sound = _is_sound(draws, observed.unit, failed)
         batch = draws[np.argsort(~sound, kind="stable")[: -(-samples // 2)]]
-    elif stop is None:
+    if stop is None and not len(batch):
         batch = _around(answer, samples, goal, observed.unit, failed, random)
     mean, covariance = model.predict(answer[None])
     error = np.sqrt(np.diagonal(covariance[0]))
@@ -154,6 +155,14 @@ def _around(answer, samples, goal, good, failed, random):
     points = goal.space.from_prior(share)
     sound = _is_sound(points, good, failed)
     return points[np.argsort(~sound, kind="stable")[:samples]]
+
+
+def _new(points, done):
+    """The points (n, d) that are not among those that are done (m, d), each once: many draws end in one corner."""
+    from scipy.spatial.distance import cdist
+
+    first = np.argmax(cdist(points, points) < SAME, axis=1) == np.arange(len(points))
+    return points[first & (cdist(points, done) >= SAME).all(axis=1)]
 
 
 def _is_sound(unit, good, failed):

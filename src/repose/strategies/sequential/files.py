@@ -101,7 +101,7 @@ def _check(last, dataset, targets):
                 "predicted_error": predicted["error"],
                 "simulated": mean,
                 "simulated_error": error,
-                "deviation_percent": 100 * (mean / target.aim - 1),
+                "deviation_percent": target.off_percent(mean),
             }
         )
     return pd.DataFrame(rows)
@@ -130,7 +130,9 @@ def _out_of_reach(last, targets):
     off = []
     for target in targets:
         predicted = last["responses"][target.name]
-        percent = [100 * value / target.aim for value in (predicted["mean"] - target.aim, predicted["error"])]
+        percent = [
+            100 * value / target.whole for value in (predicted["mean"] - target.aim, predicted["error"])
+        ]
         off.append(f"{percent[0]:+.1f} ± {abs(percent[1]):.1f} % off the target of {target.response.symbol}")
     return (
         "The targets are probably out of reach: some parameter set meets them with probability "

@@ -27,9 +27,9 @@ class Goal(NamedTuple):
 
     @classmethod
     def of(cls, targets: Targets, tolerance_percent: float, space: ParameterSpace) -> Self:
-        """The goal of a study; the tolerance is in percent of each aim."""
+        """The goal of a study; the tolerance is in percent of each aim (`Target.whole`)."""
         weight = targets.weight / (targets.high - targets.low)
-        return cls(targets.aim, tolerance_percent / 100 * np.abs(targets.aim), space, weight)
+        return cls(targets.aim, tolerance_percent / 100 * targets.whole, space, weight)
 
     def of_responses(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Two deviations (...) of responses (..., k): the largest in tolerances, and F.

@@ -1,0 +1,97 @@
+"""The drum of a GranuDrum with spheres of microcrystalline cellulose: filled, turned, and its surface measured."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from repose.apparatus.drum import Drum, set_rotation
+from repose.dem import Contact, Material, Shape, Simulation
+from repose.measure import bed
+
+DRUM = Drum(radius_m=0.042, length_m=0.020)
+DENSITY_KG_M3, YOUNG_PA, POISSON, RESTITUTION = 1580.0, 5e6, 0.3, 0.3
+DIAMETERS_MM = np.linspace(1.05, 1.50, 10)
+SHARES = np.array([647, 7388, 26250, 25250, 17013, 10531, 6886, 3663, 1862, 513]) / 100_003  # by number
+COARSER = 2.2  # diameter of a simulated grain over that of a grain
+STEP_SHARE = 0.95  # of the longest stable time step
+FIRST_STEADY_S, STEADY_S, AVERAGED_S = (
+    0.65,
+    0.3,
+    0.55,
+)  # until steady from rest, from another speed; then averaged
+FRAMES, MM_PER_PIXEL, COVERED = 40, 0.2, 0.5
+
+
+def drum(sliding: float, rolling: float, grains: float, seed: int, coarser: float = COARSER) -> Simulation:
+    """A drum at rest with the volume of a number of grains, in grains whose diameters are `coarser` times theirs."""
+    rng = np.random.default_rng(seed)
+    count = round(grains / coarser**3)
+    scales = rng.choice(DIAMETERS_MM / DIAMETERS_MM[-1], count, p=SHARES)
+    largest_m = 1e-3 * coarser * DIAMETERS_MM[-1]
+    half = np.array([DRUM.radius_m, 0.5 * DRUM.length_m, DRUM.radius_m])
+
+    def scene(time_step_s):
+        return Simulation(
+            shapes={"grain": Shape.sphere(0.5 * largest_m, DENSITY_KG_M3, "mcc")},
+            materials={"mcc": Material(YOUNG_PA / (2 + 2 * POISSON), POISSON)},
+            contacts={("mcc", "mcc"): Contact(RESTITUTION, sliding, rolling, twisting_friction=0.0)},
+            time_step_s=time_step_s,
+            capacity=count,
+            lower=-half,
+            upper=half,
+            walls=DRUM.walls("mcc"),
+            contact_law="hertz_mindlin",
+            rolling_law="constant_torque",
+        )
+
+    longest_s = scene(1e-7).longest_time_step() * scales.min()
+    simulation, sites = scene(STEP_SHARE * longest_s), _sites(1.01 * largest_m)
+    while simulation.n_bodies < count:  # what the empty drum has no room for is added over the fallen bed
+        free = sites
+        if simulation.n_bodies:
+            free = sites[cKDTree(simulation.positions).query(sites)[0] > largest_m]
+        for place in free[: count - simulation.n_bodies]:
+            simulation.add("grain", place, scale=scales[simulation.n_bodies])
+        if simulation.n_bodies < count:
+            simulation.run(0.05, progress=False)
+    return simulation
+
+
+def surfaces(simulation: Simulation, rpm: Sequence[float], x_mm: np.ndarray) -> list[np.ndarray]:
+    """Turn at one speed after the other; at each the mean surface, heights over the axis at abscissae [mm].
+
+    As in the pictures of the instrument, the bed is lifted at negative x.
+    """
+    found = []
+    for k, speed in enumerate(rpm):
+        set_rotation(simulation, speed * math.pi / 30.0)
+        simulation.run(STEADY_S if k else FIRST_STEADY_S, progress=False)
+        frames = []
+        for _ in range(FRAMES):
+            simulation.run(AVERAGED_S / FRAMES, progress=False)
+            frames.append(simulation.positions.copy())
+        if not DRUM.holds(simulation.positions).all():
+            raise RuntimeError(f"a grain left the drum at {speed:g} rpm")
+        found.append(_surface(simulation, np.array(frames), -np.asarray(x_mm)))
+    return found
+
+
+def _surface(simulation, frames, x_mm):
+    """The line on which the bed covers half of the frames, seen along the axis."""
+    upright = np.broadcast_to((1.0, 0.0, 0.0, 0.0), (*frames.shape[:2], 4))
+    view = DRUM.radius_m, MM_PER_PIXEL
+    occupied = bed.occupied_share(frames, upright, simulation.shapes["grain"], *view, simulation.scales)
+    return 1e3 * bed.surface_heights(occupied, COVERED, 1e-3 * x_mm, *view)
+
+
+def _sites(spacing_m):
+    """Places (M, 3) in the drum, a close packing of spheres of a diameter, the lowest first."""
+    n = math.ceil(2 * DRUM.radius_m / spacing_m) + 1
+    k = np.stack(np.meshgrid(*3 * [np.arange(-n, n + 1)], indexing="ij"), -1).reshape(-1, 3)
+    places = k[k.sum(axis=1) % 2 == 0] * spacing_m / math.sqrt(2.0)  # face-centred cubic
+    places[:, 1] += 0.25 * spacing_m
+    inside = np.hypot(places[:, 0], places[:, 2]) < DRUM.radius_m - 0.5 * spacing_m
+    places = places[inside & (np.abs(places[:, 1]) < 0.5 * (DRUM.length_m - spacing_m))]
+    return places[np.argsort(places[:, 2], kind="stable")]

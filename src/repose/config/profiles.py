@@ -1,0 +1,198 @@
+"""Targets that are profiles: a file of measured heights becomes one target for each score (`repose.core.profiles`)."""
+
+import math
+import os
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from repose.core import places
+from repose.core.errors import InputError, raise_together
+from repose.core.files import read_rows
+from repose.core.profiles import Profile
+from repose.core.responses import derived, named
+from repose.core.section import ABSENT, Section
+from repose.core.targets import range_about
+
+MOST_FUNCTIONS = 9
+Column = Annotated[str, Field(min_length=1, max_length=60)]
+Length = Annotated[float, Field(gt=0, le=1e9)]
+
+
+class MeasuredProfile(Section):
+    """A measured profile and its errors; lengths in the unit of the heights."""
+
+    file: str = Field(min_length=1, max_length=1000)
+    x: Column = "x_mm"
+    z: Column = "z_mm"
+    sd: Annotated[float, Field(ge=0, le=1e9)] | Column = Field(
+        description="the standard deviation of a height, 0 or more, or the name of its column"
+    )
+    repetitions: int = Field(ge=1, le=10_000)
+    functions: int = Field(default=5, ge=2, le=MOST_FUNCTIONS)
+    within: Length = ABSENT
+
+
+class BenchProfile(MeasuredProfile):
+    """An entry of the list `targets`."""
+
+    response: str = Field(min_length=1, max_length=60)
+    apparatus: str = Field(default=ABSENT, min_length=1, max_length=60)
+    weight: float = Field(default=1.0, gt=0, le=1e6)
+    covered: float = Field(default=0.5, ge=0.01, le=0.99)
+
+
+class OwnProfile(MeasuredProfile):
+    """A target of a study with the user's own simulator."""
+
+    unit: str = ""
+    definition: str = ABSENT
+    noise_sd: Length = ABSENT
+
+
+class _OfBenches(Section):
+    targets: dict[str, BenchProfile]
+
+
+class _OfOwn(Section):
+    targets: dict[str, OwnProfile]
+
+
+class OfProfile(Section):
+    """What a target keeps of its profile; written by this module."""
+
+    name: str
+    x: Annotated[tuple[float, ...], Field(strict=False)]
+    z: Annotated[tuple[float, ...], Field(strict=False)]
+    functions: int
+    covered: float = ABSENT
+
+
+def expanded(targets: Any, source: Any) -> Any:
+    """The list `targets` with an entry for each score in place of each profile; InputError with all faults."""
+    if not isinstance(targets, list | tuple):
+        return targets
+    entries = []
+    for k, entry in enumerate(targets):
+        if _is_profile(entry):
+            entries += _of_bench(_checked({str(k): entry}, _OfBenches, source), f"targets.{k}", source)
+        else:
+            entries.append(entry)
+    return entries
+
+
+def expanded_own(targets: Any, source: Any) -> Any:
+    """The section `targets` of the user's own simulator, likewise."""
+    if not isinstance(targets, Mapping):
+        return targets
+    entries: dict[str, Any] = {}
+    for name, entry in targets.items():
+        if not _is_profile(entry):
+            entries[name] = entry
+            continue
+        measured = _checked({name: entry}, _OfOwn, source)
+        profile, sd = _read(measured, name)
+        more = {key: getattr(measured, key) for key in ("unit", "definition") if key in entry}
+        if measured.noise_sd is not None:
+            more["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
+        entries |= {
+            score: common | more
+            for score, common in zip(profile.names, _scores(measured, profile, sd, {}), strict=True)
+        }
+    return entries
+
+
+def _is_profile(entry):
+    """Whether an entry names the file of a profile."""
+    return isinstance(entry, Mapping) and "file" in entry
+
+
+def _checked(targets, model, source):
+    """The one entry as its model; InputError with all its faults."""
+    from repose.config import faults
+
+    raise_together(faults.check({"targets": targets}, source, model).faults)
+    (entry,) = model.model_validate({"targets": targets}).targets.values()
+    return entry
+
+
+def _of_bench(measured, key, source):
+    """The entries of a bench test's profile."""
+    first = named(derived(measured.response, "1"))
+    if first is None or first.profile != measured.response:
+        allowed = "the profile of a bench test, such as turning_profile_mm"
+        raise InputError(source, f"{key}.response", measured.response, allowed)
+    if measured.apparatus not in (None, first.apparatus):
+        raise InputError(source, f"{key}.apparatus", measured.apparatus, first.apparatus)
+    profile, sd = _read(measured, measured.response)
+    common = {"apparatus": first.apparatus, "weight": measured.weight / profile.functions}
+    scores = _scores(measured, profile, sd, {"covered": measured.covered})
+    return [{"response": name, **common, **score} for name, score in zip(profile.names, scores, strict=True)]
+
+
+def _scores(measured, profile, sd, more):
+    """What the targets of the scores have in common with any target, and their profile.
+
+    All scores have the same error, and their variances add up to the mean square error of a height.
+    """
+    root = math.sqrt(profile.functions)
+    low, high = range_about(profile.height, sd, measured.repetitions)
+    half = (measured.within or 0.5 * (high - low)) / root
+    kept = {"name": profile.name, "x": list(profile.x), "z": list(profile.z), "functions": profile.functions}
+    for value in profile.scores(profile.z).tolist():
+        yield {
+            "value": value,
+            "sd": sd / root,
+            "repetitions": measured.repetitions,
+            "range": [value - half, value + half],
+            "profile": kept | more,
+        }
+
+
+def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
+    """The profile of a file, and the standard deviation of a height: the root of its mean square."""
+    path = places.find(measured.file)
+    columns = [measured.x, measured.z]
+    if isinstance(measured.sd, str):
+        columns.append(measured.sd)
+    rows = read_rows(path, columns, "a CSV file of a profile")
+    first, last = _measured_part([row[measured.z].strip() for row in rows])
+    table = [
+        [_number(row[column], f"{path}, row {k}", column) for column in columns]
+        for k, row in list(enumerate(rows, start=1))[first:last]
+    ]
+    if len(table) <= measured.functions:
+        raise InputError(path, "rows", len(table), f"more than functions, {measured.functions}")
+    x, z, *sd = (list(column) for column in zip(*table, strict=True))
+    for k, (before, after) in enumerate(pairwise(x), start=first + 2):
+        if after <= before:
+            raise InputError(
+                f"{path}, row {k}", measured.x, after, f"above that of the row before, {before:g}"
+            )
+    profile = Profile(name, tuple(x), tuple(z), measured.functions)
+    if profile.height == 0:
+        raise InputError(path, measured.z, 0, "a height that is not 0: tolerances are in percent of it")
+    if not sd:
+        return profile, float(measured.sd)
+    if min(sd[0]) < 0:
+        raise InputError(path, str(measured.sd), min(sd[0]), "0 or more")
+    return profile, math.sqrt(sum(one**2 for one in sd[0]) / len(sd[0]))
+
+
+def _measured_part(cells):
+    """First row with a height, and the row after the last: a profile may be shorter than the table."""
+    there = [k for k, cell in enumerate(cells) if cell]
+    return (there[0], there[-1] + 1) if there else (0, 0)
+
+
+def _number(cell: str, source: str | os.PathLike, column: str) -> float:
+    """A cell as a finite number, or InputError."""
+    try:
+        number = float(cell)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(source, column, cell, "a finite number; empty heights only at the ends of a profile")
+    return number

@@ -1,0 +1,87 @@
+"""A profile, a line of heights, as a response: its scores on a few smooth functions are numbers like any other.
+
+The functions are polynomials of rising degree, orthonormal in the mean over the profile's abscissae: score 1 is the
+mean height, score 2 the slope, score 3 the curvature, each in the unit of the heights. By Parseval's theorem the sum of
+the squared differences of all scores of two profiles is the mean square distance of their smooth parts. A straight
+profile has two scores; with cosines, the other usual choice, it would have many.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from repose.core.responses import derived
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A measured profile and the functions on which profiles are compared with it.
+
+    Attributes
+    ----------
+    name : str
+        Its last part is the unit of the heights, as in ``surface_mm``; its scores are ``surface_1_mm`` and so on.
+    x, z : tuple of float, (n,)
+        Abscissae, rising, and the measured heights there.
+    functions : int
+        How many scores a profile has.
+    """
+
+    name: str
+    x: tuple[float, ...]
+    z: tuple[float, ...]
+    functions: int
+
+    @classmethod
+    def of(cls, section: Mapping[str, Any]) -> "Profile":
+        """The profile of a target of the configuration."""
+        return cls(section["name"], tuple(section["x"]), tuple(section["z"]), section["functions"])
+
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """The functions at the abscissae, (n, functions); the mean of a square is 1, of a product of two 0."""
+        x = np.array(self.x)
+        middle, half = 0.5 * (x[-1] + x[0]), 0.5 * (x[-1] - x[0])
+        powers = np.polynomial.legendre.legvander((x - middle) / half, self.functions - 1)
+        q, r = np.linalg.qr(powers)
+        return q * np.sign(np.diagonal(r)) * math.sqrt(len(x))
+
+    def scores(self, heights: ArrayLike) -> np.ndarray:
+        """Scores (..., functions) of heights (..., n) at the abscissae."""
+        return np.asarray(heights, float) @ self.basis / len(self.x)
+
+    def heights(self, scores: ArrayLike) -> np.ndarray:
+        """The smooth profile (..., n) of scores (..., functions)."""
+        return np.asarray(scores, float) @ self.basis.T
+
+    def columns(self, heights: ArrayLike) -> dict[str, float]:
+        """Scores of heights (n,) by their names, as a row of the table of runs has them."""
+        return dict(zip(self.names, self.scores(heights).tolist(), strict=True))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the scores."""
+        return tuple(derived(self.name, str(k)) for k in range(1, self.functions + 1))
+
+    @property
+    def height(self) -> float:
+        """Root mean square height of the smooth measured profile."""
+        return float(np.linalg.norm(self.scores(self.z)))
+
+    @property
+    def residual(self) -> float:
+        """Root mean square of the measured heights about the smooth profile."""
+        return float(np.sqrt(np.mean((np.array(self.z) - self.heights(self.scores(self.z))) ** 2)))
+
+    @property
+    def whole(self) -> float:
+        """What percents of a score are of: the height over the root of the number of scores.
+
+        If each score is off by at most p % of this, the smooth profiles are at most p % of the height apart.
+        """
+        return self.height / math.sqrt(self.functions)

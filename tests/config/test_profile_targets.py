@@ -1,0 +1,159 @@
+"""Profiles among the targets: a file of heights becomes a target for each score, or is refused with its fault."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import repose
+from repose.config import stands_on
+from repose.config.study import Study
+from repose.core.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+TABLE = """# read off a picture
+x_mm,low_mm,z_mm,sd_mm
+-30,,24.5,1
+-20,17,16,1
+-10,9,8.5,1
+0,2,0.5,1
+10,-7,-8,1
+20,-16,,1
+"""
+
+
+@pytest.fixture
+def table(tmp_path):
+    path = tmp_path / "surface.csv"
+    path.write_text(TABLE)
+    return path
+
+
+@pytest.fixture
+def entry(table):
+    profile = {"response": "turning_profile_mm", "file": str(table)}
+    return profile | {"sd": 1.2, "repetitions": 4, "functions": 3, "within": 0.9, "covered": 0.2}
+
+
+@pytest.fixture(scope="module")
+def quick():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return Study.load("config/quick.yaml").config
+
+
+def study_of(quick, entry, **turning):
+    config = copy.deepcopy(quick)
+    config["turning"] |= turning
+    config["targets"].append(entry)
+    return Study.of(config)
+
+
+def test_a_profile_becomes_a_target_for_each_score(quick, entry):
+    study = study_of(quick, entry)
+    own = [target for target in study.targets if target.profile is not None]
+    assert [target.name for target in own] == [f"turning_profile_{k}_mm" for k in (1, 2, 3)]
+    profile = own[0].profile
+    assert profile.x == (-30, -20, -10, 0, 10)  # the last height is empty
+    np.testing.assert_allclose([target.value for target in own], profile.scores(profile.z))
+    assert [target.weight for target in own] == pytest.approx([1 / 3] * 3)
+    # errors and ranges of the scores add up to those of the heights
+    assert sum(target.sd**2 for target in own) == pytest.approx(1.2**2)
+    assert sum((target.high - target.low) ** 2 for target in own) == pytest.approx((2 * 0.9) ** 2)
+    assert {target.whole for target in own} == {profile.whole}
+
+
+def test_the_errors_of_the_heights_may_be_a_column(quick, entry):
+    own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]
+    assert own.sd == pytest.approx(1 / np.sqrt(3))
+    assert own.profile.x == (-20, -10, 0, 10, 20)
+
+
+def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(quick, entry, table):
+    before = study_of(quick, entry)
+    table.write_text(TABLE.replace("16", "15"))
+    heights = study_of(quick, entry)
+    share = study_of(quick, entry | {"covered": 0.5})
+    for what in (
+        lambda s: s.definitions,
+        lambda s: stands_on.settings_of(s.config, "measure_runs", "turning"),
+    ):
+        assert what(before) == what(heights)
+        assert what(before) != what(share)
+    assert before.targets[-1].value != heights.targets[-1].value
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"z": "height_mm"}, r"surface.csv: column height_mm is 'missing'.*found: x_mm"),
+        ({"sd": "error_mm"}, r"surface.csv: column error_mm is 'missing'"),
+        ({"file": "nowhere.csv"}, r"nowhere.csv: table.*a CSV file of a profile"),
+        ({"functions": 5}, r"surface.csv: rows is 5; allowed: more than functions, 5"),
+        ({"functions": 12}, r"targets\.2\.functions is 12; allowed: an integer from 2 to 9"),
+        ({"hight": 3}, r"targets\.2\.hight is 3; allowed: no such key"),
+        (
+            {"response": "turning_deg"},
+            r"targets\.2\.response is 'turning_deg'; allowed: the profile of a bench test",
+        ),
+        ({"apparatus": "drum"}, r"targets\.2\.apparatus is 'drum'; allowed: turning"),
+        ({"response": "turning_2_profile_mm"}, r"response is 'turning_2_profile_1_mm'.*one of 1 speeds"),
+    ],
+)
+def test_a_wrong_entry_is_refused(quick, entry, change, words):
+    with pytest.raises(InputError, match=words):
+        study_of(quick, entry | change)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("0.5,1", "nan,1", r"surface.csv, row 4: z_mm is 'nan'; allowed: a finite number"),
+        (
+            "8.5",
+            "",
+            r"surface.csv, row 3: z_mm is ''; allowed: a finite number; empty heights only at the ends",
+        ),
+        ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; allowed: above that of the row before, -20"),
+        ("-30,", "-300,", r"targets\.2\.profile\.x.*inside the drum, between -95 and 95"),
+    ],
+)
+def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
+    table.write_text(TABLE.replace(old, new))
+    with pytest.raises(InputError, match=words):
+        study_of(quick, entry)
+
+
+def test_a_score_without_a_file_is_refused(quick, entry):
+    number = {"response": "turning_profile_1_mm", "apparatus": "turning", "value": 1.0, "sd": 1.0}
+    with pytest.raises(InputError, match="turning_profile_mm with the file of its measured heights"):
+        study_of(quick, number | {"repetitions": 1, "range": [0.0, 2.0]})
+
+
+def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, tmp_path):
+    """A tilted line, whose slope and height are the parameters."""
+    given = {"file": str(table), "sd": 0.2, "repetitions": 1, "functions": 3, "unit": "mm", "noise_sd": 0.1}
+    options = {"seed": 3, "file": tmp_path / "runs.csv", "posterior": {"walkers": 32, "steps": 200}}
+    section = {"start_samples": 8, "seeds": 1, "batch": 2, "most_runs": 16, "tolerance_percent": 3.0}
+    study = repose.Study(
+        {"slope": (-1.2, -0.4), "height": (-4.0, 4.0)}, {"surface_mm": given}, sequential=section, **options
+    )
+    profile, random = study.targets.profiles["surface_mm"], np.random.default_rng(4)
+    while not study.done:
+        rows = [
+            profile.columns(row.slope * np.array(profile.x) + row.height + 0.1 * random.normal(size=5))
+            for row in study.ask().itertuples()
+        ]
+        study.tell(study.ask().assign(**{name: [row[name] for row in rows] for name in profile.names}))
+    slope, height = np.polyfit(profile.x, profile.z, 1)
+    answer = study.answer()
+    assert answer.parameters == {
+        "slope": pytest.approx(slope, abs=0.03),
+        "height": pytest.approx(height, abs=0.3),
+    }
+    low, high = answer.posterior.parameters[["credible_low", "credible_high"]].to_numpy().T
+    assert (low < [slope, height]).all()
+    assert (high > [slope, height]).all()
+    table.unlink()  # the settings beside the runs hold the heights
+    assert len(repose.Study.resume(tmp_path / "runs.csv").runs) == len(study.runs)
