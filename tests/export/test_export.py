@@ -1,17 +1,15 @@
 """Decks of other programs: they hold the study's numbers, and what stands for a law of ours does what ours does."""
 
 import ast
-import importlib
 import json
 import math
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from export.jobs import BALL, BERRY, CONFIG, MM, SKEW, THREE, job_of
 from scipy.integrate import solve_ivp
 
 from repose import export
@@ -20,50 +18,17 @@ from repose.cli import exporting, main
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
-from repose.core.places import find
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import laws, surface, yade
 from repose.export.job import surface_means
-from repose.export.lammps import contact_keywords
+from repose.export.lammps import TSUJI, contact_keywords, damping_numbers
 from repose.export.laws import rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, prime
-from repose.particle.particle import Particle
 
 ROOT = Path(__file__).resolve().parents[2]
-CONFIG = str(find("config/quick.yaml"))
-MM = 1e-3
-BERRY = {"shear_modulus_pa": 43004.8, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
-
-
-def clump(spheres_mm):
-    """A particle of spheres, with the mass and moments of the berry."""
-    spheres = MM * np.asarray(spheres_mm, float)
-    reach = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
-    return Particle(
-        kind="multisphere",
-        semi_axes_m=np.zeros((0, 3)),
-        density_kg_m3=840.47,
-        volume_m3=1.488e-6,
-        mass_kg=1.25e-3,
-        inertia_kg_m2=np.array([1.55e-8, 4.08e-8, 4.30e-8]),
-        bounding_radius_m=reach,
-        deviation_max_m=0.0,
-        deviation_rms_m=0.0,
-        spheres_m=spheres,
-    )
-
-
-THREE = clump([[0.0, 0.0, 0.0, 5.5], [-5.5, 0.0, 0.0, 5.2], [5.5, 0.0, 0.0, 5.2]])
-SKEW = clump(
-    [
-        [0.8, 0.8, 0.1, 5.1],
-        [-5.5, 0.0, 0.0, 4.9],
-        [5.5, 0.0, 0.0, 4.9],
-        [2.4, -0.8, 0.0, 5.1],
-        [-3.2, 0.8, 0.0, 5.0],
-        [-2.4, -0.8, -0.1, 5.1],
-        [1.0, 0.2, 0.6, 5.0],
-        [0.5, -0.3, -0.6, 5.0],
-    ]
+DECK = {"liggghts": "in.pour", "lammps": "in.pour", "yade": "pour.py", "mercurydpm": "Pour.cpp"}
+SMOOTH = replace(
+    THREE, kind="smooth", spheres_m=np.zeros((0, 4)), semi_axes_m=MM * np.array([[8.0, 5.5, 5.5]])
 )
 
 
@@ -159,6 +124,59 @@ def test_liggghts_takes_the_facets_around_the_funnel_as_one_face(job):
     assert 360 / surface.AROUND < float(angle) < surface.ARC_DEG / 2
 
 
+def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
+    """Not as a clump, whose contacts are damped one by one and need half the step."""
+    round_grain = replace(SMOOTH, kind="ellipsoid", semi_axes_m=np.full((1, 3), 5 * MM))
+    of_clump, of_sphere, of_ellipsoid = (job_of(config, body) for body in (THREE, BALL, round_grain))
+    step = config["simulation"]["time_step_s"]
+    assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (0.5 * step, step, step)
+    assert of_sphere.spheres_m == pytest.approx(np.array([[0.0, 0.0, 0.0, 5 * MM]]))
+    volume = 4 / 3 * math.pi * (5 * MM) ** 3
+    assert of_sphere.density_kg_m3 * volume == pytest.approx(of_sphere.mass_kg) == BALL.mass_kg
+    assert of_sphere.inertia_kg_m2 == pytest.approx(np.full(3, 0.4 * of_sphere.mass_kg * (5 * MM) ** 2))
+    for program in DECK:
+        text = "".join(export.PROGRAMS[program](of_sphere).values())
+        assert not re.search(
+            r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres", text
+        )
+        assert "the study's grain has that of its mesh" in text
+        assert re.search(
+            r"multisphere|rigid|\.clump\(|ClumpParticle", export.PROGRAMS[program](of_clump)[DECK[program]]
+        )
+    text = export.PROGRAMS["liggghts"](of_sphere)["in.pour"]
+    assert re.search(r"particletemplate/sphere .* radius constant 0.005\n", text)
+
+
+def test_one_sphere_has_volume_and_mass_of_the_grain_and_the_deck_says_so(config):
+    centre = ParameterSpace.of(config["parameters"]).centre
+    job = export.make(config, centre, SMOOTH, BERRY, one_sphere=True)
+    volume = SMOOTH.mass_kg / SMOOTH.density_kg_m3
+    assert 4 / 3 * math.pi * job.spheres_m[0, 3] ** 3 == pytest.approx(volume)
+    assert (job.is_sphere, job.mass_kg, job.density_kg_m3) == (True, SMOOTH.mass_kg, pytest.approx(840.47))
+    for program in export.PROGRAMS:
+        assert "every grain is the sphere of its volume, radius 7.0" in next(
+            iter(export.PROGRAMS[program](job).values())
+        )
+
+
+def test_a_deck_begins_with_its_versions_and_the_page_has_them(job):
+    page = (ROOT / "docs" / "export.md").read_text()
+    for program, name in zip(DECK, ("LIGGGHTS", "LAMMPS", "YADE", "MercuryDPM"), strict=True):
+        first = next(iter(export.PROGRAMS[program](job).values())).splitlines()[0]
+        row = next(line for line in page.splitlines() if line.startswith(f"| {name}"))
+        assert name in first
+        for version in re.findall(r"\d+ \w{3} \d{4}|\d+\.\d[\w.]*", first):
+            assert version.rstrip(".:") in row
+
+
+@pytest.mark.parametrize("restitution", [0.2, 0.5, 1.0])
+def test_the_number_of_older_lammps_gives_the_same_damping(config, restitution):
+    job = job_of(config, THREE, e_gg=restitution)
+    number = damping_numbers(job)["tsuji_gg"]
+    assert np.polyval(TSUJI, number) == pytest.approx(math.sqrt(5) * job.grains.damping_ratio, abs=1e-9)
+    assert number < 1.01
+
+
 @pytest.mark.parametrize("particle", [THREE, SKEW], ids=["three", "skew"])
 def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(config, particle):
     job = export.make(config, ParameterSpace.of(config["parameters"]).centre, particle, BERRY)
@@ -206,6 +224,7 @@ def test_the_equivalent_restitution_gives_the_calibrated_rebound(config, job, te
 def test_a_damping_that_liggghts_cannot_take_is_reported(job):
     strong = replace(job, grains=replace(job.grains, damping_ratio=1.2))
     assert laws.equivalent_restitution(strong.grains, LEAST_RESTITUTION) == LEAST_RESTITUTION
+    assert LEAST_RESTITUTION > 0.05  # the program asks for more than that
     assert "stronger than coefficientRestitution" in export.PROGRAMS["liggghts"](strong)["in.pour"]
 
 
@@ -256,36 +275,28 @@ def test_a_tube_stands_in_surface_and_deck(config):
 
 def test_what_has_no_spheres_or_another_law_is_refused(config):
     centre = ParameterSpace.of(config["parameters"]).centre
-    smooth = replace(THREE, kind="smooth", spheres_m=np.zeros((0, 4)))
     with pytest.raises(InputError, match="multisphere"):
-        export.make(config, centre, smooth, BERRY)
+        export.make(config, centre, SMOOTH, BERRY)
     linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
     with pytest.raises(InputError, match="hertz_mindlin"):
         export.make(linear, centre, THREE, BERRY)
 
 
-def with_laws(config, contact_law, rolling_law="budget", **constants):
-    """The job of a study with other laws."""
-    simulation = config["simulation"] | {"contact_law": contact_law, "rolling_law": rolling_law}
-    values = ParameterSpace.of(config["parameters"]).centre | constants
-    return export.make(config | {"simulation": simulation}, values, THREE, BERRY)
-
-
 def test_cohesion_is_written_as_each_program_has_it(config):
-    job = with_laws(config, "jkr", gamma_gg=0.05, gamma_gp=0.02)
+    job = job_of(config, THREE, "jkr", gamma_gg=0.05, gamma_gp=0.02)
     table = export.PROGRAMS["edem"](job)["edem.md"]
     assert "Hertz-Mindlin with JKR" in table
     assert re.findall(r"Surface Energy .* \| (\S+) J/m2", table) == ["0.1", "0.04"]
-    deck = export.PROGRAMS["liggghts"](with_laws(config, "sjkr", k_gg=3e4, k_gp=1e4))["in.pour"]
+    deck = export.PROGRAMS["liggghts"](job_of(config, THREE, "sjkr", k_gg=3e4, k_gp=1e4))["in.pour"]
     assert "cohesionEnergyDensity peratomtypepair 2 30000 10000 10000 10000" in deck
     assert len(re.findall("model hertz tangential history cohesion sjkr rolling_friction epsd2", deck)) == 3
     assert "cohesion energy density 30000 J/m3 between grains" in deck
 
 
 def test_rolling_laws_are_written_as_liggghts_names_them(config):
-    budget = with_laws(config, "hertz_mindlin")
+    budget = job_of(config, THREE, "hertz_mindlin")
     for law, name in (("constant_torque", "cdt"), ("epsd", "epsd"), ("epsd2", "epsd2")):
-        job = with_laws(config, "hertz_mindlin", law)
+        job = job_of(config, THREE, "hertz_mindlin", law)
         deck = export.PROGRAMS["liggghts"](job)["in.pour"]
         assert len(re.findall(rf"rolling_friction {name} ", deck)) == 3
         assert ("coefficientRollingViscousDamping" in deck) == (law == "epsd")
@@ -295,18 +306,63 @@ def test_rolling_laws_are_written_as_liggghts_names_them(config):
         assert rolling_coefficient(job, job.on_wall) == rolling_coefficient(budget, budget.on_wall)
 
 
-@pytest.mark.parametrize(
-    ("program", "law"),
-    [("yade", "jkr"), ("liggghts", "jkr"), ("lammps", "jkr"), ("lammps", "sjkr"), ("rocky", "epsd")],
-)
-def test_a_law_that_a_program_lacks_is_named(config, program, law, tmp_path):
-    if law == "epsd":
-        job = with_laws(config, "hertz_mindlin", law)
-    else:
-        job = with_laws(config, law, gamma_gg=0.05, gamma_gp=0.02, k_gg=1e4, k_gp=1e4)
-    with pytest.raises(InputError, match=rf"law is '{law}'; allowed: for {program} ") as refused:
-        export.write(job, program, tmp_path)
-    assert ("refuses cohesion" in str(refused.value)) == ((program, law) == ("lammps", "jkr"))
+# What stands for a law in the deck of each program. A pair of program and law that is not here is refused.
+CONTACT = {
+    ("liggghts", "hertz_mindlin"): "model hertz tangential history rolling_friction",
+    (
+        "liggghts",
+        "hertz_mindlin_rescaled",
+    ): "grows and falls with the normal load; in the study it stays on loading",
+    ("liggghts", "sjkr"): "model hertz tangential history cohesion sjkr rolling_friction",
+    ("lammps", "hertz_mindlin"): "tangential mindlin ",
+    ("lammps", "hertz_mindlin_rescaled"): "tangential mindlin_rescale/force ",
+    ("yade", "hertz_mindlin"): "stays as it is when the normal load changes; in the study it grows and falls",
+    (
+        "yade",
+        "hertz_mindlin_rescaled",
+    ): "stays as it is when the normal load changes; in the study it stays on",
+    ("mercurydpm", "hertz_mindlin"): "HertzianViscoelasticMindlinRollingTorsionSpecies",
+    (
+        "mercurydpm",
+        "hertz_mindlin_rescaled",
+    ): "grows and falls with the normal load; in the study it stays on",
+    ("edem", "hertz_mindlin"): "Hertz-Mindlin (no slip)",
+    ("edem", "hertz_mindlin_rescaled"): "Hertz-Mindlin (no slip)",
+    ("edem", "jkr"): "Hertz-Mindlin with JKR",
+    ("rocky", "hertz_mindlin"): "Mindlin-Deresiewicz",
+    ("rocky", "hertz_mindlin_rescaled"): "Mindlin-Deresiewicz",
+}
+ROLLING = {
+    ("liggghts", "budget"): "rolling_friction epsd2 ",
+    ("liggghts", "constant_torque"): "rolling_friction cdt ",
+    ("liggghts", "epsd"): "rolling_friction epsd ",
+    ("liggghts", "epsd2"): "rolling_friction epsd2 ",
+    ("lammps", "budget"): "rolling sds",
+    ("lammps", "epsd"): "with its own stiffness and damping; in the study epsd between two bodies",
+    ("lammps", "epsd2"): "with its own stiffness and damping; in the study epsd2 between two bodies",
+    ("yade", "budget"): "includeMoment=True",
+    ("mercurydpm", "budget"): "setRollingFrictionCoefficient",
+    ("edem", "budget"): "Standard Rolling Friction (Type A)",
+    ("rocky", "budget"): "Type 1: Constant Moment",
+}
+
+
+@pytest.mark.parametrize("particle", [THREE, BALL], ids=["clump", "sphere"])
+@pytest.mark.parametrize("program", export.PROGRAMS)
+def test_each_law_is_written_as_the_program_has_it_or_refused(config, program, particle, tmp_path):
+    constants = {"gamma_gg": 0.05, "gamma_gp": 0.02, "k_gg": 1e4, "k_gp": 1e4}
+    laws_of = [(("contact_law", law, CONTACT), (law, "budget")) for law in CONTACT_LAWS]
+    laws_of += [(("rolling_law", law, ROLLING), ("hertz_mindlin", law)) for law in ROLLING_LAWS]
+    for (key, law, written), pair in laws_of:
+        if (program, law) in written:
+            deck = export.write(job_of(config, particle, *pair, **constants), program, tmp_path)[0]
+            assert written[program, law] in deck.read_text()
+        else:
+            with pytest.raises(
+                InputError, match=rf"simulation.{key} is '{law}'; allowed: .*hertz|budget"
+            ) as no:
+                export.write(job_of(config, particle, *pair, **constants), program, tmp_path)
+            assert ("refuses cohesion" in str(no.value)) == ((program, law) == ("lammps", "jkr"))
 
 
 def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
@@ -323,6 +379,25 @@ def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
     assert "mu_s 0.41" in (tmp_path / "deck" / "pour.py").read_text()
     assert (asked["particle"], asked["spheres"]) == ("multisphere", 5)
     assert tuple(export.PROGRAMS) == exporting.PROGRAMS
+
+
+@pytest.mark.parametrize(
+    ("spheres", "radius"), [((), 5.0), (("--spheres", "1"), 5.0), (("--spheres", "2"), None)]
+)
+def test_the_verb_exports_a_spherical_grain_as_spheres(monkeypatch, tmp_path, spheres, radius):
+    asked = []
+
+    def berry_and_particle(study):
+        asked.append(study.config["berry"]["particle"])
+        return BERRY, THREE if asked[-1] == "multisphere" else replace(
+            SMOOTH, semi_axes_m=np.full((1, 3), 5 * MM)
+        )
+
+    monkeypatch.setattr("repose.cli.berries.berry_and_particle", berry_and_particle)
+    words = ["export", "--to", "liggghts", "--config", CONFIG, "--set", "mus_gg=0.41", *spheres]
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    assert ("particletemplate/sphere" in (tmp_path / "in.pour").read_text()) == (radius is not None)
+    assert (tmp_path / "clump.txt").exists() == (radius is None)
 
 
 def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys):
@@ -344,51 +419,3 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys
     berry["density_kg_m3"] = 841.0
     assert main(words) == 2
     assert "grain.density_kg_m3 is 1250.0; allowed: 841.0" in capsys.readouterr().err
-
-
-RUNS = {
-    "liggghts": ("liggghts", ["liggghts", "-in", "in.pour"], "pile.dump"),
-    "lammps": ("lmp", ["lmp", "-in", "in.pour"], "pile.dump"),
-    "yade": ("yade", ["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv"),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("program", RUNS)
-def test_a_grazing_impact_keeps_coulombs_law(config, program, monkeypatch):
-    name, command, _ = RUNS[program]
-    if shutil.which(name) is None:
-        pytest.skip(f"{name} is not installed")
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    one_contact = importlib.import_module("one_contact")
-    case = one_contact.CASES["grazes the plate, across"]
-    config = config | {"simulation": config["simulation"] | {"tension": "release"}}
-    job = export.make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
-    _, velocities = one_contact.theirs(program, job, case, 4e-5, {program: " ".join(command)})
-    change = velocities[0] - case.velocities[0]
-    # it slides nearly all the time, only first the spring winds up; and the plate only pushes
-    share = -change[1] / change[2] / job.on_wall.static_friction
-    assert 0.85 < share < 1.01
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("program", RUNS)
-def test_a_deck_runs(job, program, tmp_path):
-    name, command, result = RUNS[program]
-    if shutil.which(name) is None:
-        pytest.skip(f"{name} is not installed")
-    # two grains that are still falling at the end
-    few = replace(job, count=2, rate_per_s=50.0, duration_s=0.06)
-    export.write(few, program, tmp_path)
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=500)
-    lines = (tmp_path / result).read_text().splitlines()
-    start = next(k for k, line in enumerate(lines) if "radius" in line)
-    columns = lines[start].replace(",", " ").replace("ITEM: ATOMS", "").split()
-    rows = np.array([line.replace(",", " ").split() for line in lines[start + 1 :]], float)
-    at = rows[:, [columns.index(axis) for axis in "xyz"]].reshape(2, 3, 3)
-    for spheres in at:
-        apart = np.linalg.norm(spheres[:, None] - spheres[None], axis=2)
-        wanted = np.linalg.norm(THREE.spheres_m[:, None, :3] - THREE.spheres_m[None, :, :3], axis=2)
-        assert apart == pytest.approx(wanted, abs=1e-6)
-    fallen = few.factory_height_m - at.mean(axis=1)[:, 2].min()
-    assert fallen == pytest.approx(0.5 * few.gravity_m_s2 * few.duration_s**2, abs=5e-4)

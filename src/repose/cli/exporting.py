@@ -7,8 +7,8 @@ from repose.cli.registry import CONFIG, Family, Option, load
 from repose.core import provenance
 from repose.core.errors import InputError
 
-# Spheres of a clump: the default, the fewest that LIGGGHTS takes, the most that fill a mesh here.
-SPHERES, FEWEST, MOST = 14, 2, 64
+# Spheres of a clump: the default, and the most that fill a mesh here.
+SPHERES, MOST = 14, 64
 PROGRAMS = ("liggghts", "lammps", "yade", "mercurydpm", "edem", "rocky")
 
 family = Family()
@@ -31,7 +31,8 @@ family = Family()
             "--spheres",
             type=int,
             metavar="N",
-            help=f"spheres of the clump (default: as in the study's clump, or {SPHERES} without one)",
+            help="spheres of the clump; 1: the sphere of the grain's volume (default: those of the study's clump, "
+            f"1 for a spherical grain, or {SPHERES})",
         ),
         Option("--seed", type=int, default=1, help="of the grains' places (1)"),
     ],
@@ -41,6 +42,7 @@ def export(args: argparse.Namespace) -> None:
     from repose.chain import card
     from repose.cli.berries import berry_and_particle
     from repose.config.study import Study
+    from repose.export.job import is_sphere
 
     study = None if args.config is None else load(args)
     _check_source(args)
@@ -51,21 +53,22 @@ def export(args: argparse.Namespace) -> None:
         study = load(args)
     if args.seed < 0:
         raise InputError("command line", "--seed", args.seed, "a whole number from 0")
-    section = study.config["berry"]
-    if args.spheres is not None and not FEWEST <= args.spheres <= MOST:
-        raise InputError("command line", "--spheres", args.spheres, f"from {FEWEST} to {MOST}")
-    if args.spheres is not None or section["particle"] != "multisphere":
-        chosen = SPHERES if args.spheres is None else args.spheres
-        spheres = {"particle": "multisphere", "spheres": chosen, "surface": "smooth"}
-        study = Study.of(study.config | {"berry": section | spheres}, args.config)
+    if args.spheres is not None and not 1 <= args.spheres <= MOST:
+        raise InputError("command line", "--spheres", args.spheres, f"from 1 to {MOST}")
+    berry, particle = berry_and_particle(study)
+    spheres = args.spheres or (None if particle.is_clump or is_sphere(particle) else SPHERES)
+    if spheres is not None and spheres > 1:
+        filled = {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
+        study = Study.of(study.config | {"berry": study.config["berry"] | filled}, args.config)
         provenance.note_config(study.config)
-    config, (berry, particle) = study.config, berry_and_particle(study)
+        berry, particle = berry_and_particle(study)
+    config = study.config
     if of_card is None:
         values = parameters(args.set, args.samples, args.sample, config["parameters"])
     else:
         card.require_one_study(of_card, args.card, config, args.config, berry)
         values = {name: row["value"] for name, row in of_card["parameters"].items()}
-    job = export.make(config, values, particle, berry, args.seed)
+    job = export.make(config, values, particle, berry, args.seed, one_sphere=spheres == 1)
     for path in export.write(job, args.to, args.out):
         print(path)
 

@@ -1,8 +1,8 @@
-"""The data of an export: a clump of spheres, its materials and contacts, and the pour, independent of any program."""
+"""The data of an export: a sphere or a clump of them, materials, contacts and the pour, independent of any program."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 # Programs that damp each contact of a clump by itself need a shorter step than ours, which divides the damping.
-SHARE_OF_LIMIT = 0.5
+SHARE_OF_CLUMP = 0.5
 RAYLEIGH_SHARE = 0.2
 # Overlap over effective radius at which a contact is as stiff as the spring of constant stiffness that replaces it.
 TYPICAL_OVERLAP = 0.01
@@ -79,6 +79,11 @@ class Job:
     seed: int
     notes: tuple[str, ...]  # features of the study that the deck cannot represent
 
+    @property
+    def is_sphere(self) -> bool:
+        """Whether the grain is one sphere, and no clump."""
+        return len(self.spheres_m) == 1
+
     def steps(self, seconds: float) -> int:
         """Number of time steps of a duration."""
         return round(seconds / self.time_step_s)
@@ -90,13 +95,26 @@ def make(
     particle: "Particle",
     berry: Mapping[str, Any],
     seed: int = 1,
+    one_sphere: bool = False,
 ) -> Job:
-    """The export of a study: `config` is whole, `particle` a multisphere, `berry` from the file of the verb ``berry``.
+    """The export of a study: `config` is whole, `berry` from the file of the verb ``berry``.
 
-    The advised time step is half of the longest step that this engine allows the clump, at most half of the study's own
-    and at most a fifth of the Rayleigh time of the smallest sphere.
+    `particle` is a multisphere or a sphere; any other only with `one_sphere`, which takes the sphere of its volume. The
+    advised time step is the longest step that this engine allows the grain, at most the study's own, or half of it for
+    a clump, and at most a fifth of the Rayleigh time of the smallest sphere.
     """
     settings, section = SimulationSettings.of(config), config["funnel"]
+    notes = list(_notes(config))
+    if one_sphere or is_sphere(particle):
+        own, particle = particle, sphere_of_volume(particle)
+        if not is_sphere(own):
+            notes.append(
+                f"every grain is the sphere of its volume, radius {1e3 * particle.bounding_radius_m:.4g} mm"
+            )
+        elif not np.allclose(own.inertia_kg_m2, particle.inertia_kg_m2, rtol=0.01):
+            notes.append(
+                "the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh"
+            )
     if not particle.is_clump:
         raise InputError("particle", "kind", particle.kind, "multisphere: other programs take spheres")
     if settings.contact_law == "linear_spring":
@@ -107,7 +125,8 @@ def make(
     smallest = float(particle.spheres_m[:, 3].min())
     rayleigh = rayleigh_time_s(materials["berry"], particle.density_kg_m3, smallest)
     limit = longest_time_step(config, parameters, particle, berry).time_step_s
-    step = min(SHARE_OF_LIMIT * min(limit, settings.time_step_s), RAYLEIGH_SHARE * rayleigh)
+    share = SHARE_OF_CLUMP if len(particle.spheres_m) > 1 else 1.0
+    step = min(share * min(limit, settings.time_step_s), RAYLEIGH_SHARE * rayleigh)
     funnel = Funnel.of(section)
 
     def pair(suffix, other, effective_radius):
@@ -154,7 +173,34 @@ def make(
         time_step_s=float(f"{step:.2g}"),
         rayleigh_s=rayleigh,
         seed=seed,
-        notes=tuple(_notes(config)),
+        notes=tuple(notes),
+    )
+
+
+def is_sphere(particle: "Particle") -> bool:
+    """Whether a particle is one sphere: a clump of one, or an ellipsoid whose axes differ by less than 0.1 %."""
+    if particle.is_clump:
+        return len(particle.spheres_m) == 1
+    axes = particle.semi_axes_m
+    return len(axes) == 1 and bool(np.ptp(axes) <= 1e-3 * axes.mean())
+
+
+def sphere_of_volume(particle: "Particle") -> "Particle":
+    """The sphere with volume and mass of a particle, as a clump of one; a clump of one keeps its radius."""
+    mass, volume = particle.mass_kg, particle.mass_kg / particle.density_kg_m3
+    radius = (0.75 * volume / math.pi) ** (1.0 / 3.0)
+    if len(particle.spheres_m) == 1:
+        radius = float(particle.spheres_m[0, 3])
+        volume = 4.0 / 3.0 * math.pi * radius**3
+    return replace(
+        particle,
+        kind="multisphere",
+        semi_axes_m=np.zeros((0, 3)),
+        spheres_m=np.array([[0.0, 0.0, 0.0, radius]]),
+        volume_m3=volume,
+        density_kg_m3=mass / volume,
+        inertia_kg_m2=np.full(3, 0.4 * mass * radius**2),
+        bounding_radius_m=radius,
     )
 
 

@@ -1,6 +1,8 @@
-"""The deck of LAMMPS: rigid molecules of granular spheres among a cone and a plane."""
+"""The deck of LAMMPS: spheres, or rigid molecules of them, among a cone and a plane."""
 
 import math
+
+import numpy as np
 
 from repose.export.job import Job, Pair
 from repose.export.laws import (
@@ -16,6 +18,8 @@ from repose.export.template import filled
 
 # Damping of the rolling spring over its critical damping, with the mass of a grain.
 ROLLING_DAMPING = 0.5
+# Powers, the highest first, of a restitution in the damping over sqrt(k m) of `damping tsuji` (Marshall 2009, Eq. 53).
+TSUJI = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
 SPRINGS = {
     "hertz_mindlin": "mindlin",
     "hertz_mindlin_rescaled": "mindlin_rescale/force",
@@ -32,6 +36,7 @@ def deck(job: Job) -> dict[str, str]:
         "# ",
         _differences(job),
         seed=job.seed,
+        **damping_numbers(job),
         law_gg=contact_keywords(job, job.grains),
         law_gp=on_wall,
         cone_low_radius=low[0],
@@ -45,21 +50,35 @@ def deck(job: Job) -> dict[str, str]:
 
 
 def contact_keywords(job: Job, pair: Pair) -> str:
-    """A contact in the keywords of pair_style granular.
+    """A contact in the keywords of pair_style granular; the deck sets the variables damping, e_gg and e_gp.
 
     Moduli stand for both surfaces: those of two equal surfaces with the pair's E*.
     """
+    restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
     poisson = job.grain.poisson_ratio
     young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
     stiffness = rolling_stiffness(pair) / pair.effective_radius_m**2
     rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.mass_kg)
     words = (
-        f"hertz/material {young:.8g} {equivalent_restitution(pair, 1e-6):.8g} {poisson:.8g} "
+        f"hertz/material {young:.8g} {restitution} {poisson:.8g} "
         f"tangential {SPRINGS[job.contact_law]} {8.0 * pair.effective_shear_pa:.8g} 0 {pair.static_friction:.8g} "
-        "damping coeff_restitution "
+        "damping ${damping} "
         f"rolling sds {stiffness:.8g} {rolling_damping:.8g} {rolling_coefficient(job, pair):.8g}"
     )
     return words if job.tension == "keep" else words + " limit_damping"
+
+
+def damping_numbers(job: Job) -> dict[str, float]:
+    """The numbers with which `coeff_restitution`, and `tsuji` of older versions, give the study's damping.
+
+    That of tsuji is negative for a damping that no restitution has there.
+    """
+    numbers = {}
+    for name, pair in (("gg", job.grains), ("gp", job.on_wall)):
+        numbers[f"e_{name}"] = equivalent_restitution(pair, 1e-6)
+        roots = np.roots((*TSUJI[:-1], TSUJI[-1] - math.sqrt(5.0) * pair.damping_ratio))
+        numbers[f"tsuji_{name}"] = float(roots[np.abs(roots.imag) < 1e-9].real.min())
+    return numbers
 
 
 def molecule(job: Job) -> str:
@@ -105,9 +124,9 @@ def _differences(job):
     """Differences of LAMMPS from this engine."""
     lines = [
         rolled(job),
-        damped_alone(),
+        *damped_alone(job),
         undamped_tangent(),
-        *limited_friction(job, rescales=True),
+        *limited_friction(job, job.contact_law),
         "the edge of the outlet is sharp",
     ]
     if job.tension == "release":

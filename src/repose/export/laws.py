@@ -16,6 +16,12 @@ from repose.dem.constants import OF_LAWS, SURFACE_ENERGY
 from repose.dem.laws.law import COULOMB
 from repose.export.job import Job, Pair
 
+# What a change of the normal load does to a tangential force.
+UNDER_LOAD = {
+    "hertz_mindlin": "grows and falls with the normal load",
+    "hertz_mindlin_rescaled": "stays on loading and falls on unloading",
+    "kept": "stays as it is when the normal load changes",
+}
 GAMMA = " (of each of two surfaces: the work of adhesion is w = 2 gamma, the pull-off force 3 pi gamma R*)"
 
 
@@ -82,24 +88,28 @@ def _head(job: Job, lines: list[str]) -> Iterator[str]:
         yield f"- {line}"
 
 
-def limited_friction(job: Job, rescales: bool = False) -> list[str]:
-    """Notes if the program limits friction by the whole normal force, or does not rescale the tangential spring."""
+def limited_friction(job: Job, tangential: str = "hertz_mindlin") -> list[str]:
+    """Notes if the program limits friction by the whole normal force, or has another tangential law than the study.
+
+    `tangential` is the program's: a contact law of this engine, or "kept" for a force that no change of load changes.
+    """
     notes = []
     if COULOMB[job.tension] != "total":
         notes.append("Coulomb's limit takes the damped normal force, in the study its elastic part")
-    if job.contact_law != "hertz_mindlin" and not rescales:
-        notes.append(
-            "a tangential force grows with the normal load; in the study it stays on loading and falls on unloading"
-        )
+    own = "hertz_mindlin" if job.contact_law == "hertz_mindlin" else "hertz_mindlin_rescaled"
+    if own != tangential:
+        notes.append(f"a tangential force {UNDER_LOAD[tangential]}; in the study it {UNDER_LOAD[own]}")
     return notes
 
 
-def damped_alone() -> str:
+def damped_alone(job: Job) -> list[str]:
     """The note of a program that damps every contact of a clump with the mass of the whole body."""
-    return (
+    if job.is_sphere:
+        return []
+    return [
         "each pair of spheres is damped with the bodies' masses; in the study the spheres of one pair of bodies share "
         "the damping, and the mass counts the rotation"
-    )
+    ]
 
 
 def undamped_tangent() -> str:

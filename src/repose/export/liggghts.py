@@ -1,4 +1,4 @@
-"""The deck of LIGGGHTS-PUBLIC 3.8: multispheres among a mesh and a plane."""
+"""The deck of LIGGGHTS-PUBLIC 3.8: spheres or multispheres among a mesh and a plane."""
 
 import math
 
@@ -16,13 +16,13 @@ from repose.export.laws import (
 from repose.export.surface import AROUND, stl
 from repose.export.template import filled
 
-# LIGGGHTS refuses a smaller coefficient of restitution.
-LEAST_RESTITUTION = 0.05
+# LIGGGHTS refuses a coefficient of restitution of 0.05 and less.
+LEAST_RESTITUTION = 0.0501
 ROLLING_MODELS = {"budget": "epsd2", "constant_torque": "cdt", "epsd": "epsd", "epsd2": "epsd2"}
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a LIGGGHTS run by name: in.pour, clump.txt, funnel.stl."""
+    """The files of a LIGGGHTS run by name: in.pour, funnel.stl, and clump.txt of a clump."""
     text = filled(
         "liggghts.in",
         job,
@@ -41,8 +41,11 @@ def deck(job: Job) -> dict[str, str]:
         spheres=len(job.spheres_m),
         rate=float(job.rate_per_s),
     )
-    clump = "".join(" ".join(f"{value:.9g}" for value in sphere) + "\n" for sphere in job.spheres_m)
-    return {"in.pour": text, "clump.txt": clump, "funnel.stl": stl(job.funnel)}
+    files = {"in.pour": text, "funnel.stl": stl(job.funnel)}
+    if not job.is_sphere:
+        rows = (" ".join(f"{value:.9g}" for value in sphere) for sphere in job.spheres_m)
+        files["clump.txt"] = "".join(row + "\n" for row in rows)
+    return files
 
 
 def _cohesion(job):
@@ -70,7 +73,7 @@ def prime(seed: int) -> int:
 
 def _differences(job):
     """Differences of LIGGGHTS from this engine."""
-    lines = [rolled(job), damped_alone(), undamped_tangent(), *limited_friction(job)]
+    lines = [rolled(job), *damped_alone(job), undamped_tangent(), *limited_friction(job)]
     if job.tension == "release":
         lines.append(
             "coefficientRestitution is the number that gives the study's damping; with limitForce an impact then "

@@ -1,4 +1,4 @@
-"""The driver of MercuryDPM: rigid clumps among triangles and a plane.
+"""The driver of MercuryDPM: spheres or rigid clumps among triangles and a plane.
 
 It follows the interfaces of MercuryDPM's clump drivers, and has neither been compiled nor run here.
 """
@@ -15,8 +15,9 @@ from repose.export.laws import (
 from repose.export.surface import stl
 from repose.export.template import filled
 
-# Its rolling lever is twice the effective radius.
+# Its rolling lever is twice the effective radius, its tangential stiffness two thirds of 8 G* sqrt(R* delta).
 LEVER = 2.0
+TANGENTIAL = 2.0 / 3.0
 
 
 def deck(job: Job) -> dict[str, str]:
@@ -26,7 +27,7 @@ def deck(job: Job) -> dict[str, str]:
     for name, pair in pairs.items():
         numbers |= {
             f"young_{name}": pair.effective_young_pa,
-            f"shear_{name}": pair.effective_shear_pa,
+            f"shear_{name}": pair.effective_shear_pa / TANGENTIAL,
             f"e_{name}": equivalent_restitution(pair, 1e-6),
             f"mur_{name}": rolling_coefficient(job, pair) / LEVER,
             f"stiffness_{name}": pair.tangential_stiffness_n_m / LEVER**2,
@@ -51,11 +52,12 @@ def _differences(job):
     lines = [
         "this driver was neither compiled nor run by those who wrote it",
         rolled(job),
-        damped_alone(),
+        *damped_alone(job),
         undamped_tangent(),
         *limited_friction(job),
-        "grains turn by three random angles, so not all orientations are alike",
     ]
+    if not job.is_sphere:
+        lines.append("grains turn by three random angles, so not all orientations are alike")
     if job.tension != "keep":
         lines.append("the damped force may pull at the end of an impact; the damping is that of the study")
     return lines

@@ -47,7 +47,7 @@ def edem(job: Job) -> dict[str, str]:
                 "the restitution is as set"
             ]
         ),
-        "each pair of spheres is damped by itself",
+        *([] if job.is_sphere else ["each pair of spheres is damped by itself"]),
         *job.notes,
     ]
     spheres = "x,y,z,radius\n" + "".join(
@@ -65,14 +65,22 @@ def rocky(job: Job) -> dict[str, str]:
         ("Physics > Momentum", "Tangential Force", "Mindlin-Deresiewicz"),
         ("Physics > Momentum", "Rolling Resistance Model", "Type 1: Constant Moment"),
         ("Particles > Movement", "Rolling Resistance", f"{job.grains.rolling_friction:.6g}"),
-        ("Particles > Shape", "Custom Polyhedron", "import the study's berry/berry.stl, in mm"),
+        (
+            ("Particles > Shape", "Sphere", f"diameter {2e3 * job.mean_radius_m:.6g} mm")
+            if job.is_sphere
+            else ("Particles > Shape", "Custom Polyhedron", "import the study's berry/berry.stl, in mm")
+        ),
         ("Particles > Size", "mass of a grain, to compare", f"{1e3 * job.mass_kg:.6g} g"),
         *_scene(job, "Geometries", "Inputs > Particle Inlet"),
         ("Physics > Gravity", "Z", f"-{job.gravity_m_s2:.9g} m/s2"),
         ("Solver > Time", "time step, largest", f"{job.time_step_s:g} s"),
     ]
     notes = [
-        "it has polyhedra in place of clumps: take the scan or the mesh of the study, not spheres",
+        *(
+            []
+            if job.is_sphere
+            else ["it has polyhedra in place of clumps: take the scan or the mesh of the study, not spheres"]
+        ),
         "its rolling resistance belongs to the particle: one number for grain and wall (in the study "
         f"{job.grains.rolling_friction:.4g} between grains, {job.on_wall.rolling_friction:.4g} on the wall)",
         *job.notes,

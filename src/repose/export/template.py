@@ -1,5 +1,6 @@
 """The text of a deck with places for values."""
 
+import re
 import string
 from pathlib import Path
 
@@ -17,8 +18,11 @@ def filled(name: str, job: Job, comment: str, unlike: list[str], **values: objec
     """The template `name` of this folder, its places filled with `values` and with the numbers that decks share.
 
     A number is written with nine digits. `comment` begins a line of the head, `unlike` are the program's differences.
+    Lines that begin with @sphere| or @clump| are for such grains only.
     """
     text = Path(__file__).with_name(name).read_text(encoding="utf-8")
+    kind, other = ("sphere", "clump") if job.is_sphere else ("clump", "sphere")
+    text = re.sub(rf"^@{other}\|.*\n|^@{kind}\|", "", text, flags=re.MULTILINE)
     values |= _shared(job) | {"head": differences(job, comment, unlike)}
     words = {key: f"{value:.9g}" if isinstance(value, float) else value for key, value in values.items()}
     return _Text(text).substitute(words)
@@ -31,6 +35,7 @@ def _shared(job: Job) -> dict[str, object]:
     return {
         "density": job.density_kg_m3,
         "mass": job.mass_kg,
+        "radius": float(job.spheres_m[0, 3]),
         "ixx": ixx,
         "iyy": iyy,
         "izz": izz,

@@ -1,4 +1,4 @@
-"""The deck of YADE: clumps among facets."""
+"""The deck of YADE: spheres or clumps among facets."""
 
 import math
 
@@ -76,9 +76,9 @@ def _differences(job):
     """Differences of YADE from this engine."""
     lines = [
         rolled(job),
-        damped_alone(),
+        *damped_alone(job),
         undamped_tangent(),
-        *limited_friction(job),
+        *limited_friction(job, "kept"),
         "on a facet YADE takes two thirds of a sphere's radius as the effective one: contacts with walls are softer by "
         "18 %",
         "a contact with a wall rolls in its first step with the coefficient of the grains",

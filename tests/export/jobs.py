@@ -1,0 +1,55 @@
+"""Grains and jobs that the tests of the decks share."""
+
+import numpy as np
+
+from repose import export
+from repose.core.parameter_space import ParameterSpace
+from repose.core.places import find
+from repose.particle.particle import Particle
+
+CONFIG = str(find("config/quick.yaml"))
+MM = 1e-3
+BERRY = {"shear_modulus_pa": 43004.8, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
+
+
+def clump(spheres_mm):
+    """A particle of spheres, with the mass and moments of the berry."""
+    spheres = MM * np.asarray(spheres_mm, float)
+    reach = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
+    return Particle(
+        kind="multisphere",
+        semi_axes_m=np.zeros((0, 3)),
+        density_kg_m3=840.47,
+        volume_m3=1.488e-6,
+        mass_kg=1.25e-3,
+        inertia_kg_m2=np.array([1.55e-8, 4.08e-8, 4.30e-8]),
+        bounding_radius_m=reach,
+        deviation_max_m=0.0,
+        deviation_rms_m=0.0,
+        spheres_m=spheres,
+    )
+
+
+THREE = clump([[0.0, 0.0, 0.0, 5.5], [-5.5, 0.0, 0.0, 5.2], [5.5, 0.0, 0.0, 5.2]])
+SKEW = clump(
+    [
+        [0.8, 0.8, 0.1, 5.1],
+        [-5.5, 0.0, 0.0, 4.9],
+        [5.5, 0.0, 0.0, 4.9],
+        [2.4, -0.8, 0.0, 5.1],
+        [-3.2, 0.8, 0.0, 5.0],
+        [-2.4, -0.8, -0.1, 5.1],
+        [1.0, 0.2, 0.6, 5.0],
+        [0.5, -0.3, -0.6, 5.0],
+    ]
+)
+BALL = clump([[0.0, 0.0, 0.0, 5.0]])
+
+
+def job_of(
+    config, particle, contact_law="hertz_mindlin_rescaled", rolling_law="budget", berry=BERRY, **values
+):
+    """The job of a study with a particle and laws; `values` replace the centre of its parameters."""
+    simulation = config["simulation"] | {"contact_law": contact_law, "rolling_law": rolling_law}
+    centre = ParameterSpace.of(config["parameters"]).centre
+    return export.make(config | {"simulation": simulation}, centre | values, particle, berry)

@@ -1,0 +1,121 @@
+"""The decks in the programs themselves; a program that is not installed is left out."""
+
+import importlib
+import math
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export.jobs import BALL, BERRY, CONFIG, THREE, job_of
+
+from repose import export
+from repose.config.study import Study
+from repose.particle import build
+
+pytestmark = pytest.mark.slow
+ROOT = Path(__file__).resolve().parents[2]
+RUNS = {
+    "liggghts": (["liggghts", "-in", "in.pour"], "pile.dump"),
+    "lammps": (["lmp", "-in", "in.pour"], "pile.dump"),
+    "yade": (["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv"),
+}
+
+
+@pytest.fixture(scope="module")
+def config():
+    return Study.load(CONFIG).config
+
+
+def installed(program):
+    """The command that runs a deck."""
+    command, _ = RUNS[program]
+    if shutil.which(command[0]) is None:
+        pytest.skip(f"{command[0]} is not installed")
+    return command
+
+
+def ran(program, job, folder):
+    """Run a deck: the columns of the spheres at the end, by name."""
+    command, result = installed(program), RUNS[program][1]
+    export.write(job, program, folder)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=500)
+    assert (folder / result).exists(), done.stdout[-600:] + done.stderr[-600:]
+    lines = (folder / result).read_text().splitlines()
+    start = next(k for k, line in enumerate(lines) if "radius" in line)
+    columns = lines[start].replace(",", " ").replace("ITEM: ATOMS", "").split()
+    rows = np.array([line.replace(",", " ").split() for line in lines[start + 1 :]], float)
+    return dict(zip(columns, rows.T, strict=True))
+
+
+def places(end, job):
+    """Places of the spheres (N, M, 3) of grains, which are rigid."""
+    at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(-1, len(job.spheres_m), 3)
+    wanted = np.linalg.norm(job.spheres_m[:, None, :3] - job.spheres_m[None, :, :3], axis=2)
+    for spheres in at:
+        apart = np.linalg.norm(spheres[:, None] - spheres[None], axis=2)
+        assert apart == pytest.approx(wanted, abs=1e-6)
+    return at
+
+
+@pytest.mark.parametrize("particle", [THREE, BALL], ids=["clump", "sphere"])
+@pytest.mark.parametrize("program", RUNS)
+def test_grains_fall_freely_and_stay_rigid(config, program, particle, tmp_path):
+    few = replace(job_of(config, particle), count=2, rate_per_s=50.0, duration_s=0.06)
+    end = ran(program, few, tmp_path)
+    at = places(end, few)
+    assert len(at) == 2
+    assert end["radius"] == pytest.approx(np.tile(few.spheres_m[:, 3], 2))
+    fallen = few.factory_height_m - at.mean(axis=1)[:, 2].min()
+    assert fallen == pytest.approx(0.5 * few.gravity_m_s2 * few.duration_s**2, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("program", "law"), [*((name, "hertz_mindlin") for name in RUNS), ("liggghts", "sjkr")]
+)
+def test_a_sphere_rebounds_with_the_calibrated_restitution(config, program, law, tmp_path):
+    """And with less where cohesion holds it."""
+    stiff = BERRY | {"shear_modulus_pa": 4e6}  # an impact is short and shallow
+    job = job_of(config, BALL, law, berry=stiff, e_gp=0.5, k_gg=2e5, k_gp=2e5)
+    fall = job.factory_height_m - 0.005
+    seconds = 1.25 * math.sqrt(2.0 * fall / job.gravity_m_s2)  # on its way up again
+    end = ran(program, replace(job, count=1, factory_radius_m=1e-3, duration_s=seconds), tmp_path)
+    height = end["z"][0] - 0.005 + end["vz"][0] ** 2 / (2.0 * job.gravity_m_s2)
+    restitution = math.sqrt(height / fall)
+    if law == "sjkr":
+        assert restitution < 0.45
+    else:
+        assert restitution == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("program", "law"), [*((name, "hertz_mindlin_rescaled") for name in RUNS), ("liggghts", "sjkr")]
+)
+def test_the_default_grain_is_poured_as_a_clump(config, program, law, tmp_path):
+    installed(program)  # before the spheres are packed
+    study = Study.load(CONFIG)
+    berry = config["berry"] | {"particle": "multisphere", "spheres": 14}
+    job = job_of(config, build.of_settings(study.grain, berry), law, k_gg=3e3, k_gp=1e3)
+    few = replace(job, count=3, rate_per_s=50.0, duration_s=0.8)
+    end = ran(program, few, tmp_path)
+    at = places(end, few)
+    assert len(at) == 3
+    low = (at[:, :, 2] - few.spheres_m[:, 3]).min()
+    assert -5e-4 < low < 1e-5  # one lies on the plate, not in it
+    assert at[:, :, 2].max() < few.funnel.outlet_height_m
+
+
+@pytest.mark.parametrize("program", RUNS)
+def test_a_grazing_impact_keeps_coulombs_law(config, program, monkeypatch):
+    command = installed(program)
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    one_contact = importlib.import_module("one_contact")
+    case = one_contact.CASES["grazes the plate, across"]
+    job = job_of(config, THREE)
+    _, velocities = one_contact.theirs(program, job, case, 4e-5, {program: " ".join(command)})
+    change = velocities[0] - case.velocities[0]
+    # it slides nearly all the time, only first the spring winds up; and the plate only pushes
+    share = -change[1] / change[2] / job.on_wall.static_friction
+    assert 0.85 < share < 1.01
