@@ -15,7 +15,7 @@ from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.published import check_published
 from repose.measure.pile import read_image
-from repose.particle import berry_files
+from repose.particle import berry, berry_files
 from repose.particle.mesh import load_mesh
 from repose.particle.particle import Particle
 
@@ -67,6 +67,29 @@ def test_every_cell_of_a_table_is_a_number(tmp_path):
             for value in NO_NUMBERS
         ],
     )
+
+
+def test_sizes_in_another_unit_are_blamed_on_their_table(tmp_path):
+    header, *rows = SIZES.split()
+
+    def fault(sizes):
+        return str(raises(berry_files.read_sizes, tmp_path / "a.csv", "\n".join([header, *sizes])))
+
+    in_m = ["0.021,0.011,0.01", "0.022,0.012,0.011"]
+    assert "long_mm is 0.0215; allowed: a median from 0.5 to 2000" in fault(in_m)
+    assert "row 4: long_mm is 0.021; allowed: within a factor of 5 of the median" in fault(
+        [*rows, rows[0], in_m[0]]
+    )
+
+
+def test_a_compression_test_in_another_unit_is_blamed_on_its_table(tmp_path):
+    sizes, tests = tmp_path / "a.csv", tmp_path / "tests.csv"
+    sizes.write_text(SIZES)
+    tests.write_text(TESTS)
+    berry.of_files(sizes, tests, None, 840.0)
+    tests.write_text(TESTS.replace("10,9,11", "0.01,0.009,0.011"))
+    with pytest.raises(InputError, match=r"tests\.csv: width_1_mm is .* near that of minor_mm"):
+        berry.of_files(sizes, tests, None, 840.0)
 
 
 TABLES = {

@@ -120,6 +120,8 @@ BAD_VALUES = (
     *(["check", f"--cores={value}"] for value in ("0", "-1", "many", "1.5")),
     *(["heap", f"--seed={value}"] for value in ("-1", "one", "1.5", "nan")),
     *(["heap", "--seed=1", "--seed=1"], ["heap", "--seeds=0"], ["heap", "--seeds=2", "--seed=1"]),
+    ["heap", "--seeds=100000000"],
+    *(["silhouette", "a.npz", "--particle=b.json", f"--azimuth={value}"] for value in ("nan", "inf", "x")),
     *(["heap", f"--set={value}"] for value in ("", "e_gg", "e_gg=", "=1", "e_gg=x", "e_gg=2", "mus=0.5")),
     *(["heap", f"--set={value}"] for value in ("e_gg=nan", "mus_gg=inf", "mur_gg=-1", "e_gg=0")),
     ["heap", "--set=e_gg=0.2", "--set=e_gg=0.3"],

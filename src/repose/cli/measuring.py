@@ -174,6 +174,8 @@ def silhouette(args: argparse.Namespace, study: "Study") -> None:
     from repose.measure.saved_pours import first_pour
     from repose.particle.particle import Particle
 
+    if not math.isfinite(args.azimuth):
+        raise InputError("command line", "--azimuth", args.azimuth, "a finite angle")
     how = MeasureSettings(**study.config["measure"])
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
     write_image(args.out, picture)

@@ -12,6 +12,7 @@ from repose.core.parameter_sets import read_sample
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, check_value, named
 
+MOST_SEEDS = 10_000  # runs of a parameter set; a study has at most 1000
 PARAMETER_SET = (
     Option(
         "--set",
@@ -78,6 +79,6 @@ def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAME
     """
     if args.seeds is None:
         return run_seeds(args.seed)
-    if args.seed or args.seeds < 1:
-        raise InputError("command line", "--seeds", args.seeds, "at least 1, without --seed")
+    if args.seed or not 1 <= args.seeds <= MOST_SEEDS:
+        raise InputError("command line", "--seeds", args.seeds, f"from 1 to {MOST_SEEDS}, without --seed")
     return streams.pour_seeds(study_seed, args.purpose, args.sample or 0, args.seeds, apparatus)

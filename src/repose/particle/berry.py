@@ -11,7 +11,7 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.particle import size_distribution
-from repose.particle.berry_files import SIZE_COLUMNS, read_compression, read_sizes
+from repose.particle.berry_files import ALIKE, SIZE_COLUMNS, read_compression, read_sizes
 
 TABLE1 = ("dimension", "maximum", "minimum", "mean")
 
@@ -142,6 +142,11 @@ def of_files(
     both = poisson_ratio is not None and shear_modulus_pa is not None
     sizes = read_sizes(sizes_csv)
     tests = None if both or compression_csv is None else read_compression(compression_csv)
+    if tests is not None:
+        loaded, minor = tests["width_1_mm"].median(), sizes["minor_mm"].median()
+        if not 1 / ALIKE <= loaded / minor <= ALIKE:
+            allowed = f"a median near that of minor_mm in {sizes_csv}, {minor:g}: both are of one crop, in millimetres"
+            raise InputError(compression_csv, "width_1_mm", float(loaded), allowed)
     published = pd.DataFrame(columns=TABLE1) if table1_csv is None else read_table(table1_csv, TABLE1)
     material = density_kg_m3, poisson_ratio, shear_modulus_pa
     return measured_berry(sizes, tests, published, *material, source=compression_csv)

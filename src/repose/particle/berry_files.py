@@ -22,6 +22,8 @@ COMPRESSION_COLUMNS = (
     "width_2_mm",
     "breadth_mm",
 )
+LENGTHS_MM = (0.5, 2000.0)  # of a grain; one of 20 mm in metres or micrometres lies outside
+ALIKE = 5.0  # grains of one crop, and those of a compression test, differ by a smaller factor
 WRITTEN = "the file of the verb berry"
 MODULI = ("shear_modulus_pa", "poisson_ratio")  # a simulation needs them
 # Quantities in it besides the axes.
@@ -36,6 +38,18 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
         raise InputError(path, "rows", len(sizes), "at least 2 berries, or there is no standard deviation")
+    middle = sizes.median()
+    low, high = LENGTHS_MM
+    if not low <= middle["long_mm"] <= high:
+        allowed = f"a median from {low:g} to {high:g}: are the sizes in millimetres?"
+        raise InputError(path, "long_mm", float(middle["long_mm"]), allowed)
+    for column in SIZE_COLUMNS:
+        ratio = sizes[column] / middle[column]
+        for row in sizes.index[(ratio > ALIKE) | (ratio < 1 / ALIKE)]:
+            allowed = (
+                f"within a factor of {ALIKE:g} of the median, {middle[column]:g}: is the row in millimetres?"
+            )
+            raise InputError(f"{path}, row {row}", column, float(sizes.at[row, column]), allowed)
     for larger, smaller in (("long_mm", "major_mm"), ("major_mm", "minor_mm")):
         for row in sizes.index[sizes[smaller] > sizes[larger]]:
             raise InputError(

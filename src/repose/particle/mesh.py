@@ -10,10 +10,9 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from repose.core.errors import InputError
+from repose.particle.berry_files import LENGTHS_MM
 from repose.particle.particle import MM, Body
 
-# Longest side a mesh may have; a berry in metres (0.02) or micrometres (20000) falls outside.
-EXTENT_LIMITS_MM = (0.5, 2000.0)
 CONVEX_SHARE = 0.95
 
 
@@ -58,7 +57,7 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
     if not np.isfinite(mesh.vertices).all():
         raise InputError(source, "vertices", "not finite", "finite coordinates in millimetres")
     longest = float(mesh.extents.max())
-    low, high = EXTENT_LIMITS_MM
+    low, high = LENGTHS_MM
     if not low <= longest <= high:
         allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
         raise InputError(source, "longest side in mm", longest, allowed)
