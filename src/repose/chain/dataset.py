@@ -174,9 +174,9 @@ def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
         if run["status"] == "ok":
             for target in _own(targets, apparatus):
                 value, most = run.get(target.name), target.response.high
-                finite = isinstance(value, int | float) and math.isfinite(value)
-                if not finite or abs(value) > ROUNDING * most:
-                    limit = f", up to {most:g}" if finite else ", as the run is ok"
+                number = value if isinstance(value, int | float) else math.nan
+                if not (math.isfinite(number) and abs(number) <= ROUNDING * most):
+                    limit = f", up to {most:g}" if math.isfinite(number) else ", as the run is ok"
                     raise InputError(path, f"runs[{i}].{target.name}", value, f"a finite number{limit}")
     seeds = [run.get("seed") for run in job["runs"]]
     if None in seeds or len(set(map(str, seeds))) < len(seeds):
