@@ -1,12 +1,14 @@
-"""One pile in several programs: the same clump, poured with the exported decks, beside this engine.
+"""One pile in several programs: the same grains, poured with the exported decks, beside this engine.
 
+    python benchmarks/one_pile.py spheres      # minutes: 100 spheres in every program; writes the table in peers.md
     python benchmarks/one_pile.py pour repose liggghts lammps yade      # any of them, again until all runs are there
     python benchmarks/one_pile.py table
 
-120 grains of the default berry, three spheres each, fall through the default funnel; two parameter sets, 16 seeds each.
-Every pile is measured by the same code from the places of its spheres. Also poured: this engine with the laws of the
-others, one after another, and the decks with the dashpot along the tangent that they leave out. Needs `liggghts` and
-`yade` (Debian) and a Python with LAMMPS (--lmp). A run that stands in the work folder is not made again.
+`spheres` pours 100 spheres of the volume of the default berry through a wide outlet. `pour` takes 120 default
+berries of three spheres each, two parameter sets, and also this engine with the laws of the others, one after another,
+and the decks with the dashpot along the tangent that they leave out. 16 seeds each; every pile is measured by the same
+code from the places of its spheres. Needs `liggghts` and `yade` (Debian) and LAMMPS (--lmp). A run that stands in the
+work folder is not made again.
 """
 
 import argparse
@@ -22,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import peer_laws  # noqa: F401
+from peers import write_section
 from scipy.spatial import cKDTree
 
 from repose import export
@@ -29,12 +32,13 @@ from repose.apparatus import funnel, scene
 from repose.config.study import Study
 from repose.core.places import configs
 from repose.dem.rotations import rotation_matrices
+from repose.export.job import sphere_of_volume
 from repose.export.laws import rolling_coefficient
 from repose.measure.pile import MeasureSettings
 from repose.measure.saved_piles import pile_responses
 
 HERE = Path(__file__).resolve().parent
-SPHERES, GRAINS, RATE_PER_S, DURATION_S, TIME_STEP_S = 3, 120, 60.0, 3.2, 2e-4
+RATE_PER_S, DURATION_S, TIME_STEP_S = 60.0, 3.2, 2e-4
 SEEDS = 16
 # A pile is at rest below this kinetic energy of a grain, 13 mm/s, in every program.
 REST_J = 1e-7
@@ -52,6 +56,12 @@ SETS = {
     },
     "high": {"e_gg": 0.25, "mus_gg": 0.75, "mur_gg": 0.07, "e_gp": 0.35, "mus_gp": 0.8, "mur_gp": 0.3},
 }
+# With the frictions of the others single spheres roll all over the plate.
+SETS["spheres"] = SETS["calibrated"] | {"mus_gg": 0.75, "mur_gg": 0.1, "mus_gp": 0.8, "mur_gp": 0.5}
+SPHERES = {"calibrated": 3, "high": 3, "spheres": 1}  # of a grain
+GRAINS = {"calibrated": 120, "high": 120, "spheres": 100}
+# Not as in the default funnel: a wider outlet, in which no spheres jam, nearer to the plate.
+FUNNEL = {"spheres": {"outlet_diameter_mm": 50.0, "outlet_height_mm": 70.0}}
 # This engine: Coulomb's limit, law of rolling, contact law.
 OURS = {
     "repose": (None, "budget", "hertz_mindlin_rescaled"),
@@ -71,16 +81,18 @@ DASHPOTS = {
 DECKS = {name: (name, None) for name in PEERS} | {
     f"{name}, tangential dashpot": (name, change) for name, change in DASHPOTS.items()
 }
+SECTION = "## One pile in several programs"
 RESPONSES = {"aor_deg": "angle, secant deg", "aor_flank_deg": "angle, flank deg", "height_mm": "Height mm"}
 
 
 @cache
-def grain(source):
-    """The default berry and its clump."""
-    config = Study.load(source).config
-    study = Study.of(
-        config | {"berry": config["berry"] | {"particle": "multisphere", "spheres": SPHERES}}, source
-    )
+def grain(source, spheres):
+    """The default berry and its clump, or the sphere of its volume."""
+    study = Study.load(source)
+    if spheres == 1:
+        return study.grain, sphere_of_volume(study.particle)
+    clump = {"particle": "multisphere", "spheres": spheres}
+    study = Study.of(study.config | {"berry": study.config["berry"] | clump}, source)
     return study.grain, study.particle
 
 
@@ -89,9 +101,10 @@ def study(set_name):
     """Configuration, grain, particle, and what is exported, of a parameter set."""
     source = str(configs()[-1])
     config = Study.load(source).config
-    config["funnel"] |= {"berries": GRAINS, "rate_per_s": RATE_PER_S, "duration_s": DURATION_S}
+    config["funnel"] |= {"berries": GRAINS[set_name], "rate_per_s": RATE_PER_S, "duration_s": DURATION_S}
+    config["funnel"] |= FUNNEL.get(set_name, {})
     config["simulation"]["time_step_s"] = TIME_STEP_S
-    berry, particle = grain(source)
+    berry, particle = grain(source, SPHERES[set_name])
     job = replace(export.make(config, SETS[set_name], particle, berry), time_step_s=TIME_STEP_S)
     return config, berry, particle, job
 
@@ -106,7 +119,7 @@ def pour_ours(name, set_name, seed):
     poured = funnel.pour(config, values, seed, particle, berry)
     turned = np.einsum("nij,mj->nmi", rotation_matrices(poured.quaternions), particle.spheres_m[:, :3])
     status = funnel.status_of(poured, config)[0]
-    if status == "not_at_rest" and poured.kinetic_energy_j < REST_J * GRAINS:
+    if status == "not_at_rest" and poured.kinetic_energy_j < REST_J * GRAINS[set_name]:
         status = "ok"
     return poured.centres_m[:, None] + turned, status
 
@@ -142,25 +155,26 @@ def run_deck(name, job, commands, edit=lambda text, folder: text):
         file = Path(folder) / ("pile.csv" if program == "yade" else "pile.dump")
         if not file.exists():
             raise RuntimeError(f"{program}: {done.stdout[-600:]} {done.stderr[-600:]}")
-        return read_pile(file)
+        return read_pile(file, len(job.spheres_m))
 
 
 def pour_theirs(name, set_name, seed, commands):
     """Places of the spheres (N, M, 3) of a pour with an exported deck, and its status."""
     job = replace(study(set_name)[3], seed=seed)
     table = run_deck(name, job, commands)
-    full = table.groupby("grain").filter(lambda rows: len(rows) == SPHERES)
-    places = full[["x", "y", "z"]].to_numpy().reshape(-1, SPHERES, 3)
-    speeds = np.linalg.norm(full[["vx", "vy", "vz"]].to_numpy().reshape(-1, SPHERES, 3).mean(axis=1), axis=1)
+    spheres = SPHERES[set_name]
+    full = table.groupby("grain").filter(lambda rows: len(rows) == spheres)
+    places = full[["x", "y", "z"]].to_numpy().reshape(-1, spheres, 3)
+    speeds = np.linalg.norm(full[["vx", "vy", "vz"]].to_numpy().reshape(-1, spheres, 3).mean(axis=1), axis=1)
     moving = 0.5 * job.mass_kg * np.mean(speeds**2)
-    if len(places) < FEWEST_LEFT * GRAINS:
+    if len(places) < FEWEST_LEFT * GRAINS[set_name]:
         return places, "lost"
     if places[:, :, 2].max() > job.funnel.outlet_height_m:
         return places, "jammed"
     return places, "ok" if moving < REST_J else f"moving {moving:.1e} J"
 
 
-def read_pile(path):
+def read_pile(path, spheres):
     """The spheres that a deck wrote at its end, with the number of their grain."""
     if path.suffix == ".csv":
         return pd.read_csv(path)
@@ -168,7 +182,7 @@ def read_pile(path):
     start = next(k for k, line in enumerate(lines) if line.startswith("ITEM: ATOMS"))
     columns = lines[start].split()[2:]
     table = pd.DataFrame([line.split() for line in lines[start + 1 :]], columns=columns).astype(float)
-    table["grain"] = table["mol"] if "mol" in table else (table["id"] - 1) // SPHERES
+    table["grain"] = table["mol"] if "mol" in table else (table["id"] - 1) // spheres
     return table.sort_values(["grain", "id"], kind="stable")
 
 
@@ -205,12 +219,12 @@ def pose(body, spheres):
     return there - turn @ middle, np.array([w, x, y, z])
 
 
-def pour(arguments):
+def pour(arguments, sets=("calibrated", "high")):
     """Make the runs that are not there."""
     commands = commands_of(arguments.lmp)
     for seed in range(1, arguments.seeds + 1):
         for name in arguments.engines:
-            for set_name in SETS:
+            for set_name in sets:
                 file = arguments.work / f"{name}-{set_name}-{seed}.npz".replace(" ", "_")
                 if file.exists():
                     continue
@@ -252,12 +266,37 @@ def record_of(file):
     return record | measured(places, config, berry, particle)
 
 
+def runs_of(arguments, sets):
+    """Runs of these sets as a table."""
+    files = [file for name in sets for file in sorted(arguments.work.glob(f"*-{name}-*.npz"))]
+    records = [record_of(file) for file in files]
+    order = [*OURS, *DECKS]
+    records.sort(key=lambda r: (sets.index(r["set"]), order.index(r["engine"]), r["seed"]))
+    return pd.DataFrame(records)
+
+
+def spheres(arguments):
+    """Pour the spheres in this engine and in the other programs, and write their table into peers.md."""
+    arguments.engines = ["repose", "repose, all laws as theirs", *PEERS]
+    pour(arguments, ("spheres",))
+    rows, outlet = compared(runs_of(arguments, ("spheres",))), FUNNEL["spheres"]
+    text = f"""{SECTION}
+
+Written by `python benchmarks/one_pile.py spheres`: {GRAINS["spheres"]} spheres with volume and mass of the default
+berry fall through an outlet of {outlet["outlet_diameter_mm"]:g} mm, {outlet["outlet_height_mm"]:g} mm above the plate,
+{RATE_PER_S:g} a second, time step {TIME_STEP_S:g} s, in this engine and with the decks of `repose export`,
+{arguments.seeds} seeds each. Mean and standard error; z is the difference from this engine over its standard error, in
+brackets from this engine with the laws of the decks.
+
+{markdown(rows)}
+"""
+    write_section(HERE / "peers.md", text)
+    print(text)
+
+
 def table(arguments):
     """Write the tables and print them."""
-    records = [record_of(file) for file in sorted(arguments.work.glob("*.npz"))]
-    order = [*OURS, *DECKS]
-    records.sort(key=lambda r: (list(SETS).index(r["set"]), order.index(r["engine"]), r["seed"]))
-    runs = pd.DataFrame(records)
+    runs = runs_of(arguments, ("calibrated", "high"))
     runs.to_csv(HERE / "one_pile_runs.csv", index=False, float_format="%.4f")
     rows = compared(runs)
     rows.to_csv(HERE / "one_pile.csv", index=False, float_format="%.3f")
@@ -283,7 +322,7 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("action", choices=("pour", "table"))
+    parser.add_argument("action", choices=("spheres", "pour", "table"))
     parser.add_argument("engines", nargs="*", default=[*OURS, *DECKS])
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--lmp", default="lmp", help="LAMMPS, with its path")
@@ -296,7 +335,7 @@ def main():
     arguments = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     arguments.work.mkdir(parents=True, exist_ok=True)
-    {"pour": pour, "table": table}[arguments.action](arguments)
+    {"spheres": spheres, "pour": pour, "table": table}[arguments.action](arguments)
 
 
 if __name__ == "__main__":

@@ -322,6 +322,14 @@ What differs:
 """
 
 
+def write_section(path, text):
+    """Put a section into a page, in place of the one with its title; a section begins with a heading."""
+    page = path.read_text() if path.exists() else ""
+    sections = {part.splitlines()[0]: part for part in re.split(r"(?m)^(?=##? )", page) if part}
+    sections[text.splitlines()[0]] = text
+    path.write_text("\n".join(part.strip() + "\n" for part in sections.values()))
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -336,7 +344,7 @@ def main():
         timers, missing = peers(arguments, piles["sphere"], Path(directory))
         rows = measure(arguments.rounds, piles, timers)
     text = report(arguments, rows, missing)
-    Path(arguments.out).write_text(text)
+    write_section(Path(arguments.out), text)
     print(text)
 
 
