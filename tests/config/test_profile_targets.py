@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 import repose
+from repose.chain.answer import Check
 from repose.config import stands_on
 from repose.config.study import Study
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.strategies.sequential.goal import Goal
 
 ROOT = Path(__file__).parents[2]
 TABLE = """# read off a picture
@@ -129,6 +132,17 @@ def test_a_score_without_a_file_is_refused(quick, entry):
     number = {"response": "turning_profile_1_mm", "apparatus": "turning", "value": 1.0, "sd": 1.0}
     with pytest.raises(InputError, match="turning_profile_mm with the file of its measured heights"):
         study_of(quick, number | {"repetitions": 1, "range": [0.0, 2.0]})
+
+
+def test_percents_of_a_score_are_of_the_height(quick, entry):
+    """Score 3 of the surface is near 0, where percents of the score itself say nothing."""
+    target = study_of(quick, entry).targets[-1]
+    assert abs(target.value) < 0.1 * target.whole
+    assert target.off_percent(target.value + 0.02 * target.whole) == pytest.approx(2.0)
+    check = Check.of(target, target.value + 0.02 * target.whole, None, 4, "ok")
+    assert check.distance.startswith("turning_profile_3_mm +2.0 %")
+    goal = Goal.of(study_of(quick, entry).targets, 2.0, ParameterSpace.of(quick["parameters"]))
+    np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)
 
 
 def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, tmp_path):

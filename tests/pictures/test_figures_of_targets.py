@@ -10,6 +10,7 @@ from made_up_config import RANGES
 from shared import TARGETS
 
 from repose.core.parameters import PARAMETERS
+from repose.core.profiles import Profile
 from repose.core.responses import derived
 from repose.core.targets import Targets
 from repose.pictures import figures
@@ -105,6 +106,42 @@ def test_the_planes_of_the_targets_show_samples_ranges_and_answer(count, panels,
     assert ("feasible solutions, predicted" in result) is feasible
     (box,) = figure.axes[0].patches
     assert (box.get_x(), box.get_width()) == (TARGETS[0]["range"][0], np.diff(TARGETS[0]["range"])[0])
+
+
+X = list(range(-20, 21, 5))
+HEIGHTS = [0.9 * x + 0.01 * x * x for x in X]
+
+
+def of_profile(targets):
+    """The targets, and those of a profile's scores as the configuration has them."""
+    name = "turning_profile_mm"
+    kept = {"name": name, "x": X, "z": HEIGHTS, "functions": 3, "covered": 0.5}
+    numbers = {"apparatus": "turning", "sd": 0.3, "repetitions": 3, "profile": kept}
+    values = zip(Profile.of(kept).names, Profile.of(kept).scores(HEIGHTS).tolist(), strict=True)
+    return [
+        *targets,
+        *(
+            {"response": score, "value": value, "range": [value - 1, value + 1], **numbers}
+            for score, value in values
+        ),
+    ]
+
+
+def test_a_profile_is_drawn_as_measured_predicted_and_simulated(tmp_path, monkeypatch):
+    monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
+    files = made_up(tmp_path, 5)
+    with style.applied():
+        figure = figures.FIGURES["profiles"][0]({"table4": files["table4"]}, config_of(5))
+        style.save(figure, tmp_path / "figure.png", small_run=False)
+    (panel,) = figure.axes
+    assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(texts(figure))
+    predicted = next(line for line in panel.lines if line.get_label() == "predicted")
+    # the made-up prediction is the target, a parabola that three scores describe
+    np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
+    inputs = {key: files[key] for key in ("dataset", "table4")}
+    inputs["feasible"] = write_solutions(tmp_path, 5, True)
+    with style.applied():
+        assert len(plane.planes(inputs, config_of(5)).axes) == 1  # scores have no planes
 
 
 DRAWN = {

@@ -16,7 +16,7 @@ PAGE = {
     "feasible": answer().feasible,
     "summary": answer().summary,
     "table4": answer().table4,
-} | drawn("plane")
+} | drawn("plane", "profiles")
 TRAJECTORY = rules.trajectory.output.trajectory
 if of_the_chain():
     PAGE |= drawn("figure13", "figure14", "validation", "definitions") | {

@@ -134,6 +134,16 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
     if BERRY_HEIGHT in settings:
         height = MeasureSettings.of(config["measure"], berry).berry_height_mm
         settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
+    profile = next(
+        (
+            one["profile"]
+            for one in config["targets"]
+            if one["response"] == response.name and "profile" in one
+        ),
+        None,
+    )
+    if profile is not None:
+        settings["profile"] = {key: profile[key] for key in ("x", "functions", "covered")}
     return {
         "definition": {"name": response.label, "settings": settings},
         "bench": {

@@ -42,7 +42,6 @@ Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 class OwnTarget(Section):
     """A measured response."""
 
-    profile: OfProfile = ABSENT
     value: Value
     sd: Size
     repetitions: int = Field(ge=1, le=10_000)
@@ -52,13 +51,12 @@ class OwnTarget(Section):
     unit: Line = ""
     definition: Line = ABSENT
     noise_sd: Annotated[float, Field(gt=0, le=LARGEST)] = ABSENT
+    profile: OfProfile = ABSENT  # of which it is a score; `repose.config.profiles` writes it
 
-    @field_validator("value")
-    @classmethod
-    def _not_zero(cls, value: float, info: ValidationInfo) -> float:
-        if value == 0 and info.data.get("profile") is None:
-            refuse([("", "not 0: tolerances are in percent of it")])
-        return value
+    def contradictions(self) -> Contradictions:
+        """A value of which no percents are."""
+        if self.value == 0 and self.profile is None:
+            yield "value", "not 0: tolerances are in percent of it"
 
     @field_validator("range")
     @classmethod
