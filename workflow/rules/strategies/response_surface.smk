@@ -167,4 +167,4 @@ rule response_surface:
             table=("anova", "effects", "statistics"),
         ),
         f"{RESPONSE_SURFACE}/ascent/path.csv",
-        [FIGURES[name].path for name in RESPONSE_SURFACE_FIGURES],
+        all_files(*RESPONSE_SURFACE_FIGURES),
