@@ -61,6 +61,7 @@ for comparison, (depends, more, memory_mb) in COMPARISONS.items():
                 category="Comparisons",
                 labels={"figure": comparison.capitalize()},
             ),
+            further(f"{COMPARISON}/{comparison}.png"),
         log:
             f"{RESULTS}/logs/figures/{comparison}.log",
         benchmark:
@@ -72,21 +73,21 @@ for comparison, (depends, more, memory_mb) in COMPARISONS.items():
         params:
             config=CONFIG,
             figure=comparison,
-            depends=depending("small_run"),
+            depends=depending("small_run") | RESOLUTION,
         message:
             "Drawing {params.figure}"
         shell:
             "python -m research.figures draw {params.figure:q} --config {params.config:q} --input {params.figure:q}={input:q}"
-            " --out {output:q} > {log:q} 2>&1"
+            " --out {output[0]:q} > {log:q} 2>&1"
 
 
 rule compare:
     input:
-        expand(
-            f"{COMPARISON}/{{comparison}}.{{kind}}",
-            comparison=COMPARISONS,
-            kind=("csv", "png"),
-        ),
+        expand(f"{COMPARISON}/{{comparison}}.csv", comparison=COMPARISONS),
+        [
+            [png, further(png)]
+            for png in expand(f"{COMPARISON}/{{name}}.png", name=COMPARISONS)
+        ],
 
 
 rule comparison_table:

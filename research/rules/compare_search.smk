@@ -80,6 +80,7 @@ for figure, shown in INVERSION_FIGURES.items():
                 category="Comparisons",
                 labels={"figure": figure},
             ),
+            further(f"{RESULTS}/comparison/{figure}.png"),
         log:
             f"{RESULTS}/logs/figures/{figure}.log",
         benchmark:
@@ -92,11 +93,11 @@ for figure, shown in INVERSION_FIGURES.items():
             config=CONFIG,
             figure=figure,
             inputs=[f"--input={key}={path}" for key, path in shown.items()],
-            depends=depending("small_run", "compare_search"),
+            depends=depending("small_run", "compare_search") | RESOLUTION,
         message:
             "Drawing {params.figure}"
         shell:
-            "python -m research.figures draw {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output:q}"
+            "python -m research.figures draw {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output[0]:q}"
             " > {log:q} 2>&1"
 
 

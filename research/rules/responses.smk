@@ -142,6 +142,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
                 category="Comparisons",
                 labels={"figure": study},
             ),
+            further(f"{where}/second_responses.png"),
         log:
             f"{RESULTS}/logs/figures/{study}.log",
         benchmark:
@@ -157,11 +158,11 @@ for study, (where, more) in SECOND_RESPONSES.items():
                 for name in SECOND_TABLES
                 if name != "order"
             ],
-            depends=depending("small_run"),
+            depends=depending("small_run") | RESOLUTION,
         message:
             "Drawing the candidates for the next measurement"
         shell:
-            "python -m research.figures draw second_responses --config {params.config:q} {params.inputs:q} --out {output:q}"
+            "python -m research.figures draw second_responses --config {params.config:q} {params.inputs:q} --out {output[0]:q}"
             " > {log:q} 2>&1"
 
 

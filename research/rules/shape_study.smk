@@ -129,6 +129,7 @@ rule draw_shape_study:
             category="Particles",
             labels={"figure": "Particles, tensions, fillings and definitions"},
         ),
+        further(f"{SHAPE}/shape_study.png"),
     log:
         f"{RESULTS}/logs/figures/shape_study.log",
     benchmark:
@@ -139,11 +140,11 @@ rule draw_shape_study:
         runtime=growing(10),
     params:
         config=CONFIG,
-        depends=depending("shape_study", "targets"),
+        depends=depending("shape_study", "targets") | RESOLUTION,
     message:
         "Drawing the shape study"
     shell:
-        "python -m research.figures draw shape_study --config {params.config:q} --out {output:q}"
+        "python -m research.figures draw shape_study --config {params.config:q} --out {output[0]:q}"
         " --input combinations={input.combinations:q} --input sets={input.sets:q} > {log:q} 2>&1"
 
 

@@ -20,6 +20,7 @@ EXAMPLES = [parse(path.read_text(), path.name) for path in (ROOT / "examples/ben
 GOOD = Study.load(ROOT / "config/config.yaml").config | {
     example["label"]: example[example["label"]] for example in EXAMPLES
 }
+GOOD["figures"] = {"format": ["png", "pdf"], "dpi": 300}
 NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
 
 
@@ -153,6 +154,7 @@ def test_every_key_refuses_what_it_cannot_take():
 OPTIONAL = (
     "simulation.contact_law",
     "simulation.rolling_law",
+    *("figures.format", "figures.dpi"),
     *(f"parameters.{name}" for name in FURTHER),
     *(setting.key for setting in COMPUTED),
 )

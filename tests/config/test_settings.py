@@ -34,7 +34,7 @@ def matched():
 
 @pytest.fixture
 def config(matched):
-    return copy.deepcopy(matched)
+    return copy.deepcopy(matched) | {"figures": {}}
 
 
 def put(config, key, value):
@@ -108,8 +108,9 @@ def test_no_section_allows_an_unknown_key_or_forgets_one():
     for section in [schema, *map(faults.subschema, [[name] for name in schema["properties"]])]:
         if "properties" in section:
             assert section["additionalProperties"] is False
-            optional = set(section["properties"]) - set(section["required"])
-            assert optional <= {"contact_law", "rolling_law", *FURTHER, *computed, *others}
+            optional = set(section["properties"]) - set(section.get("required", ()))
+            figures = {"figures", "format", "dpi"}
+            assert optional <= {"contact_law", "rolling_law", *figures, *FURTHER, *computed, *others}
 
 
 def test_the_models_know_what_is_computed():
@@ -179,6 +180,9 @@ BAD_VALUES = (
     ("drum.rotate_from_s", 1.7, "above 1.798"),
     ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
     ("drum.slip_drop_deg", 0.0, "from 0.05 to 45"),
+    ("figures.format", ["pdf"], "a list with png, which the report shows, and no format twice"),
+    ("figures.format", ["png", "svg", "png"], "no format twice"),
+    ("figures.format", ["png", "eps"], "a list of png and, beside it, pdf or svg or both"),
 )
 
 

@@ -50,3 +50,11 @@ def test_another_order_of_the_keys_is_the_same_text(name, monkeypatch):
     for what in (stands_on.pouring, stands_on.measuring):
         assert str(what(other, name)) == str(what(config, name))
     assert str(stands_on.sections(other, "berry", "miga")) == str(stands_on.sections(config, "berry", "miga"))
+
+
+def test_results_do_not_depend_on_the_files_of_figures(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    config = Study.load("config/config.yaml").config
+    for verb in ("material_card", "network", "report"):
+        settings = stands_on.settings_of(config | {"figures": {"format": ["png", "pdf"]}}, verb)
+        assert settings == stands_on.settings_of(config, verb)

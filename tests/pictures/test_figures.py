@@ -15,7 +15,9 @@ from repose.core.errors import InputError
 from repose.measure import saved_pours
 from repose.pictures import figures
 from repose.pictures.figures import (
+    berries,
     checks,
+    measuring,
     refinement,
     rotation,
     samples,
@@ -26,6 +28,7 @@ from repose.pictures.figures import (
     uncertainty,
     workflow,
 )
+from repose.pictures.scenery import look_at
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +52,7 @@ def small(monkeypatch):
     """Small pictures of piles and beds."""
     monkeypatch.setattr(testbench, "PILE_PIXELS", 300)
     monkeypatch.setattr(rotation, "PIXELS", 120)
+    monkeypatch.setattr(berries, "PICTURE_PIXELS", 100)
 
 
 DRAWN = sorted(set(figures.FIGURES) - OF_A_STRATEGY - OF_TARGETS)
@@ -75,6 +79,24 @@ def test_every_figure_is_drawn_the_same_twice(inputs, tmp_path):
             figures.draw(name, inputs_of(name, inputs), path, CONFIG)
         first, second = (hashlib.sha256(path.read_bytes()).hexdigest() for path in paths)
         assert first == second, name
+
+
+def test_a_figure_has_the_configured_formats_with_its_fonts_inside(inputs, tmp_path):
+    config = CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}}
+    for folder in ("first", "second"):
+        figures.draw("figure13", inputs_of("figure13", inputs), tmp_path / folder / "it.png", config)
+    files = {path.suffix: path.read_bytes() for path in (tmp_path / "first").iterdir() if path.stem == "it"}
+    assert set(files) == {".png", ".pdf", ".svg"}
+    for suffix, content in files.items():
+        assert (tmp_path / "second" / f"it{suffix}").read_bytes() == content, "the same bytes in every run"
+    assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(0.9 * style.PAGE * 90, abs=1)
+    assert b"/FontFile2" in files[".pdf"]
+    assert b"/Type3" not in files[".pdf"], "a journal wants text of TrueType"
+    assert b"<text" not in files[".svg"], "its letters are outlines"
+    figures.draw("figure13", inputs_of("figure13", inputs), tmp_path / "alone" / "it.pdf", config)
+    assert [path.name for path in (tmp_path / "alone").glob("it*")] == ["it.pdf"]
+    with pytest.raises(InputError, match=r"it\.eps: ending is '\.eps'; allowed: \.png or \.pdf or \.svg"):
+        figures.draw("figure13", inputs_of("figure13", inputs), tmp_path / "it.eps", config)
 
 
 @pytest.mark.parametrize("name", ["figure02", "figure13", "figure09"])
@@ -108,7 +130,9 @@ def test_the_names_of_rules_stay_in_their_boxes(tmp_path):
         panel = figure.axes[0]
         boxes = [box.get_window_extent() for box in panel.patches]
         texts = [text.get_window_extent() for text in panel.texts if text.get_text()]
+        sizes = [text.get_fontsize() for text in panel.texts if text.get_text()]
     assert len(texts) == len(boxes) == len(rules)
+    assert min(sizes) > 6
     for box, text in zip(boxes, texts, strict=True):
         assert box.x0 < text.x0 < text.x1 < box.x1
         assert box.y0 < text.y0 < text.y1 < box.y1
@@ -137,8 +161,6 @@ def test_bad_names_and_inputs_are_named(inputs, tmp_path):
 
 
 def test_reconstructed_sizes_are_called_so(inputs, tmp_path):
-    from repose.pictures.figures import berries
-
     with style.applied():
         assert berries.RECONSTRUCTED in words(
             berries.sizes_and_sphericity({"sizes": inputs["sizes"]}, CONFIG)
@@ -209,9 +231,8 @@ def test_prediction_errors_are_percent_of_the_simulated_value(tmp_path):
 
 
 def test_rule_graph_is_layered_by_the_longest_way_and_implied_arrows_go(inputs):
-    labels, hues, edges = workflow.read_dot(inputs["rules"])
+    labels, edges = workflow.read_dot(inputs["rules"])
     assert labels == {"0": "all", "1": "report", "2": "heap", "3": "design", "4": "berry"}
-    assert hues["2"] == 0.3
     kept = workflow.reduced(edges)
     assert ("4", "0") in edges
     assert sorted(kept) == [("1", "0"), ("2", "1"), ("3", "2"), ("4", "2")]
@@ -232,3 +253,46 @@ def test_heap_file_without_positions_is_refused(tmp_path):
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
     with pytest.raises(InputError, match="position_SEED"):
         saved_pours.first_pour(tmp_path / "x.npz")
+
+
+def test_grains_are_counted_by_whole_numbers(inputs):
+    with style.applied():
+        figure = berries.sizes_and_sphericity({"sizes": inputs["sizes"]}, CONFIG)
+        figure.canvas.draw()
+    ticks = [tick.get_text() for tick in figure.axes[0].get_yticklabels()]
+    assert len(ticks) > 2
+    assert all(tick.isdigit() for tick in ticks)
+
+
+def test_the_definitions_are_explained_beside_the_pile_and_without_keys_of_the_configuration(inputs):
+    with style.applied():
+        figure = measuring.definitions(inputs_of("definitions", inputs), CONFIG)
+        figure.canvas.draw()
+    text = words(figure)
+    assert "fit_" not in text
+    assert "80 % of the height" in text
+    assert figure.legends[0].get_window_extent().y0 > figure.axes[0].get_window_extent().y1
+
+
+def test_a_scale_bar_is_as_long_as_its_number_says():
+    camera = look_at(np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.05]]), 600, 300, 0.0, -90.0)
+    with style.applied():
+        panel = style.new_figure(4, 2).subplots()
+        style.scale_bar(panel, camera, np.array([0.02, 0.0, 0.0]), 0.2)
+    (bar,) = panel.lines
+    assert [text.get_text() for text in panel.texts] == ["50 mm"]  # at most 0.3 of 200 mm, and round
+    x, _, _ = camera.project(np.array([[0.02, 0.0, 0.0], [0.07, 0.0, 0.0]]))
+    assert np.ptp(bar.get_xdata()) == pytest.approx(x[1] - x[0])
+    assert max(bar.get_xdata()) < 600
+
+
+def test_a_search_that_met_nothing_has_numbers_at_its_axes(inputs, tmp_path):
+    history = pd.read_csv(inputs["history"])
+    history["best_objective"], history["feasible_found"] = 2.1, 0
+    history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
+    with style.applied():
+        figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
+        figure.canvas.draw()
+    objective, found = ([tick.get_text() for tick in panel.get_yticklabels()] for panel in figure.axes)
+    assert len(list(filter(None, objective))) > 1
+    assert found == ["0", "1"]

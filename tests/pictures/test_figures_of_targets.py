@@ -176,6 +176,17 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
     assert not any("slip" in text for text in result) or "drum_slip_deg" not in absent
 
 
+def test_every_mark_of_the_published_solutions_has_its_words(tmp_path):
+    files, config = made_up(tmp_path, 2), config_of(2)
+    column = derived("aor_deg", "published_simulated")
+    table = pd.read_csv(files["published"])
+    table.assign(**{column: [table[column][0], np.nan, np.nan]}).to_csv(files["published"], index=False)
+    with style.applied():
+        result = texts(checks.published_solutions({"published": files["published"]}, config))
+    assert result.count("not published") == 2
+    assert {"measured ± standard deviation", "measured mean", "published simulation"} <= set(result)
+
+
 def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):
     files = made_up(tmp_path, 4)
     with style.applied():

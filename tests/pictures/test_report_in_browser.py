@@ -1,15 +1,20 @@
 """The report in headless Chromium: it loads, draws in 3-D, and what can be moved moves."""
 
+import json
 import re
 import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_up_report import ANSWER, made_up_study
+from PIL import Image
 from shared import TARGETS
+from test_report_page import MORE
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.pictures.figures import style
 from repose.pictures.report import page, prediction
 from repose.surrogate import load, make
 
@@ -33,11 +38,25 @@ def browser():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A made-up study and its report."""
+    """A made-up study with a photograph and a figure, and its report."""
     folder = tmp_path_factory.mktemp("report")
-    study = made_up_study(folder, TARGETS, fixed=("e_gp",))
-    page.write(*study, {"All samples": folder / "dataset.csv"}, folder / "report.html")
+    config, jobs, files = made_up_study(folder, TARGETS, fixed=("e_gp",))
+    page.write(
+        config,
+        jobs,
+        files | pictures(folder),
+        {"All samples": folder / "dataset.csv"},
+        folder / "report.html",
+    )
     return folder
+
+
+def pictures(folder):
+    """A photograph of 800 x 600 pixels, and a figure as wide as a page."""
+    Image.new("RGB", (800, 600), "#777").save(folder / "photograph.jpg")
+    with style.applied():
+        style.save(style.new_figure(style.PAGE, 3.0), folder / "plane.png", small_run=False)
+    return {"photograph": folder / "photograph.jpg", "plane": folder / "plane.png"}
 
 
 @pytest.fixture
@@ -171,18 +190,94 @@ def test_a_phone_shows_all_without_scrolling_sideways(browser, folder):
     with browser.new_context(viewport={"width": 360, "height": 740}, is_mobile=True) as context:
         tab = open_page(context, folder)
         assert tab.evaluate("document.documentElement.scrollWidth") == 360
+        figure = tab.locator(".pictures img").bounding_box()["width"]
+        assert figure > 96 * style.PAGE, "it scrolls: its text is as large as on paper, or larger"
         assert reddish(pixels(tab)) > 50
         values = tab.locator("table.answer td:nth-child(3)")
         assert all(values.nth(k).bounding_box()["x"] < 360 for k in range(len(PARAMETERS)))
         assert tab.complaints == []
 
 
-def test_print_has_the_answer_and_the_pile_and_no_buttons(opened):
+def test_print_is_one_page_with_the_answer_targets_table_4_and_the_pile(opened):
     opened.emulate_media(media="print")
-    assert opened.locator(".verdict").is_visible()
-    assert opened.locator("#pile").is_visible()
-    for hidden in ("#copy", "#play", "#sliders", "details"):
+    for shown in (".verdict", "#origin", "table.answer", "table.check", "table.sets", "#pile", ".pair img"):
+        assert opened.locator(shown).first.is_visible(), shown
+    for hidden in ("#copy", "#play", "#sliders", "details", ".pictures"):
         assert not opened.locator(hidden).first.is_visible()
+    opened.emulate_media(media="null", color_scheme="dark")
+    paper = opened.pdf(prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
+    assert re.search(rb"/MediaBox \[0 0 59[45][.\d]* 84[12]", paper), "A4"
+
+
+def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
+    config, jobs, files = made_up_study(tmp_path, MORE)
+    table4 = pd.read_csv(files["table4"])
+    pd.concat([table4, table4[1:]]).to_csv(files["table4"], index=False)  # the most that `validation` allows
+    message = {"feasible": False, "message": 5 * "Nothing met in these ranges, and something else, too. "}
+    files["summary"].write_text(json.dumps(message))
+    page.write(config, jobs, files | pictures(tmp_path), {}, tmp_path / "report.html")
+    with browser.new_context() as context:
+        paper = open_page(context, tmp_path).pdf(prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
+
+
+def test_a_figure_opens_large_on_a_click_and_on_a_key(opened):
+    button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
+    assert button.get_attribute("aria-label").startswith("Open large: All simulated samples")
+    assert not large.is_visible()
+    for open_it in (button.click, lambda: button.press("Enter")):
+        open_it()
+        natural = round(style.PAGE * style.DPI)
+        assert large.locator("img").bounding_box()["width"] == pytest.approx(natural, abs=2)
+        opened.keyboard.press("Escape")
+        assert not large.is_visible()
+        assert opened.evaluate("document.activeElement.className") == "enlarge", "the focus is back"
+
+
+def test_keys_turn_and_zoom_the_pile(opened):
+    pile = opened.locator("#pile")
+    assert "Arrow keys turn it" in pile.get_attribute("aria-label")
+    opened.keyboard.press("Tab")
+    while opened.evaluate("document.activeElement.id") != "pile":
+        opened.keyboard.press("Tab")
+    assert pile.evaluate("it => getComputedStyle(it).outlineStyle") == "solid", "the focus is seen"
+    start = pixels(opened)
+    for key in ("ArrowLeft", "ArrowUp"):
+        before = pixels(opened)
+        opened.keyboard.press(key)
+        assert (pixels(opened) != before).any(axis=1).mean() > 0.01, key
+    far = reddish(pixels(opened))
+    opened.keyboard.press("+")
+    near = reddish(pixels(opened))
+    opened.keyboard.press("-")
+    assert near > 1.1 * reddish(pixels(opened)) == pytest.approx(1.1 * far, rel=0.02)
+    opened.keyboard.press("0")
+    np.testing.assert_array_equal(pixels(opened), start)
+
+
+def test_dark_is_dark_and_figures_stay_on_white(opened):
+    def lightness(place, of="backgroundColor"):
+        colour = opened.locator(place).first.evaluate("(it, of) => getComputedStyle(it)[of]", of)
+        return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
+
+    bright = {}
+    for scheme in ("light", "dark"):
+        opened.emulate_media(color_scheme=scheme)
+        assert abs(lightness("body", "color") - lightness("body")) > 150
+        assert lightness(".gauge text", "fill") > 130 or scheme == "light"
+        assert lightness(".pictures img") == 255
+        bright[scheme] = lightness("body"), pixels(opened)[-50:, :3].mean()
+    assert all(dark < 60 < 200 < light for dark, light in zip(bright["dark"], bright["light"], strict=True))
+
+
+def test_the_pile_is_beside_the_photograph_and_below_it_on_a_phone(browser, folder):
+    for width, beside in ((1400, True), (800, True), (400, False)):
+        with browser.new_context(viewport={"width": width, "height": 740}) as context:
+            tab = open_page(context, folder)
+            pile, photograph = (tab.locator(it).bounding_box() for it in ("#pile", ".pair img"))
+            assert (photograph["x"] >= pile["x"] + pile["width"]) is beside
+            assert (photograph["y"] >= pile["y"] + pile["height"]) is not beside
 
 
 def test_a_surrogate_of_curves_moves_one_parameter_at_a_time(browser, tmp_path):

@@ -1,6 +1,7 @@
 """The report: its numbers, its 3-D scene, and what it says; the page itself is tested in a browser."""
 
 import json
+import os
 import re
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import scipy.stats
 from made_up_report import made_up_study
 from shared import TARGETS, targets_of
 
+from repose import __version__
 from repose.chain.chance import chance_of_meeting
 from repose.core.errors import InputError
 from repose.core.targets import Targets
@@ -188,3 +190,24 @@ def test_faults_name_the_input(tmp_path):
     files["table4"], files["photograph"] = tmp_path / "table4.csv", tmp_path / "photo.jpg"
     with pytest.raises(InputError, match=r"photo.jpg.*a PNG or JPEG"):
         page.write(config, jobs, files, {}, tmp_path / "report.html")
+
+
+def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_twice(tmp_path):
+    study = made_up_study(tmp_path, TARGETS)
+    table4, out = tmp_path / "table4.csv", tmp_path / "report.html"
+    os.utime(table4, 2 * (1_699_963_200,))  # noon of 14 November 2023
+
+    def written():
+        page.write(*study, {}, out)
+        return out.read_bytes()
+
+    record = {"verb": "validate", "origin": "o", "settings": "s", "repose": "9.8.7", "processor": "a <type>"}
+    for commit, words in (("abc123", ", commit abc123"), (None, "")):
+        (tmp_path / "table4.csv.provenance.json").write_text(json.dumps(record | {"commit": commit}))
+        first = written()
+        assert f"Results of 2023-11-14, by repose 9.8.7{words}, on a &lt;type&gt;." in first.decode()
+        assert written() == first
+    os.utime(table4, 2 * (1_800_014_400,))
+    assert written() == first.replace(b"2023-11-14", b"2027-01-15")
+    (tmp_path / "table4.csv.provenance.json").unlink()
+    assert f"by repose {__version__}" in written().decode(), "a table without a record: this program's"

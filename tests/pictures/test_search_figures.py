@@ -44,7 +44,7 @@ def test_solutions_have_a_strip_for_each_target(names, tmp_path):
         style.save(figure, tmp_path / "a.png", small_run=False)
     strips = figure.axes[1:]
     assert [panel.get_title(loc="left") for panel in strips] == list("bcdef")[: len(names)]
-    labels = [panel.get_ylabel() for panel in strips]
+    labels = [panel.get_xlabel() for panel in strips]
     assert labels == [f"predicted {response(name).symbol} ({response(name).unit})" for name in names]
     assert len(figure.axes[0].get_yticklabels()) == 5  # the fixed parameter has no strip
     assert "20 feasible solutions" in words(figure)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.text import Text
 
 from repose.core.parameter_space import ParameterSpace
@@ -111,6 +112,9 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     assert (rows[half:] == 1).all()
     assert (columns[:, :half] == 4).all()
     assert (columns[:, half:] == 1).all()
+    colours = [to_hex(colour).upper() for colour in least.to_rgba(np.array([0.5, 1.5, 2.5, 4.0]))]
+    assert len(set(colours)) == 4, "one band is not another"
+    assert colours[-1] == style.RED, "excluded"
     # cells of equal probability: narrow about the middle of the prior
     widths = np.diff(least.get_coordinates()[0, :, 0])
     assert widths[half] < 0.3 * widths[0]

@@ -115,6 +115,24 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     assert set(heavier) == {"berry", "shape", "warm_up", "pour", "measure_runs", "total"}
 
 
+FORMATS = ("png", "svg", "pdf")
+
+
+@pytest.mark.essential
+def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(project):
+    made = snakemake(project, "--cores", "1", "results/figures/figure02.png")
+    assert made.returncode == 0, made.stderr
+    assert [path.suffix for path in (project / "results/figures").glob("figure02*")] == [".png"]
+    assert "draw_figure02" not in planned(project, "figures")
+    for change in ("dpi: 90", "format: [png, svg]"):
+        assert planned(project, "figures", "--config", f"figures={{{change}}}")["draw_figure02"] == 1
+    words = ("figures", "posterior", "response_surface", "--config", "figures={format: [png, svg, pdf]}")
+    listed = snakemake(project, "-n", "--summary", *words).stdout
+    files = {suffix: set(re.findall(rf"^(\S+)\.{suffix}\t.*draw_", listed, re.M)) for suffix in FORMATS}
+    assert len(files["png"]) > 25, "every figure"
+    assert files["png"] == files["svg"] == files["pdf"]
+
+
 POURS = ("pour", "validation_pour", "trajectory", "drum_run")
 
 

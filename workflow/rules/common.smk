@@ -198,6 +198,8 @@ def folders_of_jobs(wildcards, input):
     return list(dict.fromkeys(map(os.path.dirname, input.jobs)))
 
 
+# Its change draws every figure again.
+RESOLUTION = {"figures.dpi": STUDY.settings.figures.dpi}
 Figure = collections.namedtuple("Figure", "label path category inputs depends")
 FIGURES = {}  # by name; figures.smk draws them
 
@@ -228,6 +230,18 @@ def of_the_chain():
 def drawn(*names):
     """Paths of figures by their names; of those that this study has."""
     return {name: FIGURES[name].path for name in names if name in FIGURES}
+
+
+def further(png):
+    """Files of a figure beside its PNG: the other formats of the configuration."""
+    kinds = [kind for kind in STUDY.settings.figures.format if kind != "png"]
+    return [f"{png.removesuffix('png')}{kind}" for kind in kinds]
+
+
+def all_files(*names):
+    """All files of figures by their names."""
+    pictures = [FIGURES[name].path for name in names]
+    return [*pictures, *(path for png in pictures for path in further(png))]
 
 
 def answer_jobs(wildcards):

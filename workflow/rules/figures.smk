@@ -22,6 +22,8 @@ if "funnel" in BENCH_TESTS:
 figure(
     "figure07",
     "Figure 7",
+    "berry",
+    "colour",
     stl=rules.shape.output.stl,
     particle=rules.shape.output.particle,
 )
@@ -157,6 +159,7 @@ for name, shown in FIGURES.items():
                 category=shown.category,
                 labels={"figure": shown.label},
             ),
+            further(shown.path),
         log:
             f"{RESULTS}/logs/figures/{name}.log",
         resources:
@@ -170,20 +173,22 @@ for name, shown in FIGURES.items():
                 for key, path in OPTIONAL_INPUTS.get(name, {}).items()
                 if os.path.isfile(path)
             ],
-            depends=sections("small_run", *shown.depends),
+            depends=sections("small_run", *shown.depends) | RESOLUTION,
         message:
             "Drawing {params.figure}"
         shell:
-            "python -m repose figure {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output:q}"
+            "python -m repose figure {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output[0]:q}"
             " > {log:q} 2>&1"
 
 
 # The others are those of a study or strategy.
-FIGURES_OF_ALL = [
-    shown.path
-    for shown in FIGURES.values()
-    if os.path.dirname(shown.path) == f"{RESULTS}/figures"
-]
+FIGURES_OF_ALL = all_files(
+    *(
+        name
+        for name, shown in FIGURES.items()
+        if os.path.dirname(shown.path) == f"{RESULTS}/figures"
+    )
+)
 
 
 rule figures:

@@ -400,6 +400,20 @@ class Refine(Section):
             yield "neighbours", "0 or at least 2: they fill a Latin hypercube"
 
 
+class Figures(Section):
+    """The files of every figure."""
+
+    format: Annotated[tuple[Literal["png", "pdf", "svg"], ...], Field(strict=False)] = Field(
+        default=("png",), description="a list of png and, beside it, pdf or svg or both"
+    )
+    dpi: int = Field(default=180, ge=72, le=1200)
+
+    def contradictions(self) -> Contradictions:
+        """Formats without that of the report, or one of them twice."""
+        if "png" not in self.format or len(set(self.format)) < len(self.format):
+            yield "format", "a list with png, which the report shows, and no format twice"
+
+
 # --- the whole --------------------------------------------------------------------------------------------------
 
 
@@ -429,6 +443,7 @@ class Settings(Section):
     posterior: Posterior
     sensitivity: Sensitivity
     refine: Refine
+    figures: Figures = Field(default_factory=Figures)
 
 
 def settings_type() -> type[Settings]:

@@ -60,8 +60,8 @@ KEYS = {
     "refine_judge": ("targets", *_keys("refine", "tolerance_percent", "standard_error_percent")),
     "refine_tables": ("targets", "refine.rounds"),
 }
-# Names of the study and its folder, which no result depends on.
-NAMES = ("label", "results_dir")
+# Names of the study and its folder, and the files of figures: no result depends on them.
+NAMES = ("label", "results_dir", "figures")
 
 
 def sections(config: Config, *names: str) -> dict[str, Any]:

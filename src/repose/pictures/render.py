@@ -7,14 +7,14 @@ soft shadows, and the hemisphere above each visible point, sampled in the pictur
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from repose.dem import Simulation
 from repose.pictures import shading
 from repose.pictures.backdrop import DrumInside
-from repose.pictures.bodies import Drawable, place_bodies
+from repose.pictures.bodies import Bodies, Drawable, place_bodies
 from repose.pictures.scenery import (
     FIELD_OF_VIEW_DEG,
     Frustum,
@@ -24,6 +24,9 @@ from repose.pictures.scenery import (
     setting_of,
 )
 from repose.pictures.view import look
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 def render_pile(
@@ -86,9 +89,35 @@ def render_bodies(
     rays = (width * supersample, height * supersample)
     camera = look_at(frame, *rays, elevation_deg, azimuth_deg, field_of_view_deg=field_of_view_deg)
     bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
+    tints = shading.tints_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour)
+    return _painted(camera, bodies, tints, largest, frame, setting, supersample)
+
+
+def render_mesh(
+    mesh: "trimesh.Trimesh",
+    elevation_deg: float,
+    azimuth_deg: float,
+    width: int,
+    height: int,
+    frame_m: np.ndarray,
+    supersample: int,
+    field_of_view_deg: float,
+    colour: str,
+) -> np.ndarray:
+    """A shaded picture (height, width, 3), RGB, of one mesh in m; arguments as in `render_bodies`."""
+    rays = (width * supersample, height * supersample)
+    camera = look_at(frame_m, *rays, elevation_deg, azimuth_deg, field_of_view_deg=field_of_view_deg)
+    one, vertices = np.zeros(1, int), np.asarray(mesh.vertices)[None]
+    normals, faces = np.asarray(mesh.vertex_normals)[None], np.asarray(mesh.faces)
+    bodies = Bodies(normals, faces, one, np.eye(3)[None], vertices, one)
+    tints, largest = shading.tints_of(one, one, 1, 1, colour), float(np.linalg.norm(mesh.extents)) / 2
+    return _painted(camera, bodies, tints, largest, frame_m, Setting(None), supersample)
+
+
+def _painted(camera, bodies, tints, largest, frame, setting, supersample):
+    """The picture of bodies in their places; `largest` is the radius of the largest in m."""
     view = look(camera, bodies, setting)
     lit, sky = shading.light_and_sky(camera, bodies, view, largest)
-    tints = shading.tints_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour)
     return shading.paint(camera, view, tints, lit, sky, frame, setting, supersample)
 
 

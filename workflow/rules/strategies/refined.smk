@@ -151,4 +151,4 @@ rule refined:
     input:
         files_of_rounds,
         rules.refine_tables.output,
-        FIGURES["approach"].path,
+        all_files("approach"),

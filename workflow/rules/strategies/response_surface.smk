@@ -111,4 +111,4 @@ rule response_surface:
     input:
         rules.response_check.output,
         [f"{RESPONSE_SURFACE}/{step}/{file}" for step in FOUND for file in FOUND[step]],
-        [FIGURES[name].path for name in RESPONSE_SURFACE_FIGURES],
+        all_files(*RESPONSE_SURFACE_FIGURES),

@@ -93,4 +93,4 @@ figure(
 rule sequential:
     input:
         rules.sequential_check.output,
-        FIGURES["sequential"].path,
+        all_files("sequential"),

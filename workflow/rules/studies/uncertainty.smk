@@ -133,7 +133,7 @@ rule noise:
     input:
         rules.dataset.output,
         rules.noise_tables.output,
-        [*drawn(*UNCERTAINTY_FIGURES["noise"]).values()],
+        all_files(*UNCERTAINTY_FIGURES["noise"]),
 
 
 rule posterior:
@@ -142,7 +142,7 @@ rule posterior:
         rules.network.output,
         rules.miga.output,
         rules.posterior_tables.output,
-        [*drawn(*UNCERTAINTY_FIGURES["posterior"]).values()],
+        all_files(*UNCERTAINTY_FIGURES["posterior"]),
 
 
 rule sensitivity:
@@ -150,7 +150,7 @@ rule sensitivity:
         rules.dataset.output,
         rules.network.output,
         rules.sensitivity_tables.output,
-        [*drawn(*UNCERTAINTY_FIGURES["sensitivity"]).values()],
+        all_files(*UNCERTAINTY_FIGURES["sensitivity"]),
 
 
 rule uncertainty:

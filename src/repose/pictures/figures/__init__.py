@@ -65,6 +65,7 @@ OPTIONAL = {
     "plane": ("pool", "fresh"),
     "validation": ("published",),
 }
+ENDINGS = tuple(f".{kind}" for kind in style.UNDATED)
 
 
 def draw(
@@ -74,7 +75,15 @@ def draw(
     config: Mapping[str, Any],
     known: Mapping[str, Any] = FIGURES,
 ) -> None:
-    """Draw one of the `known` figures to a PNG; `inputs` are paths by input name."""
+    """Draw one of the `known` figures in the format of its path; `inputs` are paths by input name.
+
+    Beside a PNG lie the other formats of the configuration's `figures`.
+    """
+    from repose.config.models import Figures
+
+    out_path, files = Path(out_path), Figures.model_validate(config.get("figures", {}))
+    if out_path.suffix not in ENDINGS:
+        raise InputError(out_path, "ending", out_path.suffix, " or ".join(ENDINGS))
     if name not in known:
         raise InputError("figures", "name", name, ", ".join(known))
     function, needed = known[name]
@@ -84,6 +93,7 @@ def draw(
             raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {allowed}")
         if not Path(inputs[key]).is_file():
             raise InputError(f"figure {name}", key, str(inputs[key]), "an existing file")
+    further = [kind for kind in files.format if kind != "png"] if out_path.suffix == ".png" else []
     with style.applied():
         figure = function(inputs, config)
-        style.save(figure, out_path, small_run=bool(config.get("small_run", False)))
+        style.save(figure, out_path, bool(config.get("small_run", False)), further, files.dpi)

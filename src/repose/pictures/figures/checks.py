@@ -15,6 +15,8 @@ from repose.core.targets import Target
 
 from . import style
 
+WORD = " (repr.: the representative one)"
+
 
 def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Table 4 of the paper: predicted and simulated responses of our solutions beside the published table's."""
@@ -38,14 +40,10 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
             style.note(row[1], "not published", x=0.5, y=0.5, ha="center", color=style.GREY)
     for panel, title in zip(panels[0], ("this run", "published"), strict=False):
         panel.set_title(title, fontweight="bold")
-    _widen(panels[0, 0])
     for panel in panels[-1]:
-        panel.set_xlabel("solution")
-    panels[0, 0].legend(loc="upper left", ncols=3, columnspacing=1.0, handletextpad=0.4)
-    figure.supxlabel(
-        "bars on simulated values: ± 1 standard error over seeds; numbers: error of the prediction in %",
-        fontsize=6.8,
-    )
+        panel.set_xlabel(f"solution{WORD}")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.supxlabel("numbers: error of the prediction in % of the simulated value", fontsize=6.8)
     return figure
 
 
@@ -55,14 +53,14 @@ def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) ->
     simulated = [target.response.simulated for target in targets]
     table = read_table(inputs["published"], ("solution", *simulated, *targets.errors))
     count = len(targets)
-    figure = style.new_figure(style.PAGE, 2.9 * style.grid_rows(count))
+    figure = style.new_figure(style.PAGE, 0.3 + 2.3 * style.grid_rows(count))
     panels = style.grid(figure, count)
     for panel, target in zip(panels, targets, strict=True):
         _published_and_simulated(panel, table, target)
     style.name_panels(panels)
     # A response that was not published has no marks of the article's simulation, and no label for them.
     fullest = max(panels, key=lambda panel: len(panel.get_legend_handles_labels()[1]))
-    panels[0].legend(*fullest.get_legend_handles_labels(), loc="upper left", fontsize=6.3)
+    figure.legend(*fullest.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -74,6 +72,9 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
         published = table[column].to_numpy(float)
         look = {"ms": 4.5, "mfc": "white", "color": style.ORANGE}
         panel.plot(x - 0.12, published, "D", label="published simulation", **look)
+        for place in x[np.isnan(published)]:
+            style_of = {"rotation": 90, "ha": "center", "va": "center", "fontsize": 6.8}
+            panel.text(place - 0.3, target.value, "not published", **style_of)
     panel.errorbar(
         x + 0.12,
         table[response.simulated],
@@ -83,12 +84,11 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
         color=style.BLUE,
         elinewidth=1,
         capsize=2,
-        label="same parameters, this simulator (± SE)",
+        label="same parameters in this simulator ± standard error",
     )
     _name_solutions(panel, table)
-    panel.set(ylabel=style.response_label(response), xlabel="published solution")
+    panel.set(ylabel=style.response_label(response), xlabel=f"published solution{WORD}")
     panel.margins(y=0.15)
-    _widen(panel)
 
 
 def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
@@ -110,7 +110,7 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
         color=style.RED,
         elinewidth=1,
         capsize=2,
-        label="simulated",
+        label="simulated ± standard error over seeds",
     )
     for place, before, after in zip(x, predicted, simulated, strict=True):
         if not np.isfinite(after) or after == 0:
@@ -132,8 +132,9 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
 def _band(panel: Axes, target: Target) -> None:
     """The physical measurement: mean line and a band of one standard deviation."""
     mean, sd = target.value, target.sd
-    panel.axhspan(mean - sd, mean + sd, color=style.GREEN, alpha=0.15, lw=0)
-    panel.axhline(mean, color=style.GREEN, lw=0.9, label="measured, mean ± SD")
+    look = {"color": style.GREEN, "alpha": 0.15, "lw": 0, "label": "measured ± standard deviation"}
+    panel.axhspan(mean - sd, mean + sd, **look)
+    panel.axhline(mean, color=style.GREEN, lw=0.9, label="measured mean")
 
 
 def _name_solutions(panel: Axes, table: pd.DataFrame) -> None:
@@ -144,9 +145,3 @@ def _name_solutions(panel: Axes, table: pd.DataFrame) -> None:
         names = [f"{name}\n(repr.)" if mark else name for name, mark in zip(names, marked, strict=True)]
     panel.set_xticks(range(len(names)), names)
     panel.set_xlim(-0.6, len(names) - 0.4)
-
-
-def _widen(panel: Axes, share: float = 0.34) -> None:
-    """Make room above the data for the legend."""
-    low, high = panel.get_ylim()
-    panel.set_ylim(low, high + share * (high - low))

@@ -18,6 +18,12 @@ from . import style
 
 COLOURS = dict(zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE), strict=True))
 STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2))), strict=True))
+WORDS = {
+    "flank": "line fitted from {fit_from} to {fit_to}",
+    "secant": "from the foot, one grain high, to the crest",
+    "steepest": "the steepest half of the flank",
+    "whole": "line fitted from foot to crest",
+}
 
 
 def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
@@ -25,7 +31,7 @@ def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
-    figure = style.new_figure(style.PAGE, 3.9)
+    figure = style.new_figure(style.PAGE, 4.1)
     above, below = figure.subplots(2, 1, height_ratios=(1.9, 1))
     measured = _view(above, side_view(poured, particle, settings), settings)
     everywhere = pile.measure_pile(
@@ -55,6 +61,12 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
         vmax=255,
         extent=((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale),
     )
+    levels, ends = {"one grain": settings.berry_height_mm}, {}
+    for key in ("fit_from", "fit_to"):
+        end = getattr(settings, key)
+        ends[key] = "one grain" if end == "berry" else f"{100 * end:.0f} % of the height"
+        if end != "berry":
+            levels[ends[key]] = end * measured.height_mm
     for name, angle in measured.angles.items():
         for line in angle.lines:
             u, row = np.array(line).T
@@ -65,18 +77,15 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
                 ls=STYLES[name],
                 lw=1.5,
             )
-        panel.plot([], [], color=COLOURS[name], ls=STYLES[name], label=f"{name} {angle.aor_deg:.1f}°")
-    levels = {"one berry": settings.berry_height_mm}
-    for key in ("fit_from", "fit_to"):
-        if (end := getattr(settings, key)) != "berry":
-            levels[key] = end * measured.height_mm
+        label = f"{name} {angle.aor_deg:.1f}°: {WORDS[name].format_map(ends)}"
+        panel.plot([], [], color=COLOURS[name], ls=STYLES[name], label=label)
     left, right = panel.get_xlim()
     for name, z in levels.items():
-        panel.axhline(z, color=style.GREY, lw=0.6, ls=":")
-        panel.text(right, z, f" {name}", va="center", fontsize=6.5, color=style.GREY)
-    panel.set(xlim=(left, right), ylim=(0, 1.15 * measured.height_mm), aspect="equal")
+        panel.axhline(z, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
+        panel.text(right, z, f" {name}", va="center", fontsize=6.8)
+    panel.set(xlim=(left, right), ylim=(0, 1.08 * measured.height_mm), aspect="equal")
     panel.set(xlabel="distance from the crest (mm)", ylabel="height (mm)")
-    panel.legend(loc="upper left", fontsize=7)
+    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     panel.set_title("a  one view")
     return measured
 

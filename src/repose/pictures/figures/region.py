@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
@@ -16,10 +18,15 @@ from repose.core.parameter_space import ParameterSpace
 from . import style
 
 COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
-LIMIT = 3.0  # implausible from here on
-# Below and above the diagonal: column, label, colours, and the value of the last colour.
-LEAST = ("least_implausibility", "below the diagonal: minimum implausibility", "viridis_r", LIMIT)
-DEPTH = ("share", "above: optical depth, the share of a cell that is not implausible", "cividis", 1.0)
+# Least implausibility below the diagonal: upper end of each band, its colour, its words. From 3 on it is excluded.
+BANDS = {
+    1.0: ("#1B7A5A", "under 1"),
+    2.0: ("#74BE9E", "1 to 2"),
+    3.0: ("#DCEFE4", "2 to 3"),
+    np.inf: (style.RED, "over 3: excluded"),
+}
+LEAST = "below the diagonal: minimum implausibility, in standard deviations, over the other parameters"
+DEPTH = "above the diagonal: optical depth, the share of the other parameters' values that is not excluded"
 
 
 def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
@@ -28,31 +35,49 @@ def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
     space = ParameterSpace.of(config["parameters"])
     names, edges = space.free, _edges(space, table["x_quantile"].nunique())
-    figure = style.new_figure(style.PAGE, 1.05 * style.PAGE)
+    last = len(names) - 1
+    figure = style.new_figure(style.PAGE, 1.08 * style.PAGE)
     panels = figure.subplots(len(names), len(names), squeeze=False)
-    drawn: dict[str, Any] = {}
+    depth = None
     for (row, column), panel in np.ndenumerate(panels):
         if row == column:
             panel.set_axis_off()
-            panel.text(0.5, 0.5, style.parameter_label(names[row]), ha="center", va="center", fontsize=8)
+            ends = f"{edges[row][0]:.3g} to {edges[row][-1]:.3g}"
+            words = f"{style.parameter_label(names[row])}\n{ends}"
+            panel.text(0.5, 0.5, words, ha="center", va="center", fontsize=8, linespacing=1.6)
             continue
         first, second = sorted((row, column))
         cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
-        quantity, label, colours, most = LEAST if row > column else DEPTH
+        below = row > column
         # rows of the picture follow the parameter of the panel's row
         grid = cells.pivot(
-            index=f"{'y' if row > column else 'x'}_quantile",
-            columns=f"{'x' if row > column else 'y'}_quantile",
-            values=quantity,
+            index=f"{'y' if below else 'x'}_quantile",
+            columns=f"{'x' if below else 'y'}_quantile",
+            values="least_implausibility" if below else "share",
         )
         shown = np.ma.masked_invalid(grid.to_numpy(float))
-        drawn[label] = panel.pcolormesh(edges[column], edges[row], shown, cmap=colours, vmin=0, vmax=most)
-        panel.tick_params(labelbottom=row == len(names) - 1, labelleft=column == 0)
-    for label, mesh in drawn.items():
-        extend = "max" if label == LEAST[1] else "neither"
-        figure.colorbar(mesh, ax=panels, location="bottom", label=label, extend=extend, aspect=50, pad=0.01)
-    figure.suptitle(f"{100 * share:.3g} % of the prior is not implausible (I < {LIMIT:g})", fontsize=8)
+        look = _bands() if below else {"cmap": "Blues", "vmin": 0.0, "vmax": table["share"].max() or 1.0}
+        mesh = panel.pcolormesh(edges[column], edges[row], shown, rasterized=True, **look)
+        depth = depth if below else mesh
+        panel.xaxis.set_ticks_position("bottom" if below else "top")
+        panel.yaxis.set_ticks_position("left" if below else "right")
+        panel.tick_params(labelbottom=row == last, labelleft=column == 0)
+        panel.tick_params(labeltop=row == 0, labelright=column == last, length=2, labelsize=6.5)
+        panel.locator_params(nbins=3)
+        panel.spines[:].set_visible(True)
+    patches = [Patch(facecolor=colour, edgecolor=style.GREY, label=words) for colour, words in BANDS.values()]
+    figure.legend(handles=patches, title=LEAST, loc="outside lower center", ncols=len(BANDS))
+    if depth is not None:
+        figure.colorbar(depth, ax=panels, location="bottom", label=DEPTH, aspect=50, pad=0.02)
+    title = f"The measurements leave {100 * share:.3g} % of the searched space open, and exclude the rest"
+    figure.suptitle(title, fontsize=9)
     return figure
+
+
+def _bands():
+    """Colours of the bands of least implausibility, for a mesh."""
+    colours = ListedColormap([colour for colour, _ in BANDS.values()])
+    return {"cmap": colours, "norm": BoundaryNorm([0.0, *list(BANDS)[:-1], 1e9], colours.N)}
 
 
 def _edges(space: ParameterSpace, cells: int) -> list[np.ndarray]:

@@ -15,7 +15,6 @@ from repose.particle.particle import Particle
 from . import style
 
 PIXELS = 620
-TELEPHOTO_DEG = 0.8  # so far away that depth does not change the size of berries: the measured side view
 TITLES = {
     "start": "before the rotation",
     "report": "at the report",
@@ -58,22 +57,22 @@ def _side_view(
     from repose.pictures.scenery import look_at
 
     section = config["drum"]
-    inside = drum_inside(section, np.radians(turned_deg))
+    inside, pixels = drum_inside(section, np.radians(turned_deg)), style.pixels(config, PIXELS)
     picture = render_pile(
         centres,
         quaternions,
         particle,
         0.0,
         -90.0,
-        PIXELS,
-        PIXELS,
+        pixels,
+        pixels,
         frame_m=inside.outline(),
         backdrop=inside,
-        field_of_view_deg=TELEPHOTO_DEG,
+        field_of_view_deg=style.TELEPHOTO_DEG,
         scales=scales,
         colour=config["colour"],
     )
-    camera = look_at(inside.outline(), PIXELS, PIXELS, 0.0, -90.0, field_of_view_deg=TELEPHOTO_DEG)
+    camera = look_at(inside.outline(), pixels, pixels, 0.0, -90.0, field_of_view_deg=style.TELEPHOTO_DEG)
     surface = bed.measure_surface(
         centres,
         quaternions,

@@ -1,6 +1,5 @@
 """Figure 14 and the convergence of the island genetic algorithm."""
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter
+from matplotlib.ticker import MaxNLocator
 
 from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
@@ -17,7 +16,7 @@ from repose.core.targets import Target
 
 from . import style
 
-STRIPS = 4  # of responses in a row
+ANSWER = {"ms": 5.0, "color": style.RED, "mec": "white", "mew": 0.6, "zorder": 4}
 
 
 def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
@@ -28,14 +27,13 @@ def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> 
     published = None
     if "published" in inputs:
         published = read_table(inputs["published"], ("parameter", "low", "high")).set_index("parameter")
-    rows, columns = math.ceil(len(targets) / STRIPS), min(len(targets), STRIPS)
-    figure = style.new_figure(style.PAGE, 3.5 * rows)
-    places = figure.add_gridspec(rows, 1 + columns, width_ratios=[2.6, *[1] * columns])
-    left = figure.add_subplot(places[:, 0])
     free = ParameterSpace.of(config["parameters"]).free
+    figure = style.new_figure(style.PAGE, max(0.9 + 0.42 * len(free), 0.3 + 0.95 * len(targets)))
+    places = figure.add_gridspec(len(targets), 2, width_ratios=(1.7, 1))
+    left = figure.add_subplot(places[:, 0])
     _parameter_strips(left, solutions, style.ranges_of(config), free, published)
     for k, target in enumerate(targets):
-        panel = figure.add_subplot(places[k // columns, 1 + k % columns])
+        panel = figure.add_subplot(places[k, 1])
         _response_strip(panel, solutions, target)
         panel.set_title(style.letter(k + 1), fontweight="bold")
     _title(figure, left, solutions, summary)
@@ -86,7 +84,7 @@ def _parameter_strips(panel, solutions, ranges, names, published):
         panel.text(1.01, y - 0.42, f"{high:g}", fontsize=6, ha="right", va="top", color=style.GREY)
         width = 100 * (position.max() - position.min())
         panel.text(1.03, y, f"{width:.0f} %", fontsize=6.8, va="center")
-    panel.text(1.03, len(names) - 0.45, "width", fontsize=6.3, va="bottom", color=style.GREY)
+    panel.text(1.03, len(names) - 0.55, "share of\nits range", fontsize=6.8, va="bottom", color=style.GREY)
     panel.set_yticks(range(len(names)), [SYMBOLS[name] for name in reversed(names)], fontsize=9)
     panel.set(xlim=(-0.02, 1.13), ylim=(-1.15, len(names) - 0.4))
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
@@ -104,57 +102,47 @@ def _strip(panel, y, position, marked, labelled):
     width = position.max() - position.min()
     panel.barh(y + 0.03, width, left=position.min(), height=0.40, color=style.SKY, alpha=0.35, zorder=1)
     look = {"s": 5, "color": style.BLUE, "alpha": 0.7, "lw": 0, "zorder": 2}
-    label = "solutions" if labelled else None
-    panel.scatter(position, y + 0.03 + 0.34 * _jitter(len(position)), label=label, **look)
+    label, others = "solutions" if labelled else None, position[~marked]
+    panel.scatter(others, y + 0.03 + 0.34 * _jitter(len(others)), label=label, **look)
     if marked.any():
-        look = {"ms": 4.5, "color": style.RED, "mec": "white", "mew": 0.6, "zorder": 4}
-        label = "representative" if labelled else None
-        panel.plot(position[marked], np.full(marked.sum(), y + 0.03), "D", label=label, **look)
+        label = "representative, the answer" if labelled else None
+        panel.plot(position[marked], np.full(marked.sum(), y + 0.03), "D", label=label, **ANSWER)
 
 
 def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> None:
-    """Predictions of one response, with its range and its aim."""
-    values, unit = solutions[target.response.predicted].to_numpy(), target.response.unit
-    low, high = target.low, target.high
-    panel.axhspan(low, high, color=style.GREEN, alpha=0.15, lw=0)
-    panel.axhline(target.aim, color=style.GREEN, lw=1.0, ls="--")
-    panel.scatter(0.28 * _jitter(len(values)), values, s=7, color=style.BLUE, alpha=0.7, lw=0, zorder=2)
-    marked = _representative(solutions)
-    panel.plot(
-        np.zeros(marked.sum()), values[marked], "D", ms=5, color=style.RED, mec="white", mew=0.6, zorder=3
-    )
-    panel.boxplot(
-        values,
-        positions=[0.42],
-        widths=0.22,
-        showfliers=False,
-        medianprops={"color": style.BLACK},
-        boxprops={"linewidth": 0.8},
-        whiskerprops={"linewidth": 0.8},
-        capprops={"linewidth": 0.8},
-    )
-    panel.set(xlim=(-0.35, 0.65), ylabel=style.response_label(target.response, "predicted"))
-    bottom, top = min(low, values.min()), max(high, values.max())
-    panel.set_ylim(bottom - 0.06 * (top - bottom), top + 0.22 * (top - bottom))
-    panel.set_xticks([])
-    style.note(panel, f"constraint {low:g}–{high:g} {unit}\ntarget {target.aim:g} {unit}", fontsize=6.2)
+    """Predictions of one response from left to right, with its range and its aim."""
+    values, marked = solutions[target.response.predicted].to_numpy(), _representative(solutions)
+    panel.axvspan(target.low, target.high, color=style.GREEN, alpha=0.2, lw=0)
+    panel.axvline(target.aim, color=style.GREEN, lw=1.2, ls="--")
+    others = values[~marked]
+    panel.scatter(others, 0.6 * _jitter(len(others)), s=7, color=style.BLUE, alpha=0.7, lw=0, zorder=2)
+    panel.plot(values[marked], np.zeros(marked.sum()), "D", **ANSWER)
+    ends = min(target.low, values.min()), max(target.high, values.max())
+    room = 0.04 * (ends[1] - ends[0])
+    panel.set(xlim=(ends[0] - room, ends[1] + room), ylim=(-0.5, 0.5), yticks=[])
+    panel.set_xlabel(style.response_label(target.response, "predicted"))
+    panel.spines["left"].set_visible(False)
+    words = f"band: target range {target.low:g} to {target.high:g}, line: aim {target.aim:g}"
+    panel.set_title(words, loc="right", fontsize=6.8, color=style.GREEN)
 
 
 def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Objective of the best and the mean individual, and feasible solutions met, over the rounds."""
     columns = ("generation", "mean_objective", "best_objective", "feasible_found")
     history = read_table(inputs["history"], columns)
-    figure = style.new_figure(style.COLUMN * 1.1, 3.4)
+    figure = style.new_figure(style.COLUMN, 3.2)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[1.6, 1])
     top.plot(history["generation"], history["mean_objective"], color=style.SKY, label="mean of all islands")
     top.plot(history["generation"], history["best_objective"], color=style.BLUE, label="best so far")
     top.set_ylabel("objective F (dimensionless)")
-    if (history[["best_objective", "mean_objective"]] > 0).all(axis=None):
+    objectives = history[["best_objective", "mean_objective"]].to_numpy()
+    if objectives.min() > 0 and objectives.max() > 10 * objectives.min():  # else no power of ten has a tick
         top.set_yscale("log")
     top.legend(loc="upper right")
     bottom.plot(history["generation"], history["feasible_found"], color=style.GREEN)
-    bottom.set(xlabel="generation", ylabel="feasible\nsolutions met", ylim=(0, None))
-    top.yaxis.set_minor_formatter(FormatStrFormatter(""))
+    bottom.set(xlabel="generation", ylabel="feasible\nsolutions met")
+    bottom.set_ylim(0, max(1, 1.05 * history["feasible_found"].max()))
+    bottom.yaxis.set_major_locator(MaxNLocator(4, integer=True))
     if history["generation"].iloc[-1] > 200:
         for panel in (top, bottom):
             panel.set_xscale("log")

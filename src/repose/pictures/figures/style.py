@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -22,10 +22,14 @@ from repose.core.parameters import FURTHER, SYMBOLS, named
 from repose.core.responses import Response
 from repose.core.targets import Targets
 
+if TYPE_CHECKING:
+    from repose.pictures.scenery import Camera
+
 MM = 1 / 25.4
-COLUMN = 90 * MM
-PAGE = 180 * MM
+COLUMN = 85 * MM  # of a journal
+PAGE = 175 * MM
 DPI = 180
+TELEPHOTO_DEG = 0.8  # field of view of a picture without perspective
 
 # Okabe and Ito's palette.
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
@@ -55,7 +59,13 @@ SETTINGS = {
     "grid.color": "#D5D8DB",
     "grid.linewidth": 0.4,
     "savefig.dpi": DPI,
+    # Fonts lie in the file: a PDF's text stays text, an SVG's becomes outlines, which look alike everywhere.
+    "pdf.fonttype": 42,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "repose",
 }
+# What would change from run to run.
+UNDATED = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 
 
 def applied() -> AbstractContextManager[None]:
@@ -144,8 +154,13 @@ def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[
             panel.set_ylabel(parameter_label(down), fontsize=8.5)
 
 
-def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
-    """Write a PNG without anything that changes from run to run; a small run is marked across the top."""
+def save(
+    figure: Figure, out_path: str | Path, small_run: bool, further: Sequence[str] = (), dpi: int = DPI
+) -> None:
+    """Write a figure in the format of its path, and beside it in `further` formats; the same bytes in every run.
+
+    A small run is marked across the top.
+    """
     if small_run:
         width, height = figure.get_size_inches()
         band = 0.24
@@ -162,9 +177,30 @@ def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
             fontsize=8,
             bbox={"facecolor": RED, "edgecolor": "none", "boxstyle": "square,pad=0.3"},
         )
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=DPI, metadata={"Software": None})
-    write_bytes(out_path, content.getvalue())
+    out_path = Path(out_path)
+    for kind in (out_path.suffix.removeprefix("."), *further):
+        content = io.BytesIO()
+        figure.savefig(content, format=kind, dpi=dpi, metadata=UNDATED[kind])
+        write_bytes(out_path.with_suffix(f".{kind}"), content.getvalue())
+
+
+def pixels(config: Mapping[str, Any], at_default: int) -> int:
+    """Size of a shaded picture: as given at the default resolution, in proportion at the configuration's."""
+    return round(at_default * config.get("figures", {}).get("dpi", DPI) / DPI)
+
+
+def scale_bar(panel: Axes, camera: "Camera", place_m: np.ndarray, extent_m: float, where: str = "") -> None:
+    """A bar of 1, 2 or 5 times a power of ten, at most 0.3 of an extent, as a camera sees it at a place.
+
+    It lies in the lower right corner of the camera's picture; `where` follows its length in words.
+    """
+    power = 10.0 ** math.floor(math.log10(0.3 * extent_m))
+    length_m = power * max(step for step in (1, 2, 5) if step * power <= 0.3 * extent_m)
+    x, _, _ = camera.project(place_m + np.outer([0.0, length_m], camera.axes[0]))
+    right, low = 0.97 * camera.width, 0.94 * camera.height
+    panel.plot([right - x[1] + x[0], right], [low, low], color=BLACK, lw=1.6, solid_capstyle="butt")
+    words = f"{1e3 * length_m:g} mm{where}"
+    panel.text(right, low - 0.02 * camera.height, words, ha="right", va="bottom", fontsize=6.8)
 
 
 def note(axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any) -> Text:

@@ -27,6 +27,7 @@ SNAPSHOT_S = 9.0
 def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Counterpart of Figure 5 of the paper: a shaded picture of a simulated pile, the first pour of the file."""
     from repose.pictures.render import render_pile  # slow to import, and the other figures here do without
+    from repose.pictures.scenery import look_at
 
     poured = first_pour(inputs["heap"])
     centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
@@ -36,16 +37,10 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
     near = centres[in_pile].astype(float)
     corners = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     frame = (near[:, None] + corners).reshape(-1, 3)
-    picture = render_pile(
-        centres,
-        quaternions,
-        particle,
-        width=PILE_PIXELS,
-        height=PILE_PIXELS // 2,
-        frame_m=frame,
-        scales=scales,
-        colour=config["colour"],
-    )
+    width = style.pixels(config, PILE_PIXELS)
+    size: dict[str, Any] = {"width": width, "height": width // 2, "azimuth_deg": 20.0}
+    grains = {"scales": scales, "colour": config["colour"]}
+    picture = render_pile(centres, quaternions, particle, frame_m=frame, **size, **grains)
     figure = style.new_figure(style.PAGE, style.PAGE / 2)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)
     panel = figure.subplots()
@@ -53,6 +48,8 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
     panel.axis("off")
     count = int(in_pile.sum())
     style.note(panel, f"{len(centres)} grains poured, {count} in the pile", x=0.02, y=0.96, fontsize=8)
+    axis = np.array([*near[:, :2].mean(axis=0), 0.0])
+    style.scale_bar(panel, look_at(frame, **size), axis, np.ptp(near[:, 0]), " at the pile's axis")
     return figure
 
 

@@ -1,6 +1,5 @@
 """Figure 9: the workflow's own graph, from the text that `snakemake --rulegraph` prints."""
 
-import colorsys
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -17,29 +16,24 @@ from repose.core.errors import InputError
 
 from . import style
 
-NODE = re.compile(r'^\s*(\w+)\s*\[\s*label\s*=\s*"([^"]*)"(.*)\]', re.M)
+NODE = re.compile(r'^\s*(\w+)\s*\[\s*label\s*=\s*"([^"]*)".*\]', re.M)
 EDGE = re.compile(r"^\s*(\w+)\s*->\s*(\w+)", re.M)
-COLOUR = re.compile(r'color\s*=\s*"([\d.]+) ([\d.]+) ([\d.]+)"')
 SWEEPS = 12
-# Width and height of a box, for a distance of 1 between nodes and layers; a layer's height; letters of a line.
-BOX = (0.84, 0.44)
-ROW_INCH = 0.56
-LINE = 13
-LARGEST_SIZE = 7.2
+# Width and height of a box, for a distance of 1 between nodes and layers; their distances; letters of a line.
+BOX = (0.9, 0.58)
+COLUMN_INCH, ROW_INCH = 1.15, 0.62
+LINE = 15
+LARGEST_SIZE = 8.5
 
 
-def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[tuple[str, str]]]:
-    """Labels and hues (0 to 1) by node, and the sorted edges (from, to) of a rule graph in the DOT language."""
+def read_dot(path: str | Path) -> tuple[dict[str, str], list[tuple[str, str]]]:
+    """Labels by node, and the sorted edges (from, to) of a rule graph in the DOT language."""
     text = Path(path).read_text()
-    labels, hues = {}, {}
-    for node, label, rest in NODE.findall(text):
-        labels[node] = label.replace("\\n", "\n")
-        match = COLOUR.search(rest)
-        hues[node] = float(match.group(1)) if match else 0.6
+    labels = {node: label.replace("\\n", "\n") for node, label in NODE.findall(text)}
     if not labels:
         raise InputError(path, "graph", "no nodes", "the output of snakemake --rulegraph")
     edges = sorted({(a, b) for a, b in EDGE.findall(text) if a in labels and b in labels and a != b})
-    return labels, hues, edges
+    return labels, edges
 
 
 def reduced(edges: Sequence[tuple]) -> list[tuple]:
@@ -116,34 +110,25 @@ def _spread(wishes: Sequence[float]) -> list[float]:
 
 def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 9 of the paper: rules as boxes from top to bottom, arrows along the data; implied arrows are left out."""
-    labels, hues, edges = read_dot(inputs["dot"])
+    labels, edges = read_dot(inputs["dot"])
     edges = reduced(edges)
     places, ways = layout(list(labels), edges)
     depth = max(y for _, y in places.values()) + 1
     across = [x for way in ways.values() for x, _ in way] + [x for x, _ in places.values()]
-    left, right = min(across) - 0.6, max(across) + 0.6
+    left, right = min(across) - 0.52, max(across) + 0.52
     figure = style.new_figure(
-        min(style.PAGE, max(style.COLUMN, 0.95 * (right - left))), ROW_INCH * depth + 0.3
+        min(style.PAGE, max(style.COLUMN, COLUMN_INCH * (right - left))), ROW_INCH * depth + 0.1
     )
     panel = figure.subplots()
     for way in ways.values():
         _arrow(panel, np.array(way, float))
+    width, height = (72 * BOX[0] * figure.get_figwidth() / (right - left), 72 * BOX[1] * ROW_INCH)
     for node, (x, y) in places.items():
-        edge = colorsys.hls_to_rgb(hues[node], 0.38, 0.45)
-        face = colorsys.hls_to_rgb(hues[node], 0.93, 0.55)
-        box = FancyBboxPatch(
-            (x - BOX[0] / 2, y - BOX[1] / 2),
-            *BOX,
-            boxstyle="round,pad=0,rounding_size=0.08",
-            fc=face,
-            ec=edge,
-            zorder=3,
-        )
-        panel.add_patch(box)
+        corner = (x - BOX[0] / 2, y - BOX[1] / 2)
+        look = {"boxstyle": "round,pad=0,rounding_size=0.08", "fc": "#E8F1F8", "ec": style.BLUE, "zorder": 3}
+        panel.add_patch(FancyBboxPatch(corner, *BOX, **look))
         words = textwrap.fill(labels[node].replace("_", " "), LINE)
-        size = _size_that_fits(
-            words, 72 * BOX[0] * figure.get_figwidth() / (right - left), 72 * BOX[1] * ROW_INCH
-        )
+        size = _size_that_fits(words, width, height)
         panel.text(x, y, words, ha="center", va="center", fontsize=size, linespacing=1.1, zorder=4)
     panel.set(xlim=(left, right), ylim=(depth - 0.6, -0.4))
     panel.axis("off")
@@ -159,8 +144,8 @@ def _size_that_fits(words: str, width: float, height: float) -> float:
 def _arrow(panel: Axes, way: np.ndarray) -> None:
     """A smooth line through the places of a way (P, 2), from below the first box to the top of the last."""
     ends = way.copy()
-    ends[0, 1] += 0.22
-    ends[-1, 1] -= 0.24
+    ends[0, 1] += BOX[1] / 2
+    ends[-1, 1] -= BOX[1] / 2 + 0.02
     parts = []
     for (x0, y0), (x1, y1) in pairwise(ends):
         t = np.linspace(0, 1, 24)

@@ -1,4 +1,4 @@
-"""Pieces of HTML: tables that sort, pictures inside the page."""
+"""Pieces of HTML: tables that sort, pictures inside the page that open large."""
 
 import base64
 import html
@@ -14,6 +14,7 @@ from PIL import Image, UnidentifiedImageError
 from repose.core.errors import InputError
 
 LONGEST_SIDE_PX = 1600
+CSS_DPI, READABLE = 96, 1.1  # the smallest text of a figure, 6 points, then has 9 pixels
 WORDS = ("reason", "warning", "status", "role")
 
 
@@ -26,7 +27,7 @@ def text(value: Any) -> str:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts") -> str:
     """A table that scrolls sideways on a narrow screen; the class ``sorts`` makes it sortable."""
-    cells = "".join(f"<th>{html.escape(title)}</th>" for title in head)
+    cells = "".join(f"<th{_kind(title)}>{html.escape(title)}</th>" for title in head)
     body = "".join(
         "<tr>" + "".join(_cell(name, value) for name, value in zip(head, row, strict=True)) + "</tr>"
         for row in rows
@@ -37,10 +38,14 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts
     )
 
 
+def _kind(name):
+    """The class of a column's cells: words are aligned left."""
+    return ' class="words"' if name in WORDS else ""
+
+
 def _cell(name, value):
-    """A cell; words are aligned left. On a phone the style shows the column's name beside each value."""
-    kind = ' class="words"' if name in WORDS else ""
-    return f'<td{kind} data-head="{html.escape(name)}">{text(value)}</td>'
+    """A cell. On a phone the style shows the column's name beside each value."""
+    return f'<td{_kind(name)} data-head="{html.escape(name)}">{text(value)}</td>'
 
 
 def folded(title: str, frame: pd.DataFrame) -> str:
@@ -52,13 +57,17 @@ def folded(title: str, frame: pd.DataFrame) -> str:
 
 
 def picture(path: str | os.PathLike, caption: str) -> str:
-    """A picture embedded in the page; a photograph is reduced. InputError if the file is not a picture."""
+    """A picture embedded in the page, which opens large; a photograph is reduced. InputError if the file is no picture.
+
+    A figure, whose file has a resolution, is not shrunk below `READABLE` of its size on paper.
+    """
     try:
         with Image.open(path) as opened:
-            image = opened.convert("RGB")
+            image, dpi = opened.convert("RGB"), opened.info.get("dpi", (0,))[0]
             is_drawing = opened.format == "PNG"
     except (UnidentifiedImageError, FileNotFoundError, IsADirectoryError) as error:
         raise InputError(path, "picture", str(error), "a PNG or JPEG file") from error
+    least = round(READABLE * CSS_DPI * image.width / dpi) if is_drawing and dpi else 0
     image.thumbnail((LONGEST_SIDE_PX, LONGEST_SIDE_PX))
     content = io.BytesIO()
     if is_drawing:
@@ -69,6 +78,8 @@ def picture(path: str | os.PathLike, caption: str) -> str:
     coded = base64.b64encode(content.getvalue()).decode()
     words = html.escape(caption)
     return (
-        f'<figure><img alt="{words}" src="data:image/{kind};base64,{coded}">'
-        f"<figcaption>{words}</figcaption></figure>"
+        f'<figure style="--least: {least}px"><div class="wide">'
+        f'<button class="enlarge" type="button" title="Open large" aria-label="Open large: {words}">'
+        f'<img alt="{words}" width="{image.width}" height="{image.height}" src="data:image/{kind};base64,{coded}">'
+        f"</button></div><figcaption>{words}</figcaption></figure>"
     )

@@ -1,10 +1,12 @@
 """The report of a study with a simulator of the user's own."""
 
 import os
+from datetime import date
 
 import pandas as pd
 
 from repose.chain.answer import WITHIN
+from repose.core import provenance
 from repose.pictures.report import page
 from repose.pictures.report.study import Study
 from repose.studies.calibration import Calibration
@@ -33,6 +35,8 @@ def write(calibration: Calibration, out_path: str | os.PathLike) -> None:
         summary=calibration.summary,
         metrics={},
         dataset_summary={},
+        date=date.today().isoformat(),
+        record=provenance.machine(),
     )
     tables = {"Simulated samples": calibration.samples, "Parameter sets found": calibration.solutions}
     page.write_study(shown, tables, out_path)

@@ -84,6 +84,8 @@ def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
 <body><main>
 {body}
 </main>
+<dialog id="large"><form method="dialog"><button class="act">Close</button></form>
+<div tabindex="0"><img alt=""></div></dialog>
 <script type="application/json" id="content">{coded}</script>
 {licence}
 {scripts}

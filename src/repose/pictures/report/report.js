@@ -55,8 +55,8 @@ function gauge(target, value, error, word) {
 
 function drawChecks() {
   content.targets.forEach((target, k) => {
-    byId("checks").append(made("p", { class: "name" }, `${target.label} (${target.unit || "no unit"})`),
-      gauge(target, target.simulated, target.error, "simulated"));
+    byId("checks").append(made("div", {}, made("p", { class: "name" }, `${target.label} (${target.unit || "no unit"})`),
+      gauge(target, target.simulated, target.error, "simulated")));
   });
 }
 
@@ -152,6 +152,20 @@ function setUpTables() {
   }
 }
 
+// A figure opens at its full size; Escape, the button or a click beside it closes.
+function setUpLarge() {
+  const large = byId("large"), shown = large.querySelector("img");
+  for (const button of document.querySelectorAll("button.enlarge")) {
+    button.addEventListener("click", () => {
+      const { src, alt } = button.querySelector("img");
+      Object.assign(shown, { src, alt });
+      large.setAttribute("aria-label", alt);
+      large.showModal();
+    });
+  }
+  large.addEventListener("click", (event) => { if (event.target === large) large.close(); });
+}
+
 function setUpView() {
   if (!content.pour) return;
   const slider = byId("time"), times = content.pour.times_s;
@@ -186,12 +200,18 @@ function setUpView() {
     }, 90);
   });
   for (const name of ["side", "above", "pour"]) byId(`look-${name}`).addEventListener("click", () => view.look(name));
-  window.addEventListener("beforeprint", () => { stop(); view.look("side"); show(times.length - 1); });
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const dress = () => view.dress(dark.matches);
+  dark.addEventListener("change", dress);
+  window.addEventListener("beforeprint", () => { stop(); view.look("side"); view.dress(false); show(times.length - 1); });
+  window.addEventListener("afterprint", dress);
+  dress();
   show(times.length - 1);
 }
 
 drawChecks();
 setUpCopy();
 setUpTables();
+setUpLarge();
 if (content.model) setUpSliders();
 setUpView();

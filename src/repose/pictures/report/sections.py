@@ -17,7 +17,7 @@ from repose.pictures.report.study import PICTURES, Study
 from repose.studies.posterior import LARGEST_R_HAT
 
 SURE, LIKELY = 0.95, 0.5
-KEYS = """<p class="note">Green band: the target range. Grey diamond and line: the measured mean and its
+KEYS = """<p class="note">Green band: the target range. Diamond and its line: the measured mean and its
 standard deviation. Blue: {blue}, the line holds the true mean with 95 % probability.</p>"""
 
 
@@ -41,6 +41,7 @@ def answer(study: Study) -> str:
     return "\n".join(
         [
             f"<h1>Contact parameters: {html.escape(study.config['label'])}</h1>",
+            _origin(study),
             small if study.config["small_run"] else "",
             f'<p class="verdict {kind}">{html.escape(words)}</p>',
             f"<p>{html.escape(nearness(_checks(study)).replace('+-', '±'))}</p>"
@@ -51,6 +52,14 @@ def answer(study: Study) -> str:
             _how_well_known(study),
         ]
     )
+
+
+def _origin(study):
+    """Date, version, commit and processor of the results in a line."""
+    record = study.record
+    commit = f", commit {record['commit']}" if record.get("commit") else ""
+    made = f"Results of {study.date}, by repose {record.get('repose')}{commit}, on {record.get('processor')}."
+    return f'<p class="note" id="origin">{html.escape(made)}</p>'
 
 
 def verdict(study: Study) -> tuple[str, str]:
@@ -126,8 +135,8 @@ def _parameter_row(study, k):
 def _how_well_known(study):
     """Meaning of the intervals."""
     parts = [
-        "<p class='note'>The value is one parameter set whose pile agrees with the measured one. Use the set as a "
-        "whole: other sets agree as well, and values of different sets must not be mixed."
+        "<p class='note'>The values are one parameter set. Use it as a whole: other sets agree with the measurements "
+        "as well as it does, and values of different sets must not be mixed."
     ]
     if study.posterior is not None:
         parts.append(
@@ -156,8 +165,29 @@ def check(study: Study) -> str:
             '<div id="checks"></div>',
             KEYS.format(blue="the new simulations"),
             _pile(study),
+            _table4(study),
         ]
     )
+
+
+def _table4(study):
+    """The sets that were simulated again: their responses as predicted and as simulated; empty for the answer alone."""
+    if len(study.table4) < 2:
+        return ""
+    head, columns = ["set", "role", "runs"], []
+    for response in study.targets.responses:
+        head += [f"{response.symbol} {word} ({response.unit or '–'})" for word in ("predicted", "simulated")]
+        columns.append((response.predicted, response.simulated, response.error))
+    rows = []
+    for _, row in study.table4.iterrows():
+        cells = [row.get(key) for key in ("solution", "role", "n_seeds")]
+        for predicted, simulated, error in columns:
+            shown = (
+                f"{row[simulated]:.4g} ± {row[error]:.2g}" if pd.notna(row.get(simulated)) else "no result"
+            )
+            cells += [row[predicted], shown]
+        rows.append(cells)
+    return f"<h3>Table 4: sets simulated again, mean ± standard error</h3>\n{table(head, rows, 'sets')}"
 
 
 def _response_row(study: Study, target: Target) -> list[str]:
@@ -181,27 +211,28 @@ def _response_row(study: Study, target: Target) -> list[str]:
 
 def _pile(study):
     """The 3-D view beside the photograph, or beside the measured silhouette."""
-    files = study.files
-    photograph = ""
+    files, beside = study.files, ""
     if "photograph" in files:
-        photograph = picture(files["photograph"], "The physical pile")
-    elif "overlay" in files:
-        photograph = picture(
-            files["overlay"], "How the simulated pile was measured: its outline, height and angle"
-        )
+        beside += picture(files["photograph"], "The physical pile")
+    if "overlay" in files:
+        words = "How the simulated pile was measured: its outline, height and angle"
+        beside += picture(files["overlay"], words)
+    beside = f"<div>{beside}</div>" if beside else ""
     if "trajectory" not in files:
-        return f'<div class="pair alone">{photograph}</div>' if photograph else ""
+        return f'<div class="pair alone">{beside}</div>' if beside else ""
     buttons = "".join(
         f'<button class="act quiet" type="button" id="look-{name}">{words}</button>'
         for name, words in (("side", "From the side"), ("above", "From above"), ("pour", "With the funnel"))
     )
-    view = f"""<div><div id="view"><canvas id="pile" aria-label="The simulated pile in 3-D"></canvas></div>
+    keys = "Arrow keys turn it, plus and minus zoom, 0 puts it back."
+    view = f"""<div><div id="view"><canvas id="pile" tabindex="0" role="application"
+aria-label="The simulated pile in 3-D. {keys}"></canvas></div>
 <p class="buttons screen">{buttons}</p>
 <p class="buttons screen"><button class="act" type="button" id="play">Play the pour</button>
 <input type="range" id="time" min="0" max="1" step="1" aria-label="Time of the pour"><output id="clock"></output></p>
-<p class="note">The simulated pile of these parameters. Drag to turn it, move the slider to go through the
-pouring.</p></div>"""
-    return f'<div class="pair{"" if photograph else " alone"}">{view}{photograph}</div>'
+<p class="note">The simulated pile of these parameters.<span class="screen"> Drag to turn it. {keys} The slider goes
+through the pouring.</span></p></div>"""
+    return f'<div class="pair{"" if beside else " alone"}">{view}{beside}</div>'
 
 
 def other_parameters(study: Study) -> str:
@@ -232,13 +263,9 @@ def how_found(study: Study) -> str:
     pictures = "".join(
         picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
     )
-    return "\n".join(
-        [
-            "<h2>How it was found</h2>",
-            f'<ol class="steps">{steps}</ol>',
-            f'<div class="pictures">{pictures}</div>' if pictures else "",
-        ]
-    )
+    hint = '<p class="note">A click on a figure opens it large.</p>'
+    shown = f'{hint}<div class="pictures">{pictures}</div>' if pictures else ""
+    return f'<div class="screen"><h2>How it was found</h2>\n<ol class="steps">{steps}</ol>\n{shown}</div>'
 
 
 def all_tables(tables: Mapping[str, pd.DataFrame]) -> str:

@@ -1,7 +1,9 @@
 """Reads the files of a finished study for its report."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ import pandas as pd
 from repose.chain.chance import PERCENT, chance_of_meeting
 from repose.chain.dataset import read_job
 from repose.chain.tables import read_dataset, read_runs
+from repose.core import attached, provenance
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
@@ -60,6 +63,8 @@ class Study:
     summary: Mapping[str, Any]  # with ``steps`` if the strategy reports its own course
     metrics: Mapping[str, Any]  # empty if the surrogate was not tested
     dataset_summary: Mapping[str, Any]  # empty if the strategy reports its own course
+    date: str  # of the results
+    record: Mapping[str, Any]  # their version, commit and processor, as `repose.core.provenance.machine`
 
     def number(self, column: str) -> float | None:
         """A number of the answer's row; None if missing."""
@@ -107,6 +112,9 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         dataset_summary=(
             read_json(files["dataset_summary"], {"text": str}) if "dataset_summary" in files else {}
         ),
+        # the day of the answer's file: the page stays the same until the results are made anew
+        date=date.fromtimestamp(os.path.getmtime(files["table4"])).isoformat(),
+        record=attached.read(files["table4"]) or provenance.machine(),
     )
 
 

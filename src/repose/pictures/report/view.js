@@ -3,7 +3,6 @@
 
 function pourView(canvas, pour) {
   const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
-  renderer.setClearColor(0xf4f5f7);
   const scene = new THREE.Scene();
   scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8078, 1.9));
   const sun = new THREE.DirectionalLight(0xffffff, 1.9);
@@ -27,7 +26,7 @@ function pourView(canvas, pour) {
   }
   scene.add(bodies);
   const plate = new THREE.Mesh(
-    new THREE.CircleGeometry(pour.plate_mm, 96), new THREE.MeshLambertMaterial({ color: 0xd9dde3, emissive: 0x6a6d72 }));
+    new THREE.CircleGeometry(pour.plate_mm, 96), new THREE.MeshLambertMaterial({ emissive: 0x6a6d72 }));
   plate.position.z = -0.2;
   scene.add(plate);
   const glass = new THREE.MeshLambertMaterial(
@@ -46,6 +45,30 @@ function pourView(canvas, pour) {
   canvas.addEventListener("pointerdown", () => { controls.enableZoom = true; });
   const draw = () => renderer.render(scene, camera);
   controls.addEventListener("change", draw);
+  function dress(dark) {
+    renderer.setClearColor(dark ? 0x1d242c : 0xf4f5f7);
+    plate.material.color.set(dark ? 0x55606c : 0xd9dde3);
+    plate.material.emissive.set(dark ? 0x1c2126 : 0x6a6d72);
+    draw();
+  }
+
+  // The keys turn by degrees about and above the pile, and change the distance by a factor.
+  const TURNS = { ArrowLeft: [-6, 0, 1], ArrowRight: [6, 0, 1], ArrowUp: [0, 6, 1], ArrowDown: [0, -6, 1],
+    "+": [0, 0, 1 / 1.15], "=": [0, 0, 1 / 1.15], "-": [0, 0, 1.15] };
+  canvas.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return; // the browser's own
+    if (event.key === "0") look(current);
+    else if (event.key in TURNS) {
+      const [about, above, factor] = TURNS[event.key], to = Math.PI / 180;
+      const from = camera.position.clone().sub(controls.target), distance = factor * from.length();
+      const angle = Math.atan2(from.y, from.x) + about * to;
+      const up = Math.max(-0.1, Math.min(1.55, Math.asin(from.z / from.length()) + above * to));
+      from.set(Math.cos(up) * Math.cos(angle), Math.cos(up) * Math.sin(angle), Math.sin(up)).multiplyScalar(distance);
+      camera.position.copy(from.add(controls.target));
+      controls.update(); // not from below the plate; it draws
+    } else return;
+    event.preventDefault();
+  });
 
   const place = new THREE.Vector3(), turn = new THREE.Quaternion(), size = new THREE.Vector3(), matrix = new THREE.Matrix4();
   function show(frame) {
@@ -86,6 +109,7 @@ function pourView(canvas, pour) {
     const distance = 1.12 * Math.max(half[0] / (angle * camera.aspect), half[1] / angle) + half[0];
     const up = elevation * (Math.PI / 180);
     controls.target.set(0, 0, middle);
+    [controls.minDistance, controls.maxDistance] = [0.2 * distance, 4 * distance];
     camera.position.set(0, -distance * Math.cos(up), middle + distance * Math.sin(up));
     funnel.forEach((wall) => { wall.visible = seen; });
     controls.update();
@@ -107,5 +131,5 @@ function pourView(canvas, pour) {
   window.addEventListener("resize", resize);
   resize();
   show(pour.times_s.length - 1);
-  return { show, look, looksAt: () => current };
+  return { show, look, dress, looksAt: () => current };
 }
