@@ -313,7 +313,10 @@ def main():
     )
     args = parser.parse_args()
     if args.read:
-        table = pd.concat([pd.read_csv(path) for path in args.read], ignore_index=True)
+        tables = [pd.read_csv(path) for path in args.read]
+        for path, one in zip(args.read, tables, strict=True):
+            one["set"] = f"{path.stem}, " + one["set"]  # equal names in two files are two data sets
+        table = pd.concat(tables, ignore_index=True)
     else:
         table = run(args, Study.load(args.config).config)
     print(*summary(table), "", *reliability(table), "", *differences(table), sep="\n")

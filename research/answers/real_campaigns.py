@@ -141,25 +141,11 @@ def refine(folder, number):
     summary = dataset.counts(*(pd.read_csv(folder / f"{name}.csv") for name in ("dataset", "runs")))
     definitions = json.loads((HEIGHT_ALONE / "dataset_summary.json").read_text())["definitions"]
     (folder / "dataset_summary.json").write_text(json.dumps(summary | {"definitions": definitions}))
-    design = {name: folder / f"{name}.csv" for name in ("dataset", "runs")}
     last, done = {"outcome": None, "usable": 1}, []
     while rounds.goes_on(last) and len(done) <= section["rounds"]:
-        here, network, search = (folder / f"round_{len(done)}{part}" for part in ("", "/network", "/miga"))
-        if (here / "verdict.json").exists():
-            pass
-        elif not done:
-            campaign.verb("network", **design, out=network)
-            campaign.verb("miga", network=network / "network.json", out=search)
-        else:
-            verb("refine_data", *done, **design, out=here / "data")
-            data = {name: here / f"data/{name}.csv" for name in ("dataset", "runs")}
-            campaign.verb("network", **data, out=network)
-            near = {"near": done[-1] / "proposal.csv", "dataset": data["dataset"]}
-            campaign.verb("refine_search", network=network / "network.json", **near, out=search)
+        here = folder / f"round_{len(done)}"
         if not (here / "verdict.json").exists():
-            model = network if not done else search
-            found = {"feasible": search / "feasible.csv", "network": model / "network.json"}
-            campaign.verb("refine_propose", **found, round=len(done), out=here)
+            campaign.verb("refine_propose", folder, *done, out=here)
             jobs = {sample: seeds for sample, _, seeds in rounds.jobs(section, len(done))}
             campaign.pour(here / "proposal.csv", here, "refine", jobs.get)
             tables = {name: here / f"{name}.csv" for name in ("proposal", "dataset", "runs")}

@@ -16,7 +16,6 @@ OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 NEEDED = {
     "figure": ["figure13"],
     "measure": ["--mm-per-pixel", "0.1"],
-    "refine_propose": ["--round", "0"],
     "card": ["show"],
     "export": ["--to", "yade"],
     "new": ["wheat"],
@@ -157,7 +156,6 @@ BAD_VALUES = (
     *(["figure", name] for name in ("", "figure99", "../figure02", "figure02 ")),
     *(["figure", "figure02", f"--input={value}"] for value in ("sizes", "=a", "sizes=", "other=a", "")),
     ["figure", "figure02", "--input=sizes=a", "--input=sizes=b"],
-    *(["refine_propose", f"--round={value}"] for value in ("-1", "x", "100")),
     *(["card", *words] for words in ([], ["show"], ["draw", "a.json"], ["show", "a", "b"], ["compare", "a"])),
     *(["material_card", f"--{name}=a.csv"] for name in ("posterior", "draws")),
     *(["export", *words] for words in ([], ["--to=yade"], ["--to=abaqus", "--set=e_gg=0.3"])),

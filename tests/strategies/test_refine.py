@@ -1,20 +1,25 @@
 """The refinement: proposals, added data, correction of any surrogate, and the whole loop with a free simulator."""
 
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 from linear import Linear
 from shared import targets_of
+from synthetic import Study
 
 from repose.chain import dataset, invert, train
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
-from repose.strategies.refined import refine, rounds
+from repose.strategies import Answer, batches
+from repose.strategies.refined import Refined, files, refine, rounds
+from repose.strategies.runs import runs_by_bench, samples_of_runs
 from repose.surrogate import load, make, names
+from repose.surrogate.support import Support
 
 RANGES = {name: [0.0, 1.0] for name in PARAMETERS}
 RANGES |= {"e_gg": [0.01, 0.99], "mus_gg": [2.0, 6.0], "e_gp": [0.01, 0.99]}
@@ -89,23 +94,13 @@ def test_a_warning_of_the_search_goes_with_the_proposal_alone():
 
 
 def test_added_samples_train_and_leave_the_design_split_as_it_was():
-    design = pd.DataFrame({"sample": np.arange(1, 41), "status": "ok"})
-    rounds = [pd.DataFrame({"sample": [1001, 1002], "status": "ok"}), pd.DataFrame({"sample": [2001]})]
-    table = refine.extended(design, rounds)
-    assert table["round"].isna().sum() == 40
-    assert list(table["round"].dropna()) == [0, 0, 1]
+    design = pd.DataFrame({"sample": np.arange(1, 41), "round": pd.array([pd.NA] * 40, dtype="Int64")})
+    table = pd.concat([design, pd.DataFrame({"sample": [1001, 1002, 2001], "round": [0, 0, 1]})])
     before = train.rows_of(design, [0.7, 0.15, 0.15], 3)
     after = train.rows_of(table, [0.7, 0.15, 0.15], 3)
     for name in ("validation", "test"):
         np.testing.assert_array_equal(after[name], before[name])
     np.testing.assert_array_equal(after["train"], [*before["train"], 40, 41, 42])
-
-
-@pytest.mark.parametrize("rounds", [[[1001], [1001]], [[150]]])
-def test_samples_that_are_numbered_alike_are_refused(rounds):
-    design = pd.DataFrame({"sample": np.arange(1, 151)})
-    with pytest.raises(ValueError, match="allowed"):
-        refine.extended(design, [pd.DataFrame({"sample": one}) for one in rounds])
 
 
 @pytest.mark.parametrize(
@@ -130,23 +125,6 @@ def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(n
     assert (model.constant == 30).all(), "the surrogate itself stays as it was"
     with pytest.raises(ValueError, match="at least one"):
         refine.corrected(model, table[table["round"].isna()], box, targets)
-
-
-def test_rounds_of_another_definition_are_not_added(tmp_path):
-    design, round_ = tmp_path / "design", tmp_path / "round_0"
-    for folder, sample, response in ((design, 1, "secant"), (round_, 1001, "flank")):
-        folder.mkdir()
-        for table in ("dataset", "runs"):
-            pd.DataFrame({"sample": [sample]}).to_csv(folder / f"{table}.csv", index=False)
-        definitions = {"aor_deg": {"measure.response": response}}
-        (folder / "dataset_summary.json").write_text(json.dumps({"definitions": definitions}))
-    files = (design / "dataset.csv", design / "runs.csv", [round_])
-    with pytest.raises(InputError, match=r"round_0/dataset_summary\.json: definition of aor_deg"):
-        refine.run_extended(*files, tmp_path / "out")
-    (round_ / "dataset_summary.json").write_text((design / "dataset_summary.json").read_text())
-    refine.run_extended(*files, tmp_path / "out")
-    kept = json.loads((tmp_path / "out" / "dataset_summary.json").read_text())
-    assert kept["definitions"] == {"aor_deg": {"measure.response": "secant"}}
 
 
 @pytest.mark.parametrize("name", names())
@@ -203,10 +181,13 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
     table.assign(gamma_gg=0.05).to_csv(own / "proposal.csv", index=False)
     files = (own / f"{name}.csv" for name in ("proposal", "dataset", "runs"))
     assert rounds.run_judge(*files, targets, SECTION, tmp_path)["gamma_gg"] == 0.05
-    added = refine.run_extended(tmp_path / "dataset.csv", tmp_path / "runs.csv", [own], tmp_path / "data")
-    assert added["dataset"]["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
-    assert added["dataset"]["height_mm"].tolist() == pytest.approx([60.2] * 5, abs=0.02)
-    assert added["runs"].groupby("apparatus")["round"].count().to_dict() == {"drum": 10, "funnel": 10}
+    data = batches.read([tmp_path, own], targets)
+    added = samples_of_runs(data, SPACE, targets)
+    assert added["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
+    assert added["height_mm"].tolist() == pytest.approx([60.2] * 5, abs=0.02)
+    runs = runs_by_bench(data, targets)
+    assert runs.groupby("apparatus")["sample"].count().to_dict() == {"drum": 12, "funnel": 12}
+    assert runs["status"].eq("ok").all()
 
 
 # The whole loop
@@ -214,6 +195,9 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
 SPREAD = np.array([1.2, 2.4])
 CONFIG = {
     "parameters": RANGES,
+    "surrogate": "network",
+    "design": {"samples": 60, "seed": 7},
+    "funnel": {"seeds": 6},
     "refine": SECTION | {"seeds": 200, "block": 50, "neighbours": 6, "neighbour_seeds": 20},
     "network": {
         "hidden": 4,
@@ -272,47 +256,34 @@ class Simulator:
         return paths
 
 
-def study(simulator, out):
-    """The main chain up to the search: a design, its network, its solutions; the folder of the published table."""
+STUDY = Study(SPACE, TARGETS, CONFIG)
+
+
+def designed(simulator, out):
+    """The samples of a design, poured."""
     rng = np.random.default_rng(5)
     table = pd.DataFrame(LOW + rng.random((60, 6)) * (HIGH - LOW), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, 61))
     table.to_csv(out / "samples.csv", index=False)
     jobs = simulator.pour(table, [6] * 60, "design", out / "heaps")
     dataset.run(out / "samples.csv", jobs, TARGETS, {}, out)
-    intervals = pd.DataFrame({"parameter": PARAMETERS, "low": LOW, "high": HIGH, "dispersion_percent": 0.0})
-    intervals.to_csv(out / "table3.csv", index=False)
-    train.run(out / "dataset.csv", out / "runs.csv", TARGETS, CONFIG["network"], out / "network")
-    network = out / "network" / "network.json"
-    invert.run(network, SPACE, TARGETS, CONFIG["miga"], out / "table3.csv", out / "miga")
-    return network, out / "miga" / "feasible.csv"
 
 
 def closed(simulator, out, limit):
     """The whole loop, stage by stage as the workflow's rules have it; verdicts of all rounds."""
-    network, feasible = study(simulator, out)
-    verdicts, folders = [], []
+    designed(simulator, out)
+    verdicts, folders = [], [out]
     for k in range(limit + 1):
         own = out / "refined" / f"round_{k}"
-        if k:
-            refine.run_extended(out / "dataset.csv", out / "runs.csv", folders, own / "data")
-            data = own / "data" / "dataset.csv"
-            train.run(data, own / "data" / "runs.csv", TARGETS, CONFIG["network"], own / "network")
-            near = folders[-1] / "proposal.csv"
-            fitted = own / "network" / "network.json"
-            refine.run_search(fitted, data, near, SPACE, TARGETS, CONFIG, out / "table3.csv", own / "miga")
-            network, feasible = own / "miga" / "network.json", own / "miga" / "feasible.csv"
-        proposal = own / "proposal.csv"
-        table = refine.run_propose(feasible, network, SPACE, TARGETS, CONFIG["refine"], k, 7, proposal)
+        table = files.run_propose(folders, STUDY, own, {})
         jobs = simulator.pour(table, table["seeds"], "refine", own / "heaps")
-        dataset.run(proposal, jobs, TARGETS, {}, own)
-        files = (proposal, own / "dataset.csv", own / "runs.csv")
-        verdicts.append(rounds.run_judge(*files, TARGETS, CONFIG["refine"], own))
+        dataset.run(own / "proposal.csv", jobs, TARGETS, {}, own)
+        tables = (own / f"{name}.csv" for name in ("proposal", "dataset", "runs"))
+        verdicts.append(rounds.run_judge(*tables, TARGETS, CONFIG["refine"], own))
         folders.append(own)
         if not rounds.goes_on(verdicts[-1]):
             break
-    files = [folder / "verdict.json" for folder in folders]
-    rounds.run_tables(files, limit, TARGETS, out / "refined")
+    rounds.run_tables([folder / "verdict.json" for folder in folders[1:]], limit, TARGETS, out / "refined")
     return verdicts
 
 
@@ -354,6 +325,50 @@ def test_the_tables_of_the_loop_say_what_happened(loop):
     assert search["reach"] in {0.0125, 0.025, 0.05, 0.1}
 
 
+def test_round_0_is_the_answer_of_the_chain(loop):
+    out = loop[0].parent
+    train.run(out / "dataset.csv", out / "runs.csv", TARGETS, CONFIG["network"], out / "network")
+    support = Support.of_dataset(out / "dataset.csv", SPACE)
+    network = out / "network" / "network.json"
+    invert.run(network, SPACE, TARGETS, CONFIG["miga"], None, out / "miga", support)
+    for name in ("network/network.json", "network/metrics.json", "miga/feasible.csv"):
+        assert (out / name).read_bytes() == (out / "refined/round_0" / name).read_bytes(), name
+
+
+def test_the_loop_of_a_study_is_that_of_the_files(loop):
+    out, _, verdicts = loop
+    folders = [out.parent, *(out / f"round_{k}" for k in range(len(verdicts)))]
+    for k in range(len(verdicts)):
+        batch = Refined().propose(STUDY, batches.read(folders[: k + 1], TARGETS))
+        table = pd.read_csv(folders[k + 1] / "proposal.csv")
+        pd.testing.assert_frame_equal(batch.samples.drop(columns="warning"), table.drop(columns="warning"))
+    found = Refined().propose(STUDY, batches.read(folders, TARGETS))
+    assert isinstance(found, Answer)
+    summary = json.loads((out / "summary.json").read_text())
+    assert found.why == summary["why"]
+    np.testing.assert_allclose(found.values, list(summary["solution"].values()))
+
+
+def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
+    folders = [loop[0].parent, loop[0] / "round_0"]
+    for folder, name in zip(folders, ("a", "b"), strict=True):
+        shutil.copytree(folder, tmp_path / name, ignore=shutil.ignore_patterns("heaps", "refined"))
+    copies = [tmp_path / "a", tmp_path / "b"]
+    summary = copies[1] / "dataset_summary.json"
+    content, other = json.loads(summary.read_text()), {"aor_deg": {"measure.response": "flank"}}
+    summary.write_text(json.dumps(content | {"definitions": other}))
+    definitions = {"aor_deg": {"measure.response": "secant"}}
+    with pytest.raises(InputError, match=r"b/dataset_summary\.json: definition of aor_deg"):
+        files.run_propose(copies, STUDY, tmp_path, definitions, "config.json")
+    with pytest.raises(
+        InputError, match=r"round_0/dataset\.csv: sample is 1001; allowed: in one batch alone"
+    ):
+        files.run_propose([*folders, folders[1]], STUDY, tmp_path, {})
+    many = STUDY._replace(config=CONFIG | {"design": {"samples": 1000, "seed": 7}})
+    with pytest.raises(InputError, match=r"design\.samples is 1000; allowed: below 1000"):
+        files.run_propose(folders[:1], many, tmp_path, {})
+
+
 def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
     simulator = Simulator(lift=-15.0)
     verdicts = closed(simulator, tmp_path, 1)
@@ -361,3 +376,10 @@ def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
     summary = json.loads((tmp_path / "refined" / "summary.json").read_text())
     assert summary["met"] is False
     assert "the limit of 1 refits is reached, and round 1 is not within: AoR" in summary["why"]
+    # a study stops there if its last round came no nearer, as the rules do
+    data = batches.read([tmp_path, *(tmp_path / f"refined/round_{k}" for k in range(2))], TARGETS)
+    jobs, runs = rounds.jobs(CONFIG["refine"], 0), runs_by_bench(data, TARGETS)
+    assert rounds.objective_of(jobs, runs, TARGETS) == pytest.approx(verdicts[0]["objective"], rel=1e-12)
+    found = Refined().propose(STUDY, data)
+    assert verdicts[1]["out_of_reach"]
+    assert isinstance(found, Answer) == rounds.stuck(verdicts[1], verdicts[0])

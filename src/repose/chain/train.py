@@ -142,12 +142,17 @@ def run(
     of_dataset, summary_json = read_definitions(dataset_csv)
     require_same_definitions(of_dataset, summary_json, definitions or {}, source)
     training = train(dataset, runs, targets, settings, definitions or of_dataset, dataset_csv)
+    write(training, out_dir)
+    return training.metrics
+
+
+def write(training: Training, out_dir: str | os.PathLike) -> None:
+    """Write network.json, metrics.json, predictions.csv and starts.csv."""
     out = Path(out_dir)
     training.model.save(out / "network.json")
     write_json(out / "metrics.json", training.metrics)
     write_table(out / "predictions.csv", training.predictions)
     write_table(out / "starts.csv", training.starts)
-    return training.metrics
 
 
 def message(metrics: Mapping[str, Any]) -> str:

@@ -54,7 +54,8 @@ class Batch:
     Attributes
     ----------
     samples : pandas.DataFrame
-        `sample` (its number), a column for each parameter, and `seeds`, the number of runs of the sample.
+        `sample` (its number), a column for each parameter, and `seeds`, the number of runs of the sample. Further
+        columns are the strategy's own.
     notes : mapping
         Further results of the strategy, by name.
     """

@@ -34,9 +34,15 @@ def write_samples(proposal: Batch | Answer, path: Path_) -> pd.DataFrame:
 
 def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
     """The runs of all batches as a strategy takes them (`data_of`), each with the number of its batch."""
-    tables = [data_of(*tables_of([folder], targets), targets) for folder in folders]
-    numbered = [table.assign(batch=number) for number, table in enumerate(tables)]
-    return pd.concat(numbered, ignore_index=True) if numbered else pd.DataFrame()
+    data = pd.DataFrame()
+    for number, folder in enumerate(folders):
+        dataset, runs = tables_of([folder], targets)
+        again = {*dataset["sample"]} & {*data.get("sample", ())}
+        if again:
+            raise InputError(Path(folder) / "dataset.csv", "sample", min(again), "in one batch alone")
+        own = data_of(dataset, runs, targets).assign(batch=number)
+        data = pd.concat([data, own], ignore_index=True) if number else own
+    return data
 
 
 def tables_of(folders: Sequence[Path_], targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:

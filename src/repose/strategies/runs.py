@@ -54,6 +54,16 @@ def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets)
     return table.assign(**{name: table[name].astype(float) for name in numbers})
 
 
+def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
+    """The runs of each bench test as rows of their own, as the stage `dataset` writes them."""
+    tables = []
+    for bench in targets.apparatus:
+        names = [target.name for target in targets if target.response.apparatus == bench]
+        status = np.where(data[names].notna().all(axis=1), OK, "failed")
+        tables.append(data[["sample", *names]].assign(apparatus=bench, status=status, reason=""))
+    return pd.concat(tables, ignore_index=True)
+
+
 def read_runs(path: str | os.PathLike, study: Studied) -> pd.DataFrame:
     """Read a CSV file of runs and check it by `checked_runs`."""
     return checked_runs(study, read_rows(path, what="a CSV file of runs"), path)

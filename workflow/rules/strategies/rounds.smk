@@ -2,27 +2,9 @@
 REFINED = f"{RESULTS}/refined"
 
 
-def rounds_until(wildcards):
-    """Folders of the rounds before one."""
-    return [f"{REFINED}/round_{k}" for k in range(int(wildcards.round))]
-
-
-def last_round(wildcards):
-    """Folder of the round before one."""
-    return f"{REFINED}/round_{int(wildcards.round) - 1}"
-
-
-def searched(wildcards):
-    """Solutions and network of a round: the main chain's in round 0."""
-    if wildcards.round == "0":
-        return {
-            "feasible": rules.miga.output.feasible,
-            "network": rules.network.output.network,
-        }
-    return {
-        "feasible": f"{REFINED}/round_{wildcards.round}/miga/feasible.csv",
-        "network": f"{REFINED}/round_{wildcards.round}/miga/network.json",
-    }
+def runs_before(wildcards):
+    """Folders of the design and of the rounds before one."""
+    return [RESULTS, *(f"{REFINED}/round_{k}" for k in range(int(wildcards.round)))]
 
 
 def round_seeds(wildcards):
@@ -46,10 +28,9 @@ def files_of_rounds(wildcards):
         jobs = round_numbers(batch["batch"])
         files += expand(made, **batch, runs=folders_of_targets(), job=jobs)
         files += expand(rules.batch_dataset.output, **batch)
-        steps = [rules.refine_propose, rules.refine_round]
-        if k:
-            steps += [rules.refine_data, rules.refine_network, rules.refine_search]
-        files += expand([path for step in steps for path in step.output], round=k)
+        files += expand(
+            [*rules.refine_propose.output, *rules.refine_round.output], round=k
+        )
     return files
 
 

@@ -8,10 +8,10 @@ import pandas as pd
 from repose.chain import design
 from repose.chain.answer import WITHIN
 from repose.chain.invert import Inversion, invert
-from repose.chain.train import train
+from repose.chain.train import Training, train
 from repose.core.probability import within
 from repose.strategies.base import Answer, Batch, Studied, samples_of
-from repose.strategies.runs import next_number, samples_of_runs
+from repose.strategies.runs import next_number, runs_by_bench, samples_of_runs
 from repose.surrogate.base import Surrogate
 from repose.surrogate.support import Support
 
@@ -24,10 +24,9 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
             section["samples"], study.parameters.dimensions, section["method"], section["seed"]
         )
         return Batch(samples_of(study.parameters, unit, seeds_of(study)))
-    model = fitted(study, samples_of_runs(data, study.parameters, study.targets), data)
-    inversion = invert(
-        model, study.parameters, study.targets, study.config["miga"], support=support_of(study, data)
-    )
+    samples = samples_of_runs(data, study.parameters, study.targets)
+    model, support = fitted(study, samples, data).model, support_of(study, samples)
+    inversion = invert(model, study.parameters, study.targets, study.config["miga"], support=support)
     return answer_of(
         study, model, inversion, data, "the batch is simulated: the search on its surrogate answers"
     )
@@ -38,17 +37,16 @@ def seeds_of(study: Studied) -> int:
     return study.config[study.targets.apparatus[0]]["seeds"]
 
 
-def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> Surrogate:
+def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> Training:
     """The surrogate of the study, fitted to the samples of its runs."""
     settings = study.config["network"] | {"surrogate": study.config["surrogate"]}
-    runs = data.assign(status=np.where(data[list(study.targets.names)].notna().all(axis=1), "ok", "failed"))
-    return train(samples, runs, study.targets, settings, {}, "runs", study.parameters.names).model
+    runs = runs_by_bench(data, study.targets)
+    return train(samples, runs, study.targets, settings, {}, "runs", study.parameters.names)
 
 
-def support_of(study: Studied, data: pd.DataFrame) -> Support:
-    """The region that the samples with a good run cover."""
-    space = study.parameters
-    good = data[data[list(study.targets.names)].notna().all(axis=1)].drop_duplicates("sample")
+def support_of(study: Studied, samples: pd.DataFrame) -> Support:
+    """The region that the good samples cover."""
+    space, good = study.parameters, samples[samples["status"] == "ok"]
     low, high = space.complete(np.array([space.low, space.high]))
     return Support(good[list(space.names)].to_numpy(float), low, high, space.names)
 

@@ -76,16 +76,15 @@ def judge(
     `objective` (Eq. 11) is that of the simulated means; `out_of_reach`: the prediction itself misses the bar.
     """
     rows = proposal[proposal["role"] == PROPOSAL]
-    own = runs[runs["sample"].isin(rows["sample"])].astype(object)
-    summary = _summary(own.where(own.notna(), None), targets)
+    own = runs[runs["sample"].isin(rows["sample"])]
+    summary = _summary(own, targets)
     row: dict[str, Any] = {"round": round_, **{name: float(rows[name].iloc[0]) for name in names}}
     row |= {"poured": len(own), "n_seeds": summary["n_seeds"]}
     for target in targets:
         predicted = float(rows[target.response.predicted].iloc[0])
         mean, error = (_number(summary[key]) for key in (target.name, target.response.error))
         row |= _numbers(target.response, target.aim, predicted, mean, error)
-    means = np.array([[row[response.simulated] for response in targets.responses]])
-    row["objective"] = float(Objective.of(targets)(means)[0][0])
+    row["objective"] = _objective(summary, targets)
     off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
     row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * targets.whole).any())
     row["outcome"], row["reason"] = _outcome(row, summary, targets, section)
@@ -93,8 +92,23 @@ def judge(
     return row
 
 
+def objective_of(
+    jobs_of_round: Sequence[tuple[int, str, int]], runs: pd.DataFrame, targets: Targets
+) -> float:
+    """`objective` of a round with these `jobs`."""
+    proposed = [sample for sample, role, _ in jobs_of_round if role == PROPOSAL]
+    return _objective(_summary(runs[runs["sample"].isin(proposed)], targets), targets)
+
+
+def _objective(summary: Mapping[str, Any], targets: Targets) -> float:
+    """Eq. 11 of the means of a summary."""
+    means = np.array([[_number(summary[name]) for name in targets.names]])
+    return float(Objective.of(targets)(means)[0][0])
+
+
 def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     """Means and errors of all runs of a proposal; it is ok where it is in every bench test."""
+    runs = runs.astype(object).where(runs.notna(), None)
     summary: dict[str, Any] = {}
     for bench in targets.apparatus:
         names = tuple(target.name for target in targets if target.response.apparatus == bench)
