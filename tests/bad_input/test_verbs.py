@@ -162,7 +162,7 @@ BAD_VALUES = (
     *(
         ["export", "--to=yade", "--set=e_gg=0.3", word]
         for word in (
-            "--spheres=1",
+            "--spheres=0",
             "--spheres=65",
             "--spheres=x",
             "--seed=-1",

@@ -89,7 +89,7 @@ def speed_of(name: str) -> int:
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     """Keys of a drum that cannot run, and what is allowed."""
     yield from drum.impossible_filling(config, NAME)
-    section = config[NAME]
+    section, targets = config[NAME], config.get("targets")
     count = np.size(section[PER_SPEED[0]])
     for key in PER_SPEED[1:]:
         if np.ndim(section[key]) and np.size(section[key]) != count:
@@ -100,8 +100,8 @@ def contradictions(config: Config) -> Iterator[tuple[str, str]]:
         if end < earliest:
             yield f"{NAME}.measure_until_s", f"at least {earliest:g}, or there is nothing to measure"
     radius_mm = 1e3 * drum.Drum.of(section).radius_m
-    for k, target in enumerate(config["targets"]):
-        if target["apparatus"] != NAME:
+    for k, target in enumerate(targets if isinstance(targets, list) else ()):  # they are checked elsewhere
+        if not isinstance(target, Mapping) or target.get("apparatus") != NAME:
             continue
         if speed_of(target["response"]) >= count:
             yield f"targets.{k}.response", f"a response of one of {count} speeds ({NAME}.{PER_SPEED[0]})"
