@@ -9,17 +9,23 @@ from repose.cli import main, run
 from repose.core import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
+PROFILE = [
+    *("--workflow-profile", "none", "--logger", "repose"),
+    *("--rerun-incomplete", "--show-failed-logs", "--nolock"),
+]
+OWN = [*SNAKEFILE, *PROFILE]
 
 
 def test_the_programs_own_workflow_and_all_cores_where_nothing_is_said():
-    assert run.snakemake_arguments([]) == [*SNAKEFILE, "--cores", "all"]
+    assert run.snakemake_arguments([]) == [*OWN, "--cores", "all"]
 
 
 @pytest.mark.parametrize(
     "cores", [["--cores", "2"], ["--cores=2"], ["-c2"], ["-j", "3"], ["--profile", "mine"]]
 )
 def test_cores_that_are_given_stay(cores):
-    assert run.snakemake_arguments(cores) == [*SNAKEFILE, *cores]
+    own = SNAKEFILE if "--profile" in cores else OWN
+    assert run.snakemake_arguments(cores) == [*own, *cores]
 
 
 def test_another_snakefile_stays():
@@ -28,7 +34,7 @@ def test_another_snakefile_stays():
 
 def test_a_target_behind_the_configuration_is_a_target():
     words = ["--cores", "2", "--configfile", "mine.yaml", "more.yaml", "uncertainty", "-n"]
-    expected = ["uncertainty", *SNAKEFILE, "--cores", "2", "--configfile", "mine.yaml", "more.yaml", "-n"]
+    expected = ["uncertainty", *OWN, "--cores", "2", "--configfile", "mine.yaml", "more.yaml", "-n"]
     assert run.snakemake_arguments(words) == expected
 
 
@@ -36,7 +42,13 @@ def test_a_target_behind_the_configuration_is_a_target():
 def test_a_configuration_that_the_folder_lacks_is_the_programs(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     quick = str(places.root() / "config" / "quick.yaml")
-    assert "=".join(run.snakemake_arguments(["-c1", *words])[3:]) == f"--configfile={quick}"
+    assert "=".join(run.snakemake_arguments(["-c1", *words])[len(OWN) + 1 :]) == f"--configfile={quick}"
+
+
+def test_a_default_profile_of_the_folder_is_left_to_snakemake(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "profiles/default").mkdir(parents=True)
+    assert run.snakemake_arguments(["-c1"]) == [*SNAKEFILE, "-c1"]
 
 
 def test_a_profile_that_the_folder_lacks_is_the_programs(tmp_path, monkeypatch):
@@ -51,7 +63,7 @@ def test_the_verb_passes_every_word_on_in_its_order(monkeypatch):
     monkeypatch.setattr("snakemake.cli.main", given.extend)
     words = ["-n", "--config", "label=mine", "--cores", "1", "--", "berry"]
     assert main(["run", *words]) == 0
-    assert given == [*SNAKEFILE, *words]
+    assert given == [*OWN, *words]
 
 
 def test_without_snakemake_the_message_says_what_to_install(monkeypatch, capsys):

@@ -66,7 +66,7 @@ def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
         "pour: Doing pour 1",
-        "1 of 3 jobs; 4 pours a minute, less than a minute left",
+        "pour 1 of 2, all 1 of 3 jobs; 4 pours a minute, less than a minute left",
     ]
 
 
@@ -86,6 +86,56 @@ def test_a_failure_is_named_with_its_log_and_the_end_of_it(handler, capsys, tmp_
     assert "line 79\n" not in err
     handler.close()
     assert "failed: Doing pour 1" in capsys.readouterr().err
+
+
+def test_a_job_that_ctrl_c_ends_has_not_failed(handler, capsys, monkeypatch):
+    signalled = []
+    monkeypatch.setattr(handler, "act_on_ctrl_c", lambda *_: signalled.append("act"))
+    handler.emit(planned())
+    handler.emit(job_info(1, "pour", ["heap"]))
+    signal.raise_signal(signal.SIGINT)
+    handler.emit(emitted("Error in rule pour", logging.ERROR, event=LogEvent.JOB_ERROR, jobid=1, log=[]))
+    summary = f"WorkflowError:\n{run_display.SUMMED_UP}"
+    handler.emit(emitted(summary, logging.ERROR, event=LogEvent.ERROR, exception="WorkflowError"))
+    handler.emit(
+        emitted("Exiting because a job execution failed. Look above for error messages", logging.ERROR)
+    )
+    handler.emit(emitted("Elapsed time: 0:00:01"))
+    handler.close()
+    assert signalled == ["act"]
+    assert capsys.readouterr().err.splitlines() == ["pour: Doing pour 1"]
+
+
+@pytest.fixture
+def pythons_ctrl_c():
+    """The handler of Ctrl-C that a Python has where no test runs it."""
+    earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, earlier)
+
+
+def test_plain_snakemake_says_too_that_the_same_command_goes_on(pythons_ctrl_c, capsys):
+    handler = run_display.LogHandler(SimpleNamespace(), None)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    handler.close()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert capsys.readouterr().err == "Stopped. What is finished stays; the same command goes on.\n"
+
+
+def test_no_time_is_awaited_where_nothing_pours(handler, capsys):
+    handler.emit(emitted("Job stats", event=LogEvent.RUN_INFO, stats={"design": 2, "total": 2}))
+    handler.emit(job_info(1, "design", ["samples.csv"]))
+    handler.emit(emitted(event=LogEvent.JOB_FINISHED, job_id=1))
+    assert capsys.readouterr().err.splitlines()[-1] == "design 1 of 2, all 1 of 2 jobs"
+
+
+def test_an_empty_log_on_a_full_disk_says_so(tmp_path, monkeypatch):
+    log = tmp_path / "a.log"
+    log.touch()
+    assert run_display.last_lines(log) == ["(it is empty)"]
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
+    assert run_display.last_lines(log) == ["(it is empty: the disk is full)"]
 
 
 def test_errors_without_a_job_are_said(handler, capsys):
@@ -207,6 +257,7 @@ def test_an_ended_run_goes_on_with_the_same_command(naps, end):
     else:
         assert status == 130
         assert took_s < 10
+        assert not re.search("failed|FAILED|Error", first.shown)
         assert "the same command goes on: repose run -s Snakefile --cores 2" in first.shown
     (naps / "seconds").write_text("0.1")
     again = Terminal(naps)

@@ -223,7 +223,7 @@ def test_a_missing_key_is_reported(config):
 def test_replicates_are_needed(config):
     config["funnel"]["seeds"] = 1
     config["network"]["replicates"] = True
-    with pytest.raises(InputError, match=r"replicates is true; allowed: false where funnel\.seeds is 1"):
+    with pytest.raises(InputError, match=r"funnel\.seeds is 1; allowed: at least 2, or network\.replicates: false"):
         Study.of(config)
 
 
@@ -232,7 +232,7 @@ def test_replicates_are_needed_of_every_bench_test_of_the_targets(config):
     config["network"]["replicates"] = True
     Study.of(config)
     config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})
-    with pytest.raises(InputError, match=r"false where drum\.seeds is 1"):
+    with pytest.raises(InputError, match=r"drum\.seeds is 1; allowed: at least 2"):
         Study.of(config)
 
 

@@ -19,6 +19,7 @@ PROFILE_OPTIONS = ("--profile", "--workflow-profile")
 SNAKEFILE_OPTIONS = ("-s", "--snakefile")
 CONFIG_VALUES = ("--config", "-C")
 LIST = "--list"
+DEFAULT_PROFILE = "profiles/default"
 CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
 
 family = Family()
@@ -204,8 +205,32 @@ def snakemake_arguments(words: list[str]) -> list[str]:
     if not _given(options, CORES_OPTIONS):
         options = ["--cores", "all", *options]
     if not _given(options, SNAKEFILE_OPTIONS):
-        options = ["--snakefile", str(places.root() / "Snakefile"), *options]
+        theirs = (
+            _given(options, PROFILE_OPTIONS) or places.find(DEFAULT_PROFILE).resolve() != _default_profile()
+        )
+        own = [] if theirs else _as_words(_default_profile())
+        options = ["--snakefile", str(places.root() / "Snakefile"), *own, *options]
     return [*targets, *options]
+
+
+def _default_profile():
+    """The program's own default profile."""
+    return (places.root() / DEFAULT_PROFILE).resolve()
+
+
+def _as_words(profile):
+    """The options of a profile, which snakemake would announce by a line of its own."""
+    from repose.config.reading import read
+
+    chosen = read(profile / "config.yaml")
+    lists = [word for key, value in chosen.items() if value is not True for word in (f"--{key}", *value)]
+    flags = [f"--{key}" for key, value in chosen.items() if value is True]
+    return [
+        "--workflow-profile",
+        "none",
+        *lists,
+        *flags,
+    ]  # flags last: no target is taken for an entry of a list
 
 
 def _resolved(option, path):

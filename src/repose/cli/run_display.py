@@ -6,6 +6,8 @@ time left, and failures. All times are seconds of the system's clock, which also
 """
 
 import logging
+import shutil
+import signal
 import sys
 import threading
 import time
@@ -39,12 +41,17 @@ CHATTER = (
     "Building DAG",
     "Complete log",
     "Conda environments: ignored",
+    "Elapsed time",
     "Execute ",
+    "Exiting because a job execution failed",
     "Group jobs:",
     "Provided ",
     "Rules claiming",
     "Select jobs",
+    "Shutting down",
     "Singularity containers: ignored",
+    "Terminating processes on user request",
+    "Touching output file",
     "Using shell",
     "Will exit after finishing",
     "host:",
@@ -52,6 +59,9 @@ CHATTER = (
 REFUSED = "repose: error"  # begins the last line of a job whose input was at fault
 # A job's failure is reported by the job's own event.
 REPORTED_BY_THE_JOB = ("CalledProcessError", "RuleException", "SpawnedJobError")
+SUMMED_UP = "At least one job did not complete successfully."
+INTERRUPT_S = 0.2  # Ctrl-C may end a job before this program knows of it
+FULL_DISK_BYTES = 2**16
 
 
 @dataclass(frozen=True)
@@ -177,6 +187,18 @@ class LogHandler(LogHandlerBase):
         self.last_line_s = 0.0
         # Events come in one thread, another draws. No printing under this lock: printing waits for the drawing.
         self.changing = threading.Lock()
+        self.interrupted = threading.Event()
+        self.act_on_ctrl_c = signal.getsignal(signal.SIGINT)
+        self.raises = logging.raiseExceptions
+        if self.plain is None:
+            logging.raiseExceptions = False  # no tracebacks of snakemake's log where the disk is full
+            if callable(self.act_on_ctrl_c) and threading.current_thread() is threading.main_thread():
+                signal.signal(signal.SIGINT, self._interrupt)
+
+    def _interrupt(self, number, frame):
+        """Note a Ctrl-C before the program acts on it: the jobs that it ends have not failed."""
+        self.interrupted.set()
+        self.act_on_ctrl_c(number, frame)
 
     def emit(self, record: logging.LogRecord) -> None:
         """Take an event of snakemake."""
@@ -198,6 +220,9 @@ class LogHandler(LogHandlerBase):
         if self.live is not None:
             self.live.stop()
             self.live = None
+        if self.interrupted.is_set() and self.act_on_ctrl_c is signal.default_int_handler:  # not `repose run`
+            self.console.print("Stopped. What is finished stays; the same command goes on.")
+            self.interrupted.clear()  # closed twice
         # a fault of the input is the workflow's own last line
         failed = [job for job in self.progress.failed.values() if not _refused(job)]
         self.progress.failed = {}
@@ -205,6 +230,9 @@ class LogHandler(LogHandlerBase):
             self.console.print(Text(f"failed: {job.message}{_log_of(job)}", style="red"))
         if failed:
             self.console.print("When the cause is mended, the same command goes on.")
+        logging.raiseExceptions = self.raises
+        if signal.getsignal(signal.SIGINT) == self._interrupt:
+            signal.signal(signal.SIGINT, self.act_on_ctrl_c)
         super().close()
 
     def _lines_of(self, record: logging.LogRecord) -> Iterator[Text]:
@@ -220,13 +248,10 @@ class LogHandler(LogHandlerBase):
         elif event == LogEvent.JOB_ERROR:
             yield from self._failed(fields)
         elif event == LogEvent.ERROR:
-            if fields.get("exception") not in REPORTED_BY_THE_JOB:
+            if fields.get("exception") not in REPORTED_BY_THE_JOB and SUMMED_UP not in record.getMessage():
                 yield Text(record.getMessage(), style="red")
-        elif event is None and record.msg:
-            if record.levelno > logging.INFO:
-                yield Text(record.getMessage(), style="yellow")
-            elif not str(record.msg).startswith(CHATTER):
-                yield Text(record.getMessage())
+        elif event is None and record.msg and not str(record.msg).startswith(CHATTER):
+            yield Text(record.getMessage(), style="yellow" if record.levelno > logging.INFO else "")
 
     def _started(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """A job begins; without bars the first of a stage is printed."""
@@ -244,6 +269,8 @@ class LogHandler(LogHandlerBase):
 
     def _failed(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """A job has failed: print it, and the end of its log."""
+        if self.interrupted.wait(INTERRUPT_S):
+            return
         job = self.progress.fail(fields["jobid"])
         if job is None:
             return
@@ -268,15 +295,23 @@ class LogHandler(LogHandlerBase):
         now = time.time()
         if self.live is None and self.progress.planned and now - self.last_line_s >= LINE_EVERY_S:
             self.last_line_s = now
-            done, planned = self.progress.done.total(), self.progress.planned.total()
-            yield Text(f"{done} of {planned} jobs; {', '.join(self._facts(now))}")
+            done, planned = self.progress.done, self.progress.planned
+            stages = (job.rule for job in self.progress.running.values())
+            stage = next(filter(_pours, stages), self.stage)
+            counts = (
+                f"{stage} {done[stage]} of {planned[stage]}, all {done.total()} of {planned.total()} jobs"
+            )
+            yield Text("; ".join(filter(None, (counts, ", ".join(self._facts(now))))))
 
     def _facts(self, now_s: float) -> Iterator[str]:
         """Pours a minute, time left and failures, in words."""
         rate, left_s = self.progress.pours_a_minute(now_s), self.progress.left_s(now_s)
         if rate is not None:
             yield f"{rate:.2g} pours a minute"
-        yield f"{rough_time(left_s)} left" if left_s is not None else "time left: known after the first pours"
+        if left_s is not None and self.progress.done != self.progress.planned:
+            yield f"{rough_time(left_s)} left"
+        elif left_s is None and any(map(_pours, self.progress.planned)):
+            yield "time left: known after the first pours"
         if self.progress.failed:
             yield f"{len(self.progress.failed)} failed"
 
@@ -339,4 +374,6 @@ def last_lines(path: Path) -> list[str]:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return ["(there is no such file)"]
+    if not lines and shutil.disk_usage(path.parent).free < FULL_DISK_BYTES:
+        return ["(it is empty: the disk is full)"]
     return lines[-LOG_LINES:] or ["(it is empty)"]

@@ -56,8 +56,8 @@ def contradictions(results_dir: str) -> Faults:
 def existing_results(results_dir: str) -> Faults:
     """Faults of the path as it is now, as (key, what is allowed)."""
     folder = Path(results_dir)
-    if any(path.exists() and not path.is_dir() for path in (folder, *folder.parents)):
-        yield "results_dir", "a folder; a file is in its way"
+    if any(os.path.lexists(path) and not path.is_dir() for path in (folder, *folder.parents)):
+        yield "results_dir", "a folder; a file, or a link to nothing, is in its way"
 
 
 def check_no_foreign_files(
