@@ -278,7 +278,9 @@ def test_a_missing_file_is_named(tmp_path, capsys):
     out = str(tmp_path / "film.gif")
     assert "nowhere.npz" in error_of(capsys, "film", "nowhere.npz", "--particle", particle, "--out", out)
     words = ["--input", "states=nowhere.npz", "--input", f"particle={particle}"]
-    assert "nowhere.npz" in error_of(capsys, "figure", "figure15", *words, "--out", str(tmp_path / "film.png"))
+    assert "nowhere.npz" in error_of(
+        capsys, "figure", "figure15", *words, "--out", str(tmp_path / "film.png")
+    )
 
 
 def test_figure_refuses_an_unknown_name(tmp_path, capsys):

@@ -66,7 +66,12 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
         rows = [
             dict(zip(names, row, strict=True)) | {"status": "ok"} for row in simulated[:, of_bench].tolist()
         ]
-        texts[f"job_{bench}"] = {"sample": 1, "parameters": ANSWER, "apparatus": bench, "runs": rows}
+        texts[f"job_{bench}"] = {
+            "sample": 1,
+            "parameters": ANSWER,
+            "apparatus": bench,
+            "runs": [row | {"seed": k} for k, row in enumerate(rows)],
+        }
         jobs.append(folder / f"job_{bench}.json")
     for name, content in texts.items():
         (folder / f"{name}.json").write_text(json.dumps(content))

@@ -160,7 +160,7 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
             "The targets are not met. Nothing met.",
         ),
         (
-            {"job_funnel": {"sample": 1, "parameters": {}, "runs": [{"status": "jammed"}]}},
+            {"job_funnel": {"sample": 1, "parameters": {}, "runs": [{"status": "jammed", "seed": 1}]}},
             "fair",
             "unknown",
         ),
