@@ -132,6 +132,9 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     assert [parameter["name"] for parameter in values["parameters"] if parameter["fixed"]] == list(fixed)
     assert text.count("<td") > 60 * 8
     assert "Small run" in text
+    table4 = text[text.index("Table 4") :]
+    assert all(f"simulated ({one.response.unit})" in table4 for one in Targets.of(targets))
+    assert table4.count('data-head="role">spread') == 5
     assert "The intervals are not settled" in text
     assert "made &lt;up&gt; &amp; small" in text
     assert "e_gg: 0.2  #" in values["copy"]

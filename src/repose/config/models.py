@@ -406,7 +406,7 @@ class Figures(Section):
     format: Annotated[tuple[Literal["png", "pdf", "svg"], ...], Field(strict=False)] = Field(
         default=("png",), description="a list of png and, beside it, pdf or svg or both"
     )
-    dpi: int = Field(default=180, ge=72, le=1200)
+    dpi: int = Field(default=180, ge=72, le=600)
 
     def contradictions(self) -> Contradictions:
         """Formats without that of the report, or one of them twice."""

@@ -62,13 +62,11 @@ def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     targets, models = _models(inputs, config)
     best = read_json(inputs["optimum"], ("coded",), "output of repose stage response_step")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))
-    width = style.PAGE * max(1.0, len(pairs) / 3)
-    figure = style.new_figure(width, 2.3 * len(models))
-    panels = figure.subplots(len(models), len(pairs), squeeze=False)
-    for row, target, model in zip(panels, targets, models, strict=True):
-        point = np.array([best[name] for name in model.factors])
-        for panel, pair in zip(row, pairs, strict=True):
-            _contour(panel, model, target, pair, point)
+    shown = [(target, model, pair) for target, model in zip(targets, models, strict=True) for pair in pairs]
+    columns = min(3, max(len(pairs), len(models)))
+    figure = style.new_figure(style.PAGE, 2.3 * style.grid_rows(len(shown), columns))
+    for panel, (target, model, pair) in zip(style.grid(figure, len(shown), columns), shown, strict=True):
+        _contour(panel, model, target, pair, np.array([best[name] for name in model.factors]))
     return figure
 
 

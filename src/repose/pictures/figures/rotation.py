@@ -143,10 +143,10 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapp
         panel.axvline(
             at, color=style.ORANGE, lw=0.8, label=f"{section['report_s']:g} s since the filling began"
         )
-    top = 1.3 * max(record["surface_deg"].max(), record["bed_deg"].max())
+    top = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())
     panel.set(xlim=(0, last), ylim=(min(-3.0, record["bed_deg"].min() - 2), top))
     panel.set(xlabel="time since the rotation began (s)", ylabel="angle (deg)")
-    panel.legend(loc="upper left", ncols=2, fontsize=6.2)
+    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper left", ncols=5)
 
 
 def _layers(panel: Axes, profile: pd.DataFrame, section: Mapping[str, Any]) -> None:
