@@ -205,7 +205,9 @@ def test_a_missing_key_is_reported(config):
 def test_replicates_are_needed(config):
     config["funnel"]["seeds"] = 1
     config["network"]["replicates"] = True
-    with pytest.raises(InputError, match=r"funnel\.seeds is 1; allowed: at least 2, or network\.replicates: false"):
+    with pytest.raises(
+        InputError, match=r"funnel\.seeds is 1; allowed: at least 2, or network\.replicates: false"
+    ):
         Study.of(config)
 
 

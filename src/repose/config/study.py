@@ -44,7 +44,7 @@ class Study:
         A range ``(low, high)``, ``{"fixed": value}`` or ``{"prior": {"mean": m, "sd": s}}`` for each parameter.
     targets : mapping
         ``(value, sd)`` or ``(value, sd, repetitions)`` for each response that was measured, 1 repetition if it is not
-        said, or the keys of docs/own_simulator.md.
+        said, or the keys of `repose docs own_simulator`.
     strategy : str
         One of `repose.strategies.names()`.
     seed : int
@@ -54,7 +54,7 @@ class Study:
     simulator, label : str
         Names of your simulator and of your material.
     **sections
-        Further keys of docs/own_simulator.md, such as ``sequential={"batch": 4}``.
+        Further keys of `repose docs own_simulator`, such as ``sequential={"batch": 4}``.
 
     Attributes
     ----------
