@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from repose.studies.calibration import Calibration
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Study:
     """A study: its settings, what follows from them, and the runs so far.
 
@@ -68,8 +68,8 @@ class Study:
     """
 
     config: dict[str, Any]
-    _making: Making | None = field(repr=False)  # None: a simulator of the user's own
-    _file: Path | None = field(repr=False)
+    _making: Making | None  # None: a simulator of the user's own
+    _file: Path | None
 
     def __init__(
         self,
@@ -103,6 +103,10 @@ class Study:
         for name, value in (("config", config), ("_making", making), ("_file", file)):
             object.__setattr__(self, name, value)
         return self
+
+    def __repr__(self) -> str:
+        free, targets = (", ".join(names) for names in (self.parameters.free, self.targets.names))
+        return f"<Study {self.config['label']}: {free} by {targets}, strategy {self.config['strategy']}>"
 
     @classmethod
     def _of(cls, config, making, file=None):
