@@ -16,6 +16,7 @@ from shared import check_all
 from repose.__main__ import main
 from repose.cli import FAMILIES, GROUPS, STAGES, TYPED, VERBS, checking, parser
 from repose.config.study import Study
+from repose.core import provenance
 from repose.core.parameters import PARAMETERS
 from repose.dem.kernels.engine import advance
 from repose.measure.angles import MEAN_KEYS
@@ -56,7 +57,7 @@ def test_every_verb_explains_itself_with_an_example_that_parses(capsys, monkeypa
         with pytest.raises(SystemExit) as end:
             main([*call, "--help"])
         text = " ".join(capsys.readouterr().out.split())
-        words = text.split(f"example: python -m repose {' '.join(call)}")[1].replace("'", "").split()
+        words = text.split(f"example: repose {' '.join(call)}")[1].replace("'", "").split()
         args, rest = one_parser.parse_known_args([*call, *words])
         if end.value.code != 0 or args.verb != verb or (rest and not VERBS[verb].passes_on):
             silent.append(verb)
@@ -97,10 +98,13 @@ def test_a_verb_that_became_a_stage_still_runs_and_says_its_name(capsys):
     assert f"`repose {words[0]}` is now `repose stage dataset`" in capsys.readouterr().err
 
 
-def test_the_version_is_printed(capsys):
+@pytest.mark.parametrize("commit", ["0123456789ab", None])
+def test_the_version_and_the_commit_are_printed(monkeypatch, capsys, commit):
+    monkeypatch.setattr(provenance, "machine", lambda: {"commit": commit})
     with pytest.raises(SystemExit):
         main(["--version"])
-    assert re.fullmatch(r"repose \d+\.\d+\.\d+\n", capsys.readouterr().out)
+    after = f", commit {commit}" if commit else ""
+    assert re.fullmatch(rf"repose \d+\.\d+\.\d+{after}\n", capsys.readouterr().out)
 
 
 def test_each_verb_has_a_name_of_its_own():

@@ -38,6 +38,11 @@ def test_it_has_parameters_targets_and_folder(quick):
     assert quick.folder.as_posix() == "results/quick"
 
 
+def test_it_is_shown_in_one_line(quick):
+    words = "e_gg, mus_gg, mur_gg, e_gp, mus_gp, mur_gp by aor_deg, height_mm, strategy published"
+    assert repr(quick) == f"<Study quick: {words}>"
+
+
 def test_its_grain_is_made_once(quick):
     assert quick.grain is quick.grain
     assert quick.particle is quick.particle

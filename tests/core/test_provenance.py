@@ -195,3 +195,11 @@ def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
     assert set(json.loads(capsys.readouterr().out)) == KEYS
     assert main(["provenance", config]) == 2
     assert "provenance is None; allowed: a result" in capsys.readouterr().err
+
+
+def test_the_commit_of_a_build_is_that_which_its_file_names(monkeypatch, tmp_path):
+    monkeypatch.setattr(provenance, "PACKAGE", tmp_path / "lib" / "site-packages" / "repose")
+    monkeypatch.setattr(provenance.places, "root", lambda: tmp_path)
+    assert provenance._commit() is None
+    (tmp_path / provenance.BUILT_FROM).write_text("0123456789ab\n")
+    assert provenance._commit() == "0123456789ab"

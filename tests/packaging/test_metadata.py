@@ -45,8 +45,8 @@ def test_the_lock_file_holds_every_pin_with_hashes_and_no_address():
 
 def test_the_wheel_holds_what_a_study_reads():
     wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert wheel["sources"] == {"src": "", "docs": "repose/data/docs"}  # `repose docs` reads them
     included = wheel["force-include"]
-    assert wheel["packages"] == ["src/repose", "src/snakemake_logger_plugin_repose"]
     assert set(included) == {"Snakefile", "config", "profiles", "resources", "workflow"}
     for source, place in included.items():
         assert (ROOT / source).exists()

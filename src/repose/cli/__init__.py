@@ -18,6 +18,7 @@ from repose.cli import (
     calibration,
     cards,
     checking,
+    docs,
     exporting,
     inputs,
     measuring,
@@ -38,6 +39,7 @@ from repose.core.errors import BAD_INPUT, InputError, print_fault
 FAMILIES = (
     *(
         new,
+        docs,
         checking,
         run,
         exporting,
@@ -59,6 +61,7 @@ GROUPS = {
     "one pile, one picture": ("heap", "figure", "film", "provenance"),
     "how sure the answer is": ("noise", "posterior", "sensitivity", "next"),
     "the simulator": ("verify", "bench"),
+    "the documentation": ("docs",),
 }
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
@@ -117,7 +120,7 @@ def parser() -> argparse.ArgumentParser:
         add_help=False,
     )
     top.add_argument("-h", "--help", action="help", help=argparse.SUPPRESS)
-    top.add_argument("--version", action="version", version=f"repose {__version__}", help=argparse.SUPPRESS)
+    top.add_argument("--version", action=_Version, nargs=0, help=argparse.SUPPRESS)
     verbs = top.add_subparsers(prog=PROGRAM, metavar="VERB", required=True, help=argparse.SUPPRESS)
     for name in TYPED:
         VERBS[name].add_to(verbs)
@@ -132,6 +135,17 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+class _Version(argparse.Action):
+    """Prints version and commit, for which git may have to be asked."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from repose.core.provenance import machine
+
+        commit = machine()["commit"]
+        print(f"{PROGRAM} {__version__}" + (f", commit {commit}" if commit else ""))
+        parser.exit()
+
+
 def _unknown(words):
     """The fault of a verb or stage that does not exist, with the nearest name; None if there is none."""
     place, known = ("stage", STAGES) if words[:1] == [STAGE] else ("verb", (*TYPED, STAGE))
@@ -140,7 +154,10 @@ def _unknown(words):
         return None
     if name[0].startswith(MOVED):
         return InputError(
-            "command line", place, name[0], "no verb any more: the study is in `research/README.md`"
+            "command line",
+            place,
+            name[0],
+            "no verb any more: the study is in `research/README.md` of a checkout",
         )
     near = difflib.get_close_matches(name[0], (*known, *STAGES), 1)
     guess = near[0] if near and near[0] in known else f"{STAGE} {near[0]}" if near else ""

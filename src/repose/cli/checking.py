@@ -144,7 +144,7 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
         shares = (f"within_{percent:g}_percent" for percent in plan.TOLERANCES)
         chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
         print(f"{row['pours']:>7} {chances}")
-    print("from hidden truths with six free parameters, docs/sequential.md", flush=True)
+    print("from hidden truths with six free parameters: `repose docs sequential`", flush=True)
     measured = _berry_step_s(config, study.grain, study.particle)
     print(*_costs(config, result.budgets["pours"], measured), sep="\n")
 

@@ -154,7 +154,7 @@ def marker(args: argparse.Namespace) -> None:
     if not 5 <= args.square_mm <= 25:
         raise InputError("command line", "--square-mm", args.square_mm, "a number from 5 to 25")
     write_bytes(args.out, sheet.pdf(args.square_mm))
-    print(f"print {args.out} at 100 %, check its line of 100 mm, cut it out: docs/photographs.md")
+    print(f"print {args.out} at 100 %, check its line of 100 mm, cut it out: `repose docs photographs`")
 
 
 @family.verb(

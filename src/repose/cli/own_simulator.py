@@ -23,7 +23,7 @@ def _study(args: argparse.Namespace) -> "Study":
     from repose.config.study import Study
 
     if not is_own(args.config):
-        allowed = "the name of your simulator, in a configuration as docs/own_simulator.md shows"
+        allowed = "the name of your simulator, in a configuration as `repose docs own_simulator` shows"
         raise InputError(args.config, "simulator", None, allowed)
     return Study.own(args.config, args.runs if args.verb == "ask" else None)
 

@@ -11,7 +11,7 @@ from repose.core import places
 if TYPE_CHECKING:
     from repose.config.study import Study
 
-PROGRAM = "python -m repose"
+PROGRAM = "repose"
 
 
 class Option:

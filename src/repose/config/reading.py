@@ -142,6 +142,6 @@ def get(config: Any, key: str) -> Any:
 def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """A section that may be absent; InputError if it is."""
     if name not in config:
-        allowed = "a section of this name, see config/README.md; a configuration may lack it"
+        allowed = "a section of this name (`repose docs configuration`); a configuration may lack it"
         raise InputError("configuration", name, None, allowed)
     return config[name]

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from repose.studies.calibration import Calibration
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Study:
     """A study: its settings, what follows from them, and the runs so far.
 
@@ -44,7 +44,7 @@ class Study:
         A range ``(low, high)``, ``{"fixed": value}`` or ``{"prior": {"mean": m, "sd": s}}`` for each parameter.
     targets : mapping
         ``(value, sd)`` or ``(value, sd, repetitions)`` for each response that was measured, 1 repetition if it is not
-        said, or the keys of docs/own_simulator.md, by which a file of heights is a target, too.
+        said, or the keys of `repose docs own_simulator`, by which a file of heights is a target, too.
     strategy : str
         One of `repose.strategies.names()`.
     seed : int
@@ -54,7 +54,7 @@ class Study:
     simulator, label : str
         Names of your simulator and of your material.
     **sections
-        Further keys of docs/own_simulator.md, such as ``sequential={"batch": 4}``.
+        Further keys of `repose docs own_simulator`, such as ``sequential={"batch": 4}``.
 
     Attributes
     ----------
@@ -68,8 +68,8 @@ class Study:
     """
 
     config: dict[str, Any]
-    _making: Making | None = field(repr=False)  # None: a simulator of the user's own
-    _file: Path | None = field(repr=False)
+    _making: Making | None  # None: a simulator of the user's own
+    _file: Path | None
 
     def __init__(
         self,
@@ -104,6 +104,10 @@ class Study:
         for name, value in (("config", config), ("_making", making), ("_file", file)):
             object.__setattr__(self, name, value)
         return self
+
+    def __repr__(self) -> str:
+        free, targets = (", ".join(names) for names in (self.parameters.free, self.targets.names))
+        return f"<Study {self.config['label']}: {free} by {targets}, strategy {self.config['strategy']}>"
 
     @classmethod
     def _of(cls, config, making, file=None):

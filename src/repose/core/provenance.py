@@ -30,12 +30,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 from repose import __version__
-from repose.core import attached
+from repose.core import attached, places
 from repose.core.errors import InputError
 from repose.core.places import PACKAGE
 from repose.core.sources import engine_hash
 
 CPU_INFO = Path("/proc/cpuinfo")
+BUILT_FROM = "commit.txt"  # beside the program's other data; a build writes it
 # With these set, numba compiles and numpy calculates as on another type of processor, with other last bits.
 FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 
@@ -147,7 +148,7 @@ def hash_of_file(path: str | PathLike) -> str:
 
 @cache
 def machine() -> dict[str, str | None]:
-    """Versions, commit (None outside a checkout) and processor type."""
+    """Versions, commit (None where it is not known) and processor type."""
     from importlib import metadata  # slow to import, which the help of a verb should avoid
 
     return {
@@ -166,10 +167,10 @@ def _content(path):
 
 
 def _commit():
-    """Commit of the checkout of the package; None outside a checkout."""
-    root = PACKAGE.parents[1]
+    """Commit of the checkout of the package, or of that from which it was built; None if neither is known."""
+    root, noted = PACKAGE.parents[1], places.root() / BUILT_FROM
     if not (root / ".git").exists():
-        return None
+        return noted.read_text(encoding="utf-8").strip() or None if noted.is_file() else None
     words = ["git", "-C", str(root), "rev-parse", "--short=12", "HEAD"]
     try:
         return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()

@@ -1,0 +1,58 @@
+"""The verb that shows the documentation, whose pages come with the program."""
+
+import argparse
+import difflib
+import sys
+from pathlib import Path
+
+from repose.cli.registry import PROGRAM, Family, Option
+from repose.core import places
+from repose.core.errors import InputError
+
+NO_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
+
+family = Family()
+
+
+@family.verb(
+    "print a page of the documentation; without a name, list the pages",
+    example="photographs",
+    config=False,
+    options=[Option("name", nargs="?", help="of the page; without it, all are listed")],
+)
+def docs(args: argparse.Namespace) -> None:
+    known = pages()
+    if args.name is None:
+        width = max(map(len, known))
+        print(*(f"{name:{width}}  {title_of(path)}" for name, path in known.items()), sep="\n")
+        return
+    if args.name not in known:
+        near = difflib.get_close_matches(args.name, known, 1)
+        meant = f"did you mean {near[0]}? " if near else ""
+        raise InputError("command line", "docs", args.name, f"{meant}`{PROGRAM} docs` lists the pages")
+    text = known[args.name].read_text(encoding="utf-8")
+    if not sys.stdout.isatty():
+        print(text, end="")
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    console = Console()
+    with console.pager(styles=True):
+        console.print(Markdown(text))
+
+
+def pages() -> dict[str, Path]:
+    """Every page by its name, in the order of their names; an index has the name of its folder."""
+    folder = places.root() / "docs"
+    found = [path for pattern in ("*.md", "[!_]*/*.md") for path in folder.glob(pattern)]
+    names = {path.parent.name if path.stem == "index" else path.stem: path for path in found}
+    names["configuration"] = places.root() / "config" / "README.md"
+    names["library"] = places.PACKAGE / "dem" / "README.md"
+    return {name: names[name] for name in sorted(names) if name not in NO_PAGES}
+
+
+def title_of(path: Path) -> str:
+    """The first heading of a page."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return next((line.removeprefix("# ") for line in lines if line.startswith("# ")), "")
