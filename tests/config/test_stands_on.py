@@ -25,6 +25,7 @@ def test_what_only_the_measurement_reads_makes_no_run_again(name, monkeypatch):
         changed[section][key] = "another"
         assert stands_on.pouring(changed, name) == stands_on.pouring(config, name)
         assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
+        assert stands_on.settings_of(changed, "next") != stands_on.settings_of(config, "next"), dotted
 
 
 @pytest.mark.parametrize("name", USED)

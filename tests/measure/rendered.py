@@ -113,7 +113,11 @@ class Scene:
     @cached_property
     def heaps(self):
         """Scenes of the pile and of the second heap, each about its own axis, and the places (2,) of their axes."""
-        other = [(replace(self, seed=self.seed + 7919, height=self.second[2]), self.second[:2])] if self.second else []
+        other = (
+            [(replace(self, seed=self.seed + 7919, height=self.second[2]), self.second[:2])]
+            if self.second
+            else []
+        )
         return [(self, (0.0, 0.0)), *other]
 
     @property

@@ -81,7 +81,11 @@ def scene(number: int, draw: int) -> Scene:
             made["box"] = (middle - wide / 2, middle + wide / 2, high, half + rng.uniform(20, 80))
         case "a heap beside it":
             high = rng.uniform(0.4, 1.0) * height
-            made["second"] = (half + high / np.tan(np.radians(angle)) + rng.uniform(5, 40), rng.uniform(-30, 60), high)
+            made["second"] = (
+                half + high / np.tan(np.radians(angle)) + rng.uniform(5, 40),
+                rng.uniform(-30, 60),
+                high,
+            )
             made["aim"] = (made["aim"][0] + 60, *made["aim"][1:])
         case "a heap that touches it":
             high = rng.uniform(0.4, 0.9) * height
@@ -160,12 +164,17 @@ def main() -> None:
         made = outcomes(asked.folder or Path(kept), asked.draw, asked.numbers)
     for one in made:
         result = one.refused or f"{one.angle:+.2f} deg {one.height:+.2f} mm"
-        print(f"{one.number:2d} {one.trouble or '-'}; {'plain' if one.plain else 'not plain'}; {result}; {one.note}")
+        print(
+            f"{one.number:2d} {one.trouble or '-'}; {'plain' if one.plain else 'not plain'}; {result}; {one.note}"
+        )
     measured = [one for one in made if not one.refused]
     wrong = [one for one in measured if abs(one.angle) > WRONG[0] or abs(one.height) > WRONG[1]]
     silent = [one.number for one in wrong if not one.note]
     could = [one.number for one in made if one.refused and one.plain and not one.trouble]
-    print(f"{len(measured)} of {len(made)} measured; wrong {len(wrong)}, in silence {len(silent)} {silent}; ", end="")
+    print(
+        f"{len(measured)} of {len(made)} measured; wrong {len(wrong)}, in silence {len(silent)} {silent}; ",
+        end="",
+    )
     print(f"refused though an eye would measure it {len(could)} {could}")
 
 

@@ -5,7 +5,6 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from repose.cli.registry import Option
-from repose.core.published import beside
 
 if TYPE_CHECKING:
     from repose.config.study import Study
@@ -35,12 +34,12 @@ def berry_and_particle(
     return of_berry, build.of_settings(of_berry, study.config["berry"])
 
 
-def write_berry(config: Mapping[str, Any], out_dir: str | PathLike) -> None:
-    """Write sizes and moduli of the configuration's berry, beside the published values."""
+def write_berry(study: "Study", out_dir: str | PathLike) -> None:
+    """Write sizes and moduli of the study's berry, beside the published values, if there are any."""
     from repose.particle import berry
 
-    section = config["berry"]
-    berry.run(section["sizes"], section["compression"], _table1(config), out_dir, *_material(section))
+    section, table1 = study.config["berry"], study.published("table1.csv")
+    berry.run(section["sizes"], section["compression"], table1, out_dir, *_material(section))
 
 
 def write_particle(
@@ -50,11 +49,6 @@ def write_particle(
     from repose.particle import build
 
     return build.run(berry_json, config["berry"]["stl"], out_dir, **_how(config))
-
-
-def _table1(config):
-    """Published sizes of the configuration's crop, if there are any."""
-    return beside(config["validation"]["published"], "table1.csv")
 
 
 def _material(section):

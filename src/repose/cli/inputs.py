@@ -41,7 +41,7 @@ def berry(args: argparse.Namespace) -> None:
     if args.axes or args.stl:
         _build(args)
     else:
-        write_berry(load(args).config, args.out)
+        write_berry(load(args), args.out)
 
 
 def _build(args: argparse.Namespace) -> None:

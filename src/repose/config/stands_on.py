@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from repose.apparatus import bench
+from repose.apparatus import bench, bench_tests
 from repose.config.loader import FILES
 from repose.core import attached
 from repose.core.provenance import hash_of, hash_of_file
@@ -24,28 +24,38 @@ def _keys(section, *names):
     return tuple(f"{section}.{name}" for name in names)
 
 
+RESPONSES = "responses"  # in place of the targets: what `responses` gives
 _SEQUENTIAL = ("targets", "parameters", "design.seed", *_keys("sequential", "seeds", "tolerance_percent"))
 _SURFACE = ("targets", "parameters")
 _SOLUTIONS = _keys("miga", "solutions", "distance")
+# A test runs the stages and compares these with the keys that they read.
 KEYS = {
     "berry": ("berry",),
     "shape": ("berry",),
     "design": ("parameters", "design"),
-    "network": ("surrogate", "network"),
+    "dataset": (RESPONSES,),
+    "network": (RESPONSES, "surrogate", "network"),
     "miga": ("parameters", "targets", "miga"),
-    "solutions": ("parameters", "targets", "validation.solutions"),
-    "published_solutions": ("validation.published",),
+    "solutions": ("parameters", "targets", *_keys("validation", "solutions", "published")),
+    "published_solutions": ("parameters", "validation.published"),
     "validate": ("parameters", "targets", "validation.published"),
     "silhouette": ("measure",),
     "measure_silhouette": ("measure",),
-    "drum_tables": ("measure.mm_per_pixel", *_keys("drum", "fit_share", "depth_bin_mm")),
+    "drum_tables": (
+        "measure.mm_per_pixel",
+        *_keys("drum", "fit_share", "depth_bin_mm", "outer_diameter_mm", "wall_thickness_mm", "length_mm"),
+    ),
     "noise": ("targets",),
     "posterior": ("parameters", "targets", "posterior"),
     "sensitivity": ("parameters", "targets", "sensitivity"),
     "plausible": ("posterior.seed",),
     "next": ("targets", "posterior.discrepancy_percent", "measure"),
-    "sequential_start": ("parameters", "design.seed", "sequential.start_samples"),
-    "sequential_batch": (*_SEQUENTIAL, *_keys("sequential", "batch", "probability", "most_pours")),
+    "sequential_start": ("parameters", "design.seed", *_keys("sequential", "start_samples", "seeds")),
+    "sequential_batch": (
+        *_SEQUENTIAL,
+        *_keys("sequential", "start_samples", "batch", "probability", "most_pours"),
+        *_SOLUTIONS,
+    ),
     "sequential_check": (*_SEQUENTIAL, "sequential.start_samples", *_SOLUTIONS),
     "response_design": ("parameters", *_keys("response_surface", "screening_runs", "centres", "seeds")),
     "response_step": (*_SURFACE, "response_surface"),
@@ -63,11 +73,13 @@ NAMES = ("label", "results_dir", "figures")
 
 
 def sections(config: Config, *names: str) -> dict[str, Any]:
-    """Sections of a configuration by name, or single dotted keys such as `design.seed`."""
-    return {
+    """Sections of a configuration by name, single dotted keys such as `design.seed`, or `RESPONSES`."""
+    chosen = {
         name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config))
         for name in names
+        if name != RESPONSES
     }
+    return chosen | (responses(config) if RESPONSES in names else {})
 
 
 def _in_order(value):
@@ -116,10 +128,11 @@ def settings_of(
         chosen = pouring(config, "drum")
     elif verb == "measure_runs":
         chosen = measuring(config, apparatus)
-    elif verb == "dataset":
-        chosen = responses(config)
     elif verb in KEYS:
         chosen = sections(config, *KEYS[verb])
+        if verb == "next":  # it measures the runs of every bench test
+            tests = (test for test in bench_tests() if config.get(test.name))
+            chosen |= sections(config, *(f"{test.name}.{key}" for test in tests for key in test.measured_by))
     else:
         chosen = {name: value for name, value in config.items() if name not in NAMES}
     if berry_is_made:

@@ -230,7 +230,9 @@ def _without_bays(mask, berry_px):
     upwards = mask[::-1] > 0
     lowest = upwards.argmax(axis=0)
     rows = np.arange(len(mask))[:, None]
-    end = np.where(~upwards & (rows > lowest), rows, len(mask)).min(axis=0)  # of the lowest part of the column
+    end = np.where(~upwards & (rows > lowest), rows, len(mask)).min(
+        axis=0
+    )  # of the lowest part of the column
     bay = upwards.any(axis=0) & (lowest < 1.5 * berry_px) & (end - lowest > 1.5 * berry_px)
     return np.where(bay & (rows < lowest), 1, mask[::-1])[::-1].astype(np.uint8)
 

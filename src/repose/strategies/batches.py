@@ -18,7 +18,7 @@ Path_ = str | os.PathLike
 
 def propose(name: str, study: Studied, folders: Sequence[Path_] = ()) -> Batch | Answer:
     """What a strategy proposes after the batches in `folders`, of which an InputError names the last."""
-    data = read(folders, study.targets)
+    data = read(folders, study.targets) if folders else pd.DataFrame()
     try:
         return strategy(name).propose(study, data)
     except InputError as error:

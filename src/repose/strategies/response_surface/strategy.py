@@ -13,7 +13,7 @@ from repose.strategies.runs import next_number, samples_of_runs
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """The samples of the next step, or the answer; the notes are the tables of the last step, and `why` in words."""
-    space, targets, section = study.parameters, study.targets, study.config["response_surface"]
+    space, section = study.parameters, study.config["response_surface"]
 
     def batch(table: pd.DataFrame, **notes: Any) -> Batch:
         return Batch(table.assign(seeds=section["seeds"]), notes)
@@ -21,6 +21,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     table = screening.design(space, section)
     if _lacks(data, table):
         return batch(table)
+    targets = study.targets
     dataset = samples_of_runs(data, space, targets)
     found = screening.screened(table, dataset, space, targets, section, "runs")
     if _lacks(data, found.path):

@@ -1,0 +1,200 @@
+"""The keys of `stands_on.KEYS` beside those that each stage reads, on made-up runs."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from goji import PARTICLE
+from synthetic import responses, write_poured
+from test_drum import saved
+from test_simulated_piles import cone_of_berries
+
+from repose.cli import TYPED, VERBS, parser
+from repose.config import loader, reading, stands_on, study
+from repose.core.parameters import PARAMETERS
+from repose.core.published import beside
+
+NOT_RUN = {"next"}  # it needs runs of four sets in a further bench test
+SMALL = {
+    "surrogate": "gaussian_process",
+    "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
+    "posterior": {"walkers": 32, "steps": 100},
+    "sensitivity": {"samples": 64, "resamples": 20},
+    "sequential": {"probability": 0.05},
+    "berry": {"particle": "ellipsoid"},
+}
+
+
+class Noted(dict):
+    """A mapping that notes the dotted keys which are read of it; reading a section is to read its keys."""
+
+    def __init__(self, content, keys, prefix=""):
+        super().__init__(content)
+        self.keys_read, self.prefix = keys, prefix
+
+    def __getitem__(self, key):
+        value = super().__getitem__(key)
+        if isinstance(value, dict):
+            return Noted(value, self.keys_read, f"{self.prefix}{key}.")
+        self.keys_read.add(f"{self.prefix}{key}")
+        return value
+
+    def __iter__(self):  # without it dict(...) and ** would not call __getitem__
+        return super().__iter__()
+
+    def get(self, key, default=None):
+        return self[key] if key in self.keys() else default
+
+    def items(self):
+        return [(key, self[key]) for key in self]
+
+    def values(self):
+        return [self[key] for key in self]
+
+    def __or__(self, other):
+        return dict(self.items()) | dict(other.items())
+
+    def __ror__(self, other):
+        return other | dict(self.items())
+
+
+def entry_of(key, listed):
+    """The entry that lists a dotted key: it or its section; without one the key."""
+    entries = (key, key.partition(".")[0], stands_on.RESPONSES if key == "targets" else key)
+    return next((entry for entry in entries if entry in listed), key)
+
+
+@pytest.fixture(scope="module")
+def keys_read(tmp_path_factory):
+    """Keys that each stage read in a small study, by the stage's name."""
+    folder, patch = tmp_path_factory.mktemp("keys"), pytest.MonkeyPatch()
+    config = study.Study.load("config/config.yaml", "config/quick.yaml", overrides=SMALL).config
+    config["results_dir"] = str(folder)
+    loader.write_resolved(config, folder / "config.json")
+    found = {}
+
+    def run(verb, *words, **options):
+        """Run a stage as its rule does, without its record of provenance, which reads the listed keys."""
+        keys = found.setdefault(verb, set())
+        patch.setattr(study, "read_json", lambda path, what: Noted(config, keys))
+        # no result depends on these: files of other definitions are refused, and a rule has its tables as inputs
+        patch.setattr(study, "get", lambda _, key: reading.get(config, key))
+        published = config["validation"]["published"]
+        patch.setattr(study.Study, "published", lambda _, table: beside(published, table))
+        given = [f"--{key}={value}" for key, value in options.items()]
+        name = [verb] if verb in TYPED else ["stage", verb]
+        given.append(f"--config={folder / 'config.json'}")
+        VERBS[verb](parser().parse_args([*name, *map(str, words), *given]))
+
+    def poured(samples_csv, out, seeds=2):
+        """Made-up runs of a table of samples."""
+        write_poured(out, pd.read_csv(samples_csv), 2.0, len(str(out)), seeds)
+
+    try:
+        chain(run, folder)
+        strategies(run, poured, folder)
+        pictures(run, folder)
+    finally:
+        patch.undo()
+    return found
+
+
+def measured(table, folder):
+    """Measured jobs of two runs for each sample of a table; their paths."""
+    folder.mkdir(parents=True)
+    paths, values = [], np.stack([responses(table, 2.0, seed) for seed in range(2)], axis=1).tolist()
+    for row, of_sample in zip(table.to_dict("records"), values, strict=True):
+        runs = [
+            {"seed": seed, "status": "ok", "reason": "", "aor_deg": angle, "height_mm": height}
+            for seed, (angle, height) in enumerate(of_sample)
+        ]
+        job = {"sample": row["sample"], "parameters": {name: row[name] for name in PARAMETERS}, "runs": runs}
+        paths.append(folder / f"{row['sample']:03d}.json")
+        paths[-1].write_text(json.dumps(job))
+    return paths
+
+
+def chain(run, at):
+    """The method, and the studies beside it."""
+    run("berry", out=at / "berry")
+    run("shape", berry=at / "berry/berry.json", out=at / "berry")
+    run("design", out=at / "design")
+    jobs = measured(pd.read_csv(at / "design/samples.csv"), at / "heaps")
+    run("dataset", *jobs, samples=at / "design/samples.csv", out=at)
+    tables = {name: at / f"{name}.csv" for name in ("dataset", "runs")}
+    run("network", **tables, out=at / "network")
+    network = {"network": at / "network/network.json"}
+    run("miga", **network, dataset=at / "dataset.csv", out=at / "miga")
+    run("solutions", feasible=at / "miga/feasible.csv", out=at / "validation")
+    run("published_solutions", out=at / "validation")
+    jobs = measured(pd.read_csv(at / "validation/solutions.csv"), at / "validation/heaps")
+    own = {"solutions": at / "validation/solutions.csv", "dataset": at / "dataset.csv"}
+    run("validate", *jobs, **own, out=at / "validation")
+    run("noise", runs=at / "runs.csv", out=at / "noise")
+    found = {"predictions": at / "network/predictions.csv", "feasible": at / "miga/feasible.csv"}
+    run("posterior", **network, **tables, **found, out=at / "posterior")
+    run("sensitivity", **network, out=at / "sensitivity")
+    run("plausible", draws=at / "posterior/draws.csv", out=at / "next/samples.csv")
+
+
+def strategies(run, poured, at):
+    """The strategies with several batches."""
+    batch, check = at / "sequential/batch_0", at / "sequential/check"
+    run("sequential_start", out=batch)
+    poured(batch / "samples.csv", batch)
+    run("sequential_batch", batch, out=batch)
+    poured(batch / "next.csv", check)
+    tables = {name: check / f"{name}.csv" for name in ("dataset", "runs")}
+    run("sequential_check", batch, **tables, out=at / "sequential")
+    poured(batch / "samples.csv", at / "far")  # whose piles are out of reach
+    for table in ("dataset", "runs"):
+        far = pd.read_csv(at / f"far/{table}.csv")
+        far.assign(height_mm=far["height_mm"] + 40.0).to_csv(at / f"far/{table}.csv", index=False)
+    run("sequential_batch", at / "far", out=at / "far")
+    steps = [at / "response_surface" / name for name in ("screening", "ascent", "surface", "check")]
+    run("response_design", out=steps[0])
+    for number, step in enumerate(steps):
+        poured(step / "samples.csv", step)
+        if number < 3:
+            following = steps[number + 1] / "samples.csv"
+            run("response_step", *steps[: number + 1], next=following, out=step)
+    run("response_check", *steps, out=steps[-1])
+    rounds = [at, at / "refined/round_0"]
+    run("refine_propose", at, out=rounds[1])
+    poured(rounds[1] / "proposal.csv", rounds[1])
+    run("refine_propose", *rounds, out=at / "refined/round_1")
+    tables = {name: rounds[1] / f"{name}.csv" for name in ("proposal", "dataset", "runs")}
+    run("refine_judge", **tables, out=rounds[1])
+    run("refine_tables", rounds[1] / "verdict.json", out=at / "refined")
+
+
+def pictures(run, at):
+    """The measurements of a pile and of a drum."""
+    centres, turned = cone_of_berries(30.0, np.random.default_rng(1), 200)
+    np.savez(at / "001.npz", position_1=centres, quaternion_1=turned, in_pile_1=np.full(200, True))
+    PARTICLE.save(at / "particle.json")
+    (at / "berry.json").write_text((at / "berry/berry.json").read_text())
+    run("silhouette", at / "001.npz", particle=at / "particle.json", out=at / "side.png")
+    grain = {"berry": at / "berry.json"}
+    run("measure_silhouette", at / "side.png", **grain, overlay=at / "over.png", out=at / "side.json")
+    slipped = saved(at, 1, 30.0, status="ok", before_turned_deg=1.0, after_turned_deg=3.0)
+    with np.load(at / "drum_1.npz") as kept:
+        arrays = dict(kept)
+    arrays |= {
+        f"{key}_{state}": arrays[key][0]
+        for key in ("position", "quaternion")
+        for state in ("before", "after")
+    }
+    np.savez(at / "drum_1.npz", **arrays)
+    run("drum_tables", slipped, **grain, particle=at / "particle.json", out=at / "drum")
+
+
+def test_every_stage_of_the_table_is_run_here(keys_read):
+    assert set(keys_read) == set(stands_on.KEYS) - NOT_RUN
+
+
+@pytest.mark.parametrize("verb", sorted(set(stands_on.KEYS) - NOT_RUN))
+def test_a_stage_reads_the_keys_that_are_listed_and_no_others(verb, keys_read):
+    listed = stands_on.KEYS[verb]
+    assert {entry_of(key, listed) for key in keys_read[verb]} == set(listed)
