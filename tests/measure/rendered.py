@@ -302,7 +302,7 @@ def _ground_light(scene):
     if scene.with_pile:
         lying = [(heap.grains, place) for heap, place in scene.heaps] + [(scene.loose_grains, (0, 0))]
         for (centres, _, sizes), place in lying:
-            for (x, y, z), size in zip(centres + np.array([*place, 0]), sizes, strict=True):
+            for (x, y, z), size in zip(centres + [*place, 0], sizes, strict=True):
                 fall = -LIGHT[:2] / LIGHT[2] * z
                 radius = max(1, round(size * scene.berry_mm / 2))
                 cv2.circle(shade, (round(half + x + fall[0]), round(half + y + fall[1])), radius, 1, -1)
