@@ -44,9 +44,13 @@ def planned():
 
 @pytest.fixture
 def handler(capsys):
+    before = signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # ignored where the tests run in the background
     handler = run_display.LogHandler(SimpleNamespace(), None)
     yield handler
     handler.close()
+    signal.signal(signal.SIGINT, before)
 
 
 def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch, tmp_path):

@@ -7,7 +7,7 @@ pile's own silhouette, orthographic and without anything else, measured like tha
 World: x right, y away from the camera, z up, in mm; the crest lies near x = y = 0, the plate at z = 0.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -25,8 +25,6 @@ CROPS = {  # albedo (blue first), axes of the mean grain [mm]
     "soybean": ((120, 190, 215), (7.5, 6.8, 6.2)),
     "pea": ((70, 170, 110), (7.6, 7.4, 7.2)),
     "coffee": ((30, 45, 75), (10.5, 8.0, 5.5)),
-    "rice": ((205, 225, 230), (6.8, 2.9, 2.3)),
-    "bean": ((32, 30, 34), (9.5, 6.8, 5.6)),
 }
 
 
@@ -38,7 +36,6 @@ class Scene:
     crop: str = "goji"
     angle: float = 30.0
     height: float = 62.0
-    foot: float = 0.0  # height over which the flank turns into a layer on the plate
     wall: tuple = (200, 190, 180)
     ground: tuple = (205, 200, 195)
     texture: str = "plain"  # of wall and plate: plain, cloth, wood, speckle
@@ -54,8 +51,6 @@ class Scene:
     hand: float = 0.0  # of a hand
     loose: int = 0
     ruler: str = ""  # "", "standing", "lying"
-    box: tuple = ()  # behind the pile: left, right, height, distance behind the crest
-    second: tuple = ()  # heap of the same grains: place along and away from the camera, height
     with_pile: bool = True
     with_sheet: bool = True
     sheet_left: float = -300.0
@@ -76,8 +71,7 @@ class Scene:
         rng = np.random.default_rng([self.seed, 1])
         big = 2 * float(np.prod(self.axes) ** (1 / 3))
         inset = 0.5 * big
-        slope = np.tan(np.radians(self.angle))
-        radius = (self.height + 3 * self.foot) / slope
+        radius = self.height / np.tan(np.radians(self.angle))
         count = int(60 * radius**2 / big**2)
         turn = rng.uniform(0, 2 * np.pi, count)
         share = np.sqrt(rng.uniform(0, 1, count))
@@ -85,10 +79,6 @@ class Scene:
         bent = 1 + 0.04 * np.cos(turn - rng.uniform(0, 6)) + 0.03 * np.cos(2 * turn - rng.uniform(0, 6))
         away = share * (radius - inset) * bent
         z = self.height * (1 - share) - inset * (1 - share) + inset * share - low
-        if self.foot:
-            top = self.foot * np.logaddexp(0, (self.height - slope * away) / self.foot)
-            z = top - inset / np.cos(np.radians(self.angle)) - low
-            z = np.where((z < 0.45 * big) & (low < 0.8 * big) & (top > 0.35 * big), 0.45 * big, z)
         points = np.column_stack([away * np.cos(turn), away * np.sin(turn), z])
         points = points[z >= 0.45 * big]
         kept = _apart(points, 0.72 * big)
@@ -109,16 +99,6 @@ class Scene:
         half = rng.uniform(0, np.pi, self.loose) / 2
         flat = np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)])
         return points, flat, rng.normal(1.0, 0.06, self.loose).clip(0.8, 1.2)
-
-    @cached_property
-    def heaps(self):
-        """Scenes of the pile and of the second heap, each about its own axis, and the places (2,) of their axes."""
-        other = (
-            [(replace(self, seed=self.seed + 7919, height=self.second[2]), self.second[:2])]
-            if self.second
-            else []
-        )
-        return [(self, (0.0, 0.0)), *other]
 
     @property
     def berry_mm(self):
@@ -158,9 +138,8 @@ def photograph(scene):
     rays = np.concatenate([ahead, np.ones((height, width, 1))], -1) @ turn
     colour, depth = _room(scene, eye, rays)
     if scene.with_pile:
-        for heap, place in scene.heaps:
-            _cast(heap, heap.grains, True, eye - [*place, 0], rays, (camera, lens, turn), colour, depth)
-        _cast(scene, scene.loose_grains, False, eye, rays, (camera, lens, turn), colour, depth)
+        for grains, inside in ((scene.grains, True), (scene.loose_grains, False)):
+            _cast(scene, grains, inside, eye, rays, (camera, lens, turn), colour, depth)
     colour *= _light(scene, height, width)[..., None]
     colour = cv2.GaussianBlur(colour, (0, 0), 0.7)
     noise = scene.rng.normal(0, 2.2, colour.shape)
@@ -254,10 +233,6 @@ def _room(scene, eye, rays):
         turn = np.radians(scene.sheet_yaw)
         along = np.array([np.cos(turn), np.sin(turn), 0])
         _stand(page, mm, np.array([scene.sheet_left, 0, 0]), along, eye, rays, colour, depth)
-    if scene.box:
-        left, right, high, behind = scene.box
-        page = np.full((round(high), round(right - left), 3), CROPS[scene.crop][0], np.uint8)
-        _stand(page, 1, np.array([left, behind, 0]), np.array([1.0, 0, 0]), eye, rays, colour, depth)
     if scene.ruler == "standing":
         _stand(_ruler(200), 4, np.array([165.0, 20.0, 0]), np.array([1.0, 0, 0]), eye, rays, colour, depth)
     return colour, depth
@@ -300,9 +275,8 @@ def _ground_light(scene):
     shade = np.zeros((GROUND_MM, GROUND_MM), np.float32)
     half = GROUND_MM // 2
     if scene.with_pile:
-        lying = [(heap.grains, place) for heap, place in scene.heaps] + [(scene.loose_grains, (0, 0))]
-        for (centres, _, sizes), place in lying:
-            for (x, y, z), size in zip(centres + [*place, 0], sizes, strict=True):
+        for centres, _, sizes in (scene.grains, scene.loose_grains):
+            for (x, y, z), size in zip(centres, sizes, strict=True):
                 fall = -LIGHT[:2] / LIGHT[2] * z
                 radius = max(1, round(size * scene.berry_mm / 2))
                 cv2.circle(shade, (round(half + x + fall[0]), round(half + y + fall[1])), radius, 1, -1)

@@ -57,6 +57,7 @@ def test_the_wheel_holds_what_a_study_reads():
 def test_the_source_distribution_holds_what_the_wheel_is_built_from_and_no_more():
     targets = PROJECT["tool"]["hatch"]["build"]["targets"]
     needed = {*targets["wheel"]["force-include"], "src", *PROJECT["project"]["license-files"]}
+    needed |= {"docs", "hatch_build.py"}  # pages of `repose docs`, and the commit of `repose --version`
     assert set(targets["sdist"]["only-include"]) == needed | {"CHANGELOG.md", "CITATION.cff", "README.md"}
 
 

@@ -147,7 +147,6 @@ def side_view(
     axis_mm: float | None,
     longest: int,
     part: tuple[float, float, float] | None = None,
-    finest_mm: float = math.inf,
 ) -> tuple[SideView, float]:
     """The upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
 
@@ -165,7 +164,7 @@ def side_view(
     if part is not None:
         low, high, top = max(low, part[0]), min(high, part[1]), min(top, part[2])
     fine = float(np.linalg.norm(np.diff(pose.pixels_of(origin + np.outer([0, 1.0], right)), axis=0)))
-    scale = float(max(min(1 / fine, finest_mm), (high - low) / longest, (top + BELOW_MM) / longest))
+    scale = float(max(1 / fine, (high - low) / longest, (top + BELOW_MM) / longest))
     columns, rows = math.ceil((high - low) / scale), math.ceil((top + BELOW_MM) / scale)
     base = rows - 1 - BELOW_MM / scale
     u = low + scale * np.arange(columns)

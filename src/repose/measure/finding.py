@@ -18,12 +18,9 @@ from repose.core.errors import NoFlankError
 from repose.measure.segmentation import Segmentation, require_upright
 
 COLOUR_GAIN, BRIGHTNESS_GAIN = 110.0, 45.0
-EQUAL = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)  # brightness counts as colour does
 DARK = 14.0  # tones: noise of darker pixels has no colour
 SIDES = 0.25  # share of the width, on either side, that shows mostly background
 STANDS_OUT = 30.0  # difference of colours that texture does not reach
-ROUGHNESS_GAIN = 1.0
-SMOOTH = 0.5
 ROUNDS = 4  # of GrabCut
 FINE_PX = 1200  # longer side of a view in which colours are compared, at least
 SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes at most
@@ -40,19 +37,16 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
     """Find the pile in a coarse view of the whole photograph: a mask (H, W), 1 in the pile."""
     above = math.ceil(base_row)
     colours = _fill(features(image), hidden)[:above]
-    not_behind, rough = hidden[:above], _roughness(colours)
-    for _ in range(2):  # the second background is fitted without the first guess
-        difference = colours - _background(colours, not_behind)
-        first, others = _first_guess(difference, rough, hidden[:above])
-        not_behind = hidden[:above] | (cv2.dilate(first.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
-    difference[others] = 0
+    behind = _background(colours, hidden[:above])
+    first, others = _first_guess(colours - behind, hidden[:above])
+    colours = np.where(others[..., None], behind, colours)
     start = np.where(first, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     strip = max(2, round(0.02 * first.shape[1]))
     edge = np.ones(first.shape, bool)
     edge[strip:, strip:-strip] = False
     start[edge & ~first] = cv2.GC_BGD
     start[hidden[:above] | others] = cv2.GC_BGD
-    mask = _largest(_without_shadow(_grab(difference, start), difference, rough))
+    mask = _largest(_without_shadow(_grab(colours, start), colours - behind))
     return np.vstack([mask, np.zeros((len(image) - above, mask.shape[1]), np.uint8)])
 
 
@@ -68,9 +62,7 @@ def refine(
     start = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     start[cv2.erode(below, disc)[:above] > 0] = cv2.GC_FGD
     start[(cv2.dilate(below, disc)[:above] == 0) | hidden[:above]] = cv2.GC_BGD
-    behind = _background(colours, hidden[:above] | (start != cv2.GC_BGD))
-    mask = _largest(_grab(colours - behind, start))
-    mask = _without_floating(_without_bays(mask, berry_px), GAP * berry_px)
+    mask = _without_floating(_largest(_grab(colours, start)), GAP * berry_px)
     mask = _largest(_without_touching(mask, round(NECK * berry_px)))
     require_upright(mask)
     grey = cv2.cvtColor(image[:above], cv2.COLOR_BGR2GRAY)
@@ -94,7 +86,7 @@ def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach
         means.append(total / np.maximum(weight, 1)[..., None])
     columns = np.flatnonzero(pile.mask.any(axis=0))
     top = pile.mask.argmax(axis=0)[columns]
-    difference = np.linalg.norm((means[0] - means[1])[top, columns] * EQUAL, axis=1)
+    difference = np.linalg.norm((means[0] - means[1])[top, columns], axis=1)
     return float((difference < FAINT).mean())
 
 
@@ -158,21 +150,9 @@ def _background(colours, hidden):
     return centre
 
 
-def _roughness(colours):
-    """Scatter (H, W) of the brightness about each pixel: grains with gaps between them are rough, a shadow is not."""
-    tone, size = colours[..., 2], (5, 5)
-    return np.sqrt(np.maximum(cv2.blur(tone * tone, size) - cv2.blur(tone, size) ** 2, 0))
-
-
-def _first_guess(difference, rough, hidden):
+def _first_guess(difference, hidden):
     """Masks of the largest part that stands on the plate, wider than high, and of other things, such as a ruler."""
-    shown = np.where(hidden & ~hidden.all(axis=1, keepdims=True), np.nan, rough)
-    usual = np.nanmedian(shown, axis=1, keepdims=True)  # of the row: an edge of the table is rough, too
-    size = np.sqrt(
-        (difference[..., :2] ** 2).sum(-1)
-        + (0.5 * difference[..., 2]) ** 2
-        + (ROUGHNESS_GAIN * np.maximum(rough - usual, 0)) ** 2
-    )
+    size = np.sqrt((difference[..., :2] ** 2).sum(-1) + (0.5 * difference[..., 2]) ** 2)
     size = np.where(hidden, 0, cv2.GaussianBlur(size, (0, 0), 1.5))
     level, _ = cv2.threshold(
         np.clip(size, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU
@@ -196,9 +176,9 @@ def _first_guess(difference, rough, hidden):
     return labels == best, cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
 
 
-def _grab(difference, start):
+def _grab(colours, start):
     """The pile's mask by GrabCut, from its start marks."""
-    picture = np.clip(128 + difference, 0, 255).astype(np.uint8)
+    picture = np.clip(colours, 0, 255).astype(np.uint8)
     marks = start.copy()
     cv2.setRNGSeed(1)
     cv2.grabCut(picture, marks, None, np.zeros((1, 65)), np.zeros((1, 65)), ROUNDS, cv2.GC_INIT_WITH_MASK)
@@ -206,9 +186,9 @@ def _grab(difference, start):
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
 
 
-def _without_shadow(mask, difference, rough):
+def _without_shadow(mask, difference):
     """The mask without parts that have the background's colour and are darker, unless the pile itself is like that."""
-    shadow = _of_a_shadow(mask, difference) & (rough < SMOOTH * np.median(rough[mask > 0]))
+    shadow = _of_a_shadow(mask, difference)
     shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
@@ -223,18 +203,6 @@ def _of_a_shadow(mask, difference):
     if shadow[upper].sum() > 0.12 * mask[upper].sum():
         return np.zeros(mask.shape, bool)
     return shadow
-
-
-def _without_bays(mask, berry_px):
-    """The mask with gaps between the lowest grains filled: the plate is seen there below the pile."""
-    upwards = mask[::-1] > 0
-    lowest = upwards.argmax(axis=0)
-    rows = np.arange(len(mask))[:, None]
-    end = np.where(~upwards & (rows > lowest), rows, len(mask)).min(
-        axis=0
-    )  # of the lowest part of the column
-    bay = upwards.any(axis=0) & (lowest < 1.5 * berry_px) & (end - lowest > 1.5 * berry_px)
-    return np.where(bay & (rows < lowest), 1, mask[::-1])[::-1].astype(np.uint8)
 
 
 def _without_floating(mask, gap_px):

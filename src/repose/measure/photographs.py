@@ -20,9 +20,8 @@ from repose.measure.segmentation import Segmentation, require_upright, segment
 from repose.measure.settings import MeasureSettings
 
 LARGEST_PX = 4000  # a photograph's longer side; a larger one is reduced
-COARSE_PX, FINE_PX = 700, 1600  # longer sides of the views in which a pile is found, and its boundary
-GRAIN_PX = 20  # in the height of a grain, where its boundary is found
-FAINT_SHARE = 0.15
+COARSE_PX, FINE_PX = 700, 1200  # longer sides of the views in which a pile is found, and its boundary
+FAINT_SHARE = 0.2
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
 USUAL_GRAINS = 8  # in the height of a pile, if the height of a grain is not known
 LOWEST_FOOT = 0.6  # of a grain's height: of the widest row over the lowest
@@ -129,11 +128,8 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
     reach = 1.3 * max(
         crest - low - columns[0] * coarse.mm_per_pixel, low + columns[-1] * coarse.mm_per_pixel - crest
     )
-    grain = how.berry_height_mm or high / USUAL_GRAINS
-    fine, left = camera.side_view(
-        image, pose, on_paper, crest, FINE_PX, (-reach, reach, 1.6 * high), grain / GRAIN_PX
-    )
-    berry_px = grain / fine.mm_per_pixel
+    fine, left = camera.side_view(image, pose, on_paper, crest, FINE_PX, (-reach, reach, 1.6 * high))
+    berry_px = (how.berry_height_mm or high / USUAL_GRAINS) / fine.mm_per_pixel
     photograph.view = fine.image
     photograph.facts["mm_per_pixel"], photograph.facts["tilt_deg"] = fine.mm_per_pixel, fine.tilt_deg
     hidden = ~fine.seen | fine.sheet
