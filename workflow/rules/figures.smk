@@ -153,13 +153,13 @@ for name, shown in FIGURES.items():
         input:
             **shown.inputs,
         output:
-            report(
+            figure=report(
                 shown.path,
                 caption=f"../report/{name}.rst",
                 category=shown.category,
                 labels={"figure": shown.label},
             ),
-            further(shown.path),
+            further=further(shown.path),
         log:
             f"{RESULTS}/logs/figures/{name}.log",
         resources:
@@ -177,7 +177,7 @@ for name, shown in FIGURES.items():
         message:
             "Drawing {params.figure}"
         shell:
-            "python -m repose figure {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output[0]:q}"
+            "python -m repose figure {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output.figure:q}"
             " > {log:q} 2>&1"
 
 

@@ -23,14 +23,14 @@ for step, found in FOUND.items():
         input:
             tables_until(step),
         output:
-            samples=f"{RESPONSE_SURFACE}/{following(step)}/samples.csv",
             found=expand(f"{RESPONSE_SURFACE}/{step}/{{file}}", file=found),
+            samples=f"{RESPONSE_SURFACE}/{following(step)}/samples.csv",
         log:
             f"{RESULTS}/logs/response_surface/{step}.log",
         resources:
             **needs(250),
         params:
-            **of_stage("response_step", folder=f"{RESPONSE_SURFACE}/{step}"),
+            **of_stage("response_step"),
             steps=folders_until(step),
         message:
             f"What the {step} shows, and the parameter sets of the next step"
