@@ -1,6 +1,8 @@
 """How many grains a pile needs, by the table of piles of the engine's own."""
 
 import math
+import subprocess
+import sys
 
 import pandas as pd
 import pytest
@@ -65,7 +67,8 @@ def test_a_large_scene_gets_a_smaller_one_as_keys_that_a_study_takes(config):
     assert keys["inlet_diameter_mm"] == pytest.approx(
         config["funnel"]["inlet_diameter_mm"] * (keys["berries"] / 1000) ** (1 / 3), rel=1e-3
     )
-    Study.of({**config, "funnel": config["funnel"] | keys | {"duration_s": "auto"}})
+    automatic = dict.fromkeys(("duration_s", "factory_diameter_mm", "factory_height_mm"), "auto")
+    Study.of({**config, "funnel": config["funnel"] | keys | automatic})
     assert math.isfinite(funnel.last_berry_s(config["funnel"] | keys))
 
 
@@ -73,3 +76,9 @@ def test_beyond_the_table_nothing_is_promised(config):
     largest = max(scene_size.numbers())
     *_, smaller = scene_size.advice(with_grains(config, 25 * largest), 13.34, 65.0)
     assert "have not been compared" in smaller or "keeps the angle" in smaller
+
+
+def test_a_process_that_pours_does_not_wait_for_a_table_library():
+    """A study starts hundreds of them; pandas takes a third of a second."""
+    code = "import sys, repose.apparatus, repose.config.study, repose.measure.pile; assert 'pandas' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)

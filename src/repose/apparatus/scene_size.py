@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 TABLE = Path(__file__).with_name("number_of_grains.csv")
 LENGTHS = (
@@ -20,6 +19,15 @@ LENGTHS = (
     "plate_diameter_mm",
     "factory_diameter_mm",
     "factory_height_mm",
+)
+# What a smaller scene has to say; the place where grains begin and the duration follow from these.
+PASTED = (
+    "inlet_diameter_mm",
+    "outlet_diameter_mm",
+    "cone_angle_deg",
+    "outlet_height_mm",
+    "plate_diameter_mm",
+    "rate_per_s",
 )
 DISCHARGE = 2.5  # a funnel's flow goes with its lengths to this power (Beverloo et al. 1961)
 OUTLET_GRAINS = 2.4  # narrowest outlet of a smaller scene, in diameters of a grain
@@ -39,6 +47,8 @@ class Change(NamedTuple):
 
 @functools.cache
 def _table():
+    import pandas as pd  # not by the processes that pour and measure, of which there are hundreds
+
     return pd.read_csv(TABLE)
 
 
@@ -109,7 +119,7 @@ def advice(config: Config, diameter_mm: float, height_mm: float) -> Iterator[str
         )
         return
     keys = scaled(funnel, fewer, diameter_mm)
-    pasted = ", ".join(f"{key}: {keys[key]:.4g}" for key in ("outlet_diameter_mm", *LENGTHS, "rate_per_s"))
+    pasted = ", ".join(f"{key}: {keys[key]:.4g}" for key in PASTED)
     other = change(grains, fewer, definition)
     beyond = "" if grains <= largest else f"; piles of more than {largest} grains have not been compared"
     yield (

@@ -129,6 +129,7 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
     own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
     path = args.runs or next(iter(own), None)
     runs = None if path is None else plan.read_runs(path, targets)
+    print(*_about_the_grain(config, study.grain, study.particle), sep="\n")
     result = plan.plan(config, runs, path)
     for name, percent in zip(targets.names, result.noise_percent, strict=True):
         source = f"measured in {path}" if result.measured else "assumed, as there are no runs yet"

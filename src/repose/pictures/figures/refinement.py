@@ -83,6 +83,6 @@ def _deviations(
     panel.set_xlim(place[0] - 0.4, place[-1] + 0.4)
 
 
-def _wrapped(text: str, width: int = 130) -> str:
+def _wrapped(text: str, width: int = 110) -> str:
     """Text in lines."""
     return "\n".join(textwrap.wrap(text, width))
