@@ -1,8 +1,8 @@
-"""Whether the quick tests notice wrong lines that nobody chose: `python tests/mutants/random_lines.py [--mutants 60] [--seed 2026]`.
+"""Whether the quick tests notice wrong lines that nobody chose: `python tests/mutants/random_lines.py`.
 
-Each room of src/repose gives as many; a room's file is drawn by its number of places, and one place in it is made wrong: an
-operator is another one, a comparison is turned, a number is another number. The tests that name the module run, without the
-compiler, up to the first that fails. The table goes to tests/mutants/random_lines.md.
+Every room of src/repose gives as many mutants. A place in it is drawn and made wrong: an operator is another one, a
+comparison is turned, a number is another number. In a clone of the last commit the quick tests that name the module run
+up to the first that fails; those of the engine without the compiler. The table goes to tests/mutants/random_lines.md.
 """
 
 import argparse
@@ -10,13 +10,15 @@ import ast
 import os
 import re
 import resource
+import subprocess
+import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
-from mutants import HERE, LOADED, ROOT, copied, tested
 
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
 SOURCE = ROOT / "src/repose"
 SWAPPED = {
     ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.FloorDiv: "*", ast.Mod: "*", ast.Pow: "*",
@@ -24,6 +26,9 @@ SWAPPED = {
     ast.And: "or", ast.Or: "and",
 }  # fmt: skip
 LONGEST_S = 60  # of the tests of a module without a mutant; where all take longer, its own test file alone
+MOST_S = 300  # of CPU time; a mutant that takes longer is caught, too
+PYTEST = ("-p", "no:cacheprovider", "-o", "addopts=", "-m", "not slow", "-x", "-q")
+NO_TEST = 5  # status of pytest
 
 
 def places(path):
@@ -92,44 +97,55 @@ def tests_of(path):
     return [str(file.relative_to(ROOT)) for file in chosen], len(own)
 
 
+def tested(folder, tests, compiled):
+    """Status of the tests of a clone, and their CPU time [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    own = {"PYTHONPATH": f"{folder}/src:{folder}", "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *PYTEST, *tests],
+        cwd=folder,
+        env=os.environ | own | ({} if compiled else {"NUMBA_DISABLE_JIT": "1"}),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S)),
+    )
+    return done.returncode, resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before.ru_utime
+
+
 def main():
     """Draw the mutants, and test each."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--mutants", type=int, default=60)
     parser.add_argument("--seed", type=int, default=2026)
     arguments = parser.parse_args()
-    for name in LOADED:
-        __import__(name)
     rows, baseline = [], {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        copied(folder)
+        subprocess.run(["git", "clone", "-q", ROOT, folder], check=True)
         for path, (start, end, new) in drawn(arguments.mutants, arguments.seed):
-            tests, own = tests_of(path)
+            compiled = path.relative_to(SOURCE).parts[0] != "dem"
             if path not in baseline:
-                began = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-                status = tested(folder, tests)
-                if resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - began > LONGEST_S:
-                    tests, status = tests[: max(own, 1)], 0
-                if status not in (0, 5):  # 5: no test was left
+                tests, own = tests_of(path)
+                status, took_s = tested(folder, tests, compiled)
+                if took_s > LONGEST_S:
+                    tests = tests[: max(own, 1)]
+                elif status not in (0, NO_TEST):
                     raise SystemExit(f"{' '.join(tests)} fail without any mutant")
                 baseline[path] = tests
             where = folder / path.relative_to(ROOT)
-            text, stat = where.read_bytes(), where.stat()
-            where.write_bytes(text[:start] + new.encode() + text[end:])
-            number = text[:start].count(b"\n")
-            before, after = (
-                content.splitlines()[number].decode().strip() for content in (text, where.read_bytes())
-            )
-            status = tested(folder, baseline[path])
+            text = where.read_bytes()
+            wrong = text[:start] + new.encode() + text[end:]
+            where.write_bytes(wrong)
+            status, _ = tested(folder, baseline[path], compiled)
             where.write_bytes(text)
-            os.utime(where, ns=(stat.st_atime_ns, time.time_ns()))
-            found = "**survived**" if status in (0, 5) else "caught"
+            number = text[:start].count(b"\n")
+            before, after = (content.splitlines()[number].decode().strip() for content in (text, wrong))
+            found = "**survived**" if status in (0, NO_TEST) else "caught"
             row = f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {found} |"
-            rows.append(row.replace("||", "\\|\\|"))
-            print(rows[-1], flush=True)
+            rows.append(row)
+            print(row, flush=True)
     caught = sum(row.endswith("| caught |") for row in rows)
-    head = f"{caught} of {len(rows)} caught, seed {arguments.seed}.\n\n| file and line | line | mutant | found |\n|---|---|---|---|\n"
+    head = f"{caught} of {len(rows)} caught, seed {arguments.seed}.\n\n| place | line | mutant | found |\n|---|---|---|---|\n"
     (HERE / "random_lines.md").write_text(head + "\n".join(rows) + "\n")
     print(f"{caught} of {len(rows)} caught")
 
