@@ -145,8 +145,9 @@ def main():
             rows.append(row)
             print(row, flush=True)
     caught = sum(row.endswith("| caught |") for row in rows)
-    head = f"{caught} of {len(rows)} caught, seed {arguments.seed}.\n\n| place | line | mutant | found |\n|---|---|---|---|\n"
-    (HERE / "random_lines.md").write_text(head + "\n".join(rows) + "\n")
+    head = "| place | line | mutant | found |\n|---|---|---|---|\n"
+    summary = f"{caught} of {len(rows)} caught, seed {arguments.seed}.\n\n"
+    (HERE / "random_lines.md").write_text(summary + head + "\n".join(rows) + "\n")
     print(f"{caught} of {len(rows)} caught")
 
 
