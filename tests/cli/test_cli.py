@@ -146,6 +146,8 @@ def test_check_prints_the_number_of_pours(capsys):
         "time step: simulation.time_step_s is",
         "stiffness: the pile sinks by",
         "volume: WARNING: 500 grains hold",
+        "funnel: centre of the ranges: angle of repose ",
+        "aor_deg: WARNING: the target 32.87 is outside the single runs, ",
     ):
         assert line in out
 

@@ -30,7 +30,9 @@ PASTED = (
     "rate_per_s",
 )
 DISCHARGE = 2.5  # a funnel's flow goes with its lengths to this power (Beverloo et al. 1961)
-OUTLET_GRAINS = 2.4  # narrowest outlet of a smaller scene, in diameters of a grain
+OUTLET_GRAINS = (
+    4.0  # narrowest outlet of a smaller scene, in diameters of a grain: one by one they bounce away
+)
 COST = 7 / 6  # time of a pour goes with the number to this power: its bodies, and the time of discharge
 CLOSE_DEG = 1.0
 LARGE = 1000  # from so many grains on a smaller scene is worth a sentence

@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 LARGEST_VOLUME_CHANGE = 0.05
 FEWEST_PILES = 3  # a standard deviation of fewer is a guess
 TICK_S = 1.0
+LONGEST_TRIAL_S = 60.0  # of a trial run, as estimated
+# Restitution and friction of the trial runs, as shares of the ranges.
+TRIALS = {
+    "most bounce, least friction": (1.0, 0.0),
+    "centre of the ranges": (0.5, 0.5),
+    "least bounce, most friction": (0.0, 1.0),
+}
 FAR = 1.5  # a time step that could be longer by this factor is worth a hint
 
 family = Family()
@@ -47,6 +54,7 @@ def check(args: argparse.Namespace, study: "Study") -> None:
     for line in (*_about_the_grain(config, berry, particle), *_about_the_targets(config)):
         print(line)
     measured = _berry_step_s(config, berry, particle)
+    print(*_trials(study, measured), sep="\n")
     work = cost.work(config, measured, strategies.pours(config))
     for purpose, sets, seeds in work["pours"]:
         print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
@@ -82,6 +90,43 @@ def _about_the_grain(
     if section["stl"] is not None and section["mass_g"] is not None:
         mass_g = 1e3 * particle.mass_kg
         yield f"mass: WARNING: berry.mass_g is not used beside berry.stl, whose grain has {mass_g:.3g} g"
+
+
+def _trials(study: "Study", berry_step_s: float) -> Iterator[str]:
+    """One run of each bench test of the targets in three places of the ranges, and the targets beyond all of them."""
+    import numpy as np
+
+    from repose.apparatus import bench
+    from repose.apparatus.job import run_once
+    from repose.cli.pouring import describe
+    from repose.config import cost
+
+    config, space = study.config, study.parameters
+    bounces = np.array([name.startswith("e_") for name in space.free])
+    unit = np.array([np.where(bounces, bounce, friction) for bounce, friction in TRIALS.values()])
+    sets = [dict(zip(space.names, values, strict=True)) for values in space.values(unit).tolist()]
+    for test in map(bench, study.targets.apparatus):
+        expected_s = cost.run_s(config, test.name, berry_step_s)
+        if expected_s > LONGEST_TRIAL_S:
+            yield f"{test.name}: no trial runs, as one takes about {expected_s:.0f} s"
+            continue
+        found = [run_once(test, config, values, 1, study.particle, study.grain)[0] for values in sets]
+        for place, run in zip(TRIALS, found, strict=True):
+            yield f"{test.name}: {place}: {describe(run, test.in_words).removeprefix('seed 1: ')}"
+        good = [run for run in found if run["status"] == "ok"]
+        if not good:
+            yield f"{test.name}: WARNING: no trial run can be measured: change the section {test.name}, or the ranges"
+            continue
+        for target in config["targets"]:
+            name, value = target["response"], target["value"]
+            if target["apparatus"] != test.name or not isinstance(value, (int, float)):
+                continue
+            low, high = (end(run[name] for run in good) for end in (min, max))
+            if not low <= value <= high:
+                yield (
+                    f"{name}: WARNING: the target {value:g} is outside the single runs, {low:.4g} to {high:.4g}: other "
+                    "ranges or another scene may be needed"
+                )
 
 
 def about_step(step_s: float, limit: "Limit") -> str:
