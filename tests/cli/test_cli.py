@@ -15,7 +15,6 @@ from shared import check_all
 
 from repose.__main__ import main
 from repose.cli import FAMILIES, GROUPS, STAGES, TYPED, VERBS, checking, parser
-from repose.config import cost
 from repose.config.study import Study
 from repose.core import provenance
 from repose.core.parameters import PARAMETERS
@@ -138,8 +137,9 @@ def test_a_reader_that_stops_reading_ends_a_verb_without_a_traceback():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_check_prints_the_number_of_pours(monkeypatch, capsys):
-    monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-3)  # too slow for trial runs
+@pytest.mark.slow
+@pytest.mark.essential
+def test_check_prints_the_number_of_pours(capsys):
     assert main(["check"]) == 0
     out = capsys.readouterr().out
     assert "150 parameter sets x 6 seeds = 900 pours" in out
