@@ -42,7 +42,7 @@ extensions = [
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
 ]
-# docs/notebook.md runs here; a cell that fails ends the build.
+# docs/notebook.md runs here, but not in .ci/run; a cell that fails ends the build.
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
@@ -50,8 +50,9 @@ nb_execution_timeout = 600
 
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
-# ref.python: a type in a docstring may have the name of several attributes.
-suppress_warnings = ["myst.header", "ref.python"]
+# myst-nb.lexer: .ci/run builds the notebook without running it, and only a run gives the cells' language. ref.python: a
+# type in a docstring may have the name of several attributes.
+suppress_warnings = ["myst.header", "myst-nb.lexer", "ref.python"]
 
 # Docstrings are NumPy style; a name in single backquotes is code.
 default_role = "code"

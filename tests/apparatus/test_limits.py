@@ -27,10 +27,8 @@ PARTICLES = {
 }
 
 
-@pytest.fixture(scope="module")
-def particles():
-    section = CONFIG["berry"] | {"stl": None}
-    return {name: build.of_settings(BERRY, section | own) for name, own in PARTICLES.items()}
+def particle_of(name):
+    return build.of_settings(BERRY, CONFIG["berry"] | {"stl": None} | PARTICLES[name])
 
 
 def sized(particle, factor):
@@ -77,7 +75,8 @@ def refused_by_pours(config, parameters, particle, berry):
 
 
 @pytest.mark.slow
-def test_check_and_pour_and_engine_agree(particles):
+def test_check_and_pour_and_engine_agree():
+    particles = {name: particle_of(name) for name in PARTICLES}
     rng = np.random.default_rng(20)
     for _ in range(300):
         config, berry, particle = case(rng, particles)
@@ -132,11 +131,11 @@ def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, reason)
         Study.of(config).check_inputs()
 
 
-def test_a_published_set_of_low_restitution_counts(particles, tmp_path):
+def test_a_published_set_of_low_restitution_counts(tmp_path):
     config = copy.deepcopy(CONFIG)
     config["simulation"] |= {"time_step_s": 3.0e-4, "tension": "release"}
     config["validation"]["published"] = None
-    berry, many = BERRY | {"shear_modulus_pa": 4.3e4}, particles["many"]
+    berry, many = BERRY | {"shear_modulus_pa": 4.3e4}, particle_of("many")
     assert not refused_by_check(config, many, berry)
     table = tmp_path / "published.csv"
     table.write_text("solution,e_gg,mus_gg,mur_gg,e_gp,mus_gp,mur_gp\n1,0.02,0.5,0.05,0.02,0.5,0.2\n")

@@ -15,6 +15,8 @@ from repose.config import loader, reading, stands_on, study
 from repose.core.parameters import PARAMETERS
 from repose.core.published import beside
 
+pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
+
 NOT_RUN = {"next"}  # it needs runs of four sets in a further bench test
 SMALL = {
     "surrogate": "gaussian_process",

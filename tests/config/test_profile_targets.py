@@ -145,6 +145,8 @@ def test_percents_of_a_score_are_of_the_height(quick, entry):
     np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)
 
 
+@pytest.mark.essential
+@pytest.mark.slow
 def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, tmp_path):
     """A tilted line, whose slope and height are the parameters."""
     given = {"file": str(table), "sd": 0.2, "repetitions": 1, "functions": 3, "unit": "mm", "noise_sd": 0.1}

@@ -114,7 +114,7 @@ def test_the_examples_are_short(path):
 SMALL = {
     "chute": ({"bodies": 24, "seconds": 0.1}, r"3 frames in .*; the front is at -\d+ mm"),
     "mixed_bed": ({"bodies": 48, "seconds": 0.3}, r"[1-9]\d* contacts, \d+ % of them between .*"),
-    "size_distribution": ({"layers": 8, "seconds": 0.1}, r"scales 0\.\d+ to 1\.\d+, mean \d\.\d+; .*"),
+    "size_distribution": ({"layers": 3, "seconds": 0.1}, r"scales 0\.\d+ to 1\.\d+, mean \d\.\d+; .*"),
     "bench_test": (
         {"berries": 3, "duration_s": 0.4},
         r"(rolling friction 0\.\d: spread \d+\.\d mm\s?){2}",

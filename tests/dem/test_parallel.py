@@ -52,6 +52,8 @@ def test_the_number_of_threads_changes_no_bit(small_is_shared):
             assert np.array_equal(one, two)
 
 
+@pytest.mark.slow
+@pytest.mark.essential
 def test_where_a_run_is_cut_changes_no_bit(small_is_shared):
     whole, parts = falling(2), falling(2)
     whole.run_steps(STEPS)
@@ -60,6 +62,8 @@ def test_where_a_run_is_cut_changes_no_bit(small_is_shared):
     assert np.array_equal(whole.positions, parts.positions)
 
 
+@pytest.mark.slow
+@pytest.mark.essential
 def test_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
     # over so few steps that rounding has not grown yet
     shared = falling(1)
@@ -71,6 +75,8 @@ def test_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
     assert np.allclose(shared.positions, plain.positions, atol=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.essential
 def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypatch):
     # a lattice that creeps together so slowly that its pairs are left alone for most of the steps
     def creeping():
@@ -98,6 +104,8 @@ def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypat
     assert all(np.array_equal(one, two) for one, two in zip(*met, strict=True))
 
 
+@pytest.mark.slow
+@pytest.mark.essential
 def test_new_numbers_change_nothing_that_users_see(small_is_shared):
     s = falling(1)
     s.run_steps(STEPS - 1)

@@ -150,7 +150,7 @@ TONES = [
 
 
 @pytest.mark.parametrize(("pile", "background"), TONES)
-@pytest.mark.parametrize("shape", [triangle, rounded])
+@pytest.mark.parametrize("shape", [pytest.param(triangle, marks=pytest.mark.slow), rounded])
 def test_tilted_light_noise_and_loose_berries_in_either_polarity(pile, background, shape):
     for angle in ANGLES[::2]:
         half = half_width(angle)

@@ -60,7 +60,7 @@ def test_a_rough_surface_has_bumps(goji, clump):
     assert np.all(rough.support(n) < 1e-3 * (n @ goji.vertices.T).max(axis=1) + 5e-5)
 
 
-@pytest.mark.parametrize("surface", ["smooth", "rough_full"])
+@pytest.mark.parametrize("surface", ["smooth", pytest.param("rough_full", marks=pytest.mark.slow)])
 def test_the_fewest_spheres_are_near_volume_and_minor_axis(goji, surface):
     particle = build.make_particle(goji, 840.47, "multisphere", "fewest", surface)
     count = len(particle.spheres_m)

@@ -158,7 +158,7 @@ def texts(figure):
     return words(figure).split(" | ")
 
 
-@pytest.mark.parametrize("count", CHOICES)
+@pytest.mark.parametrize("count", [1, 4])
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path):
     files, config = made_up(tmp_path, count), config_of(count)

@@ -203,6 +203,7 @@ def test_funnel_walls_follow_the_configuration():
     assert len(funnel_walls(HEAP | {"tube_length_mm": 0.0})) == 1
 
 
+@pytest.mark.slow
 def test_a_large_picture_takes_few_bytes_for_each_ray():
     rng = np.random.default_rng(5)
     centres, turns = rng.uniform(-0.03, 0.03, (200, 3)), rng.normal(size=(200, 4))

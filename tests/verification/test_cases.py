@@ -30,6 +30,9 @@ def rows_of(name, laws="default"):
 
 SLOW = {
     "restitution": [pytest.mark.slow],
+    "loop": [pytest.mark.slow],
+    "energy": [pytest.mark.slow],
+    "elastic": [pytest.mark.slow],
     "packing": [pytest.mark.slow],
     "coulomb": [pytest.mark.slow, pytest.mark.essential],  # it compiles the kernels of clumps
 }

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from repose.cli import main
+from repose.config import cost
 
 ROOT = Path(__file__).parents[2]
 
@@ -28,6 +29,8 @@ def dry_run(*words):
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.slow
+@pytest.mark.essential
 @pytest.mark.usefixtures("folder")
 def test_the_crop_that_readme_shows_is_planned():
     status, output = dry_run()
@@ -39,7 +42,8 @@ def test_the_crop_that_readme_shows_is_planned():
 
 @pytest.mark.parametrize("verb", ["check", "measure"])
 @pytest.mark.usefixtures("folder")
-def test_a_verb_takes_the_crop_that_readme_shows(verb, tmp_path, capsys):
+def test_a_verb_takes_the_crop_that_readme_shows(verb, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-3)  # too slow for trial runs
     words = [verb, "--config", "config.yaml"]
     if verb == "measure":
         picture = np.full((200, 400), 255, np.uint8)

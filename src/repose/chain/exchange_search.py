@@ -7,6 +7,8 @@ Sudjianto 2005, J. Stat. Plan. Inference 134:268.
 import numba
 import numpy as np
 
+from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
+
 
 @numba.njit(cache=True)
 def _repulsion(squared_distance, doublings):

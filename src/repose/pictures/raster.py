@@ -5,6 +5,8 @@ import math
 import numba
 import numpy as np
 
+from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
+
 
 @numba.njit(cache=True)
 def _rasterise(x, y, near, triangles, nearest, body, weights, corner):

@@ -16,6 +16,7 @@ from llvmlite import binding
 from repose.apparatus import funnel
 from repose.apparatus.settings import SimulationSettings
 from repose.config.cost import NEVER_RESTS
+from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
 from repose.particle.particle import Particle
 
 VECTOR_BITS = {"avx512f": 512, "avx": 256}  # by the feature of a processor
