@@ -80,6 +80,12 @@ STUDY = or_one_message(
 config = STUDY.config
 RESULTS = config["results_dir"]
 CONFIG = f"{RESULTS}/config.json"
+# Rules that make the products of the study's strategy.
+PRODUCTS = strategies.strategy(config["strategy"]).rules
+if not PRODUCTS:
+    refuse(
+        f"strategy is {config['strategy']!r}, which has no rules; allowed: use it by repose.Study"
+    )
 
 
 def is_result(path):

@@ -89,13 +89,13 @@ def provenance(args: argparse.Namespace) -> None:
 
 @family.verb(
     "copy the tables and pictures of a finished study, without its pours",
-    example="results --out results/published/mine --keep dataset.csv miga/*.csv",
+    example="results --out results/published/mine --keep dataset.csv miga/.+[.]csv",
     out="results/published/mine",
     config=False,
     options=[
         Option("results", help="folder of the finished study"),
         Option(
-            "--keep", nargs="+", required=True, metavar="PATTERN", help="paths below it, such as berry/*.csv"
+            "--keep", nargs="+", required=True, metavar="REGEX", help="paths below it, such as berry/.+[.]csv"
         ),
     ],
 )
