@@ -229,12 +229,12 @@ def answer():
 
 
 def of_the_chain():
-    """Whether the answer is that of the method's own chain."""
+    """Whether the method's own chain gives the answer."""
     return answer() is ANSWERS["published"]
 
 
 def drawn(*names):
-    """Paths of figures by their names; of those that this study has."""
+    """Paths of this study's figures among the names."""
     return {name: FIGURES[name].path for name in names if name in FIGURES}
 
 

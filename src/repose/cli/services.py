@@ -107,7 +107,7 @@ def snapshot(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "write standard input to a file, in one move; of existing files only those that repose wrote are replaced",
+    "write standard input to a file, in one move; an existing file is replaced only if repose wrote it",
     example="--out results/graph.dot",
     out="results/printed.txt",
     config=False,
