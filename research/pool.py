@@ -48,7 +48,7 @@ script = Script("pool", __doc__)
 @script.part("points", "results/pool")
 def choose(args, config):
     """Choose the points, for training and for testing."""
-    run(ParameterSpace.of(config["parameters"]), config["pool"], args.out)
+    run(args.study.parameters, config["pool"], args.out)
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ class Script:
         depends_on: Callable | None = None,
         simulates: bool = False,
     ) -> Callable[[Callable], Callable]:
-        """Decorator: the function gets the options and both configurations in one, and returns a text to print.
+        """Decorator: the function gets the options with `study`, and both configurations in one; it returns a text.
 
         `depends_on` gives the settings that its results depend on, by default all; with `simulates` they are runs.
         """
@@ -70,7 +70,8 @@ class Script:
             folder = joined_folder(Path(args.config).parent)
             runs: Literal["", "made"] = "made" if args.simulates else ""
             with folder, provenance.stage(stage, _files(args), args.depends_on, runs=runs):
-                config = Study.load(args.config).config
+                args.study = Study.load(args.config)
+                config = args.study.config
                 text = args.work(args, config | settings.of(config))
         except (InputError, OSError) as error:
             print_fault(error)

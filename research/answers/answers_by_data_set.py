@@ -35,7 +35,6 @@ from scipy.stats import qmc
 from repose.chain import expected_loss
 from repose.config import computed
 from repose.config.study import Study
-from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.probability import within
 from repose.core.targets import Targets
@@ -163,9 +162,9 @@ def at_fresh_points(model, fresh):
     return float(np.sqrt(np.mean(off**2 / (own + fresh.errors() ** 2))))
 
 
-def run(args, config):
+def run(args, study):
     """A row for each answer of each fit."""
-    space, rows = ParameterSpace.of(config["parameters"]), []
+    config, space, rows = study.config, study.parameters, []
     for responses in args.responses:
         columns = ["height_mm", args.angle][:responses]
         names = ["height_mm", "aor_deg"][:responses]
@@ -318,7 +317,7 @@ def main():
             one["set"] = f"{path.stem}, " + one["set"]  # equal names in two files are two data sets
         table = pd.concat(tables, ignore_index=True)
     else:
-        table = run(args, Study.load(args.config).config)
+        table = run(args, Study.load(args.config))
     print(*summary(table), "", *reliability(table), "", *differences(table), sep="\n")
 
 

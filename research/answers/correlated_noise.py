@@ -14,10 +14,9 @@ import pandas as pd
 
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
 from repose.core.variance import within_covariance
+from repose.surrogate import make
 from repose.surrogate.accuracy import r2
-from repose.surrogate.bayesian_bp import BayesianBP
 from research.answers.sample_weights import weights_from_errors
 
 TRAINING_SHARE = 0.7
@@ -28,7 +27,8 @@ def trial(prior, used, X, Y, errors, covariance, order):
     """R2 of each response on the test samples, and gamma."""
     train, test = np.split(order, [int(TRAINING_SHARE * len(X))])
     precision = weights_from_errors(errors[train])
-    model = BayesianBP(hidden=12, starts=STARTS, epochs=EPOCHS, goal=0.0, prior=prior)
+    settings = {"hidden": 12, "starts": STARTS, "epochs": EPOCHS, "goal": 0.0, "prior": prior}
+    model = make("network", settings)
     if used:
         model.fit(X[train], Y[train], precision=precision.mean(axis=1), noise_covariance=covariance)
     else:
@@ -47,7 +47,7 @@ def main():
     parser.add_argument("--splits", type=int, default=8)
     parser.add_argument("--out", help="markdown file to write the table to")
     args = parser.parse_args()
-    targets = Targets.of(Study.load(args.config).config["targets"])
+    targets = Study.load(args.config).targets
     table, runs = (pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs))
     X, Y = table[list(PARAMETERS)].to_numpy(), table[list(targets.names)].to_numpy()
     errors = table[list(targets.errors)].to_numpy()

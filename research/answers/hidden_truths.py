@@ -24,7 +24,6 @@ import pandas as pd
 
 from repose.chain.design import lhsdesign
 from repose.config.study import Study
-from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.core.targets import Target, Targets
 from repose.search.objective import Objective
@@ -177,8 +176,8 @@ def main():
 
     columns = ["responses", "method", "truth", "noise_percent", "pours", "error_percent", "probability"]
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
-    config = Study.load(args.config).config
-    space = ParameterSpace.of(config["parameters"])
+    study = Study.load(args.config)
+    config, space = study.config, study.parameters
     simulator = Simulator(args.pool, args.responses, config, args.emulator, args.noise_percent)
     for number in range(*args.truths):
         same = (table["truth"] == number) & (table["responses"] == len(args.responses))

@@ -15,7 +15,6 @@ import pandas as pd
 
 from repose.chain.design import lhsdesign
 from repose.config.study import Study
-from repose.core.parameter_space import ParameterSpace
 from repose.strategies.sequential.advise import advise
 from repose.strategies.sequential.kriging import Observed
 from research.answers.emulated import Simulator, options
@@ -93,8 +92,8 @@ def main():
     parser = options(__doc__, "research/answers/out_of_reach.csv")
     parser.add_argument("--campaigns", type=int, nargs=2, default=[1000, 1050], metavar=("FROM", "TO"))
     args = parser.parse_args()
-    config = Study.load(args.config).config
-    space = ParameterSpace.of(config["parameters"])
+    study = Study.load(args.config)
+    config, space = study.config, study.parameters
     section = config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99}
     simulator = Simulator(args.pool, args.responses, config)
     mean = dense(simulator, space.dimensions)[1]

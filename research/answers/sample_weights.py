@@ -15,12 +15,13 @@ import pandas as pd
 
 from repose.core import provenance
 from repose.core.files import write_table
-from repose.surrogate.bayesian_bp import BayesianBP
-from repose.surrogate.gaussian_process import GaussianProcess
+from repose.surrogate import make
 from research.comparison import points, scores
 
 DRAWS = {60: 8, 110: 6}
 WAYS = ("errors", "runs", "none")
+MODELS = ("network", "gaussian_process")
+NETWORK = {"hidden": 12, "epochs": 400, "goal": 0.0, "starts": 3, "prior": "inputs"}
 
 
 def weights_from_errors(errors):
@@ -40,8 +41,7 @@ def trial(training, fresh):
     weights = weights_from_errors(training.known_errors())[:, 0], training.counts().astype(float), None
     found = {}
     for way, weight in zip(WAYS, weights, strict=True):
-        network = BayesianBP(hidden=12, epochs=400, goal=0.0, starts=3, prior="inputs")
-        for model in (network, GaussianProcess()):
+        for model in (make(name, NETWORK) for name in MODELS):
             mean = model.fit(training.X, training.means(), precision=weight).predict(fresh.X)
             accuracy = scores.accuracy(fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0])
             found[model.name, way] = accuracy["explainable"]
@@ -58,7 +58,7 @@ def compared(files, response):
     } | {f"main design, {len(main_design.X)}": [main_design]}
     for name, drawn in sets.items():
         trials = [trial(sample, fresh) for sample in drawn]
-        for model in (BayesianBP.name, GaussianProcess.name):
+        for model in MODELS:
             share = {way: np.array([trial[model, way] for trial in trials]) for way in WAYS}
             gain, error = scores.mean_and_error(share["errors"] - share["runs"])
             means = {way: share[way].mean() for way in WAYS}

@@ -19,7 +19,6 @@ import numpy as np
 import pandas as pd
 
 from repose.config.study import Study
-from repose.core.parameter_space import ParameterSpace
 from research.answers.emulated import Simulator, options
 from research.answers.hidden_truths import TOLERANCE, goal_of, sequential
 
@@ -41,9 +40,8 @@ COLUMNS = [
 CLASSES, FEWEST, ERRORS = 5, 10, 2
 
 
-def campaign(simulator, names, number, config):
+def campaign(simulator, names, number, config, space):
     """Rows of the answers for one hidden set: pours, stated probability, true error in percent, why it stopped."""
-    space = ParameterSpace.of(config["parameters"])
     aims = simulator.mean(np.random.default_rng([FIRST_SEED, number]).random((1, space.dimensions)))[0]
     _, goal = goal_of(names, aims, space)
     random = np.random.default_rng([FIRST_SEED, number, 1])
@@ -89,7 +87,8 @@ def main():
     parser = options(__doc__, "research/answers/stated_probability.csv")
     parser.add_argument("--truths", type=int, nargs=2, default=[0, 100], metavar=("FROM", "TO"))
     args = parser.parse_args()
-    config = Study.load(args.config).config
+    study = Study.load(args.config)
+    config = study.config
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=COLUMNS)
     done = set(table[COLUMNS[:4]].itertuples(index=False, name=None))
     for cell in CELLS:
@@ -97,7 +96,7 @@ def main():
         for number in range(*args.truths):
             if (*cell, number) in done:
                 continue
-            rows = campaign(simulator, RESPONSES[cell[1]], number, config)
+            rows = campaign(simulator, RESPONSES[cell[1]], number, config, study.parameters)
             new = pd.DataFrame([(*cell, number, *row) for row in rows], columns=COLUMNS)
             table = pd.concat([table, new], ignore_index=True) if len(table) else new
             table.to_csv(args.out, index=False, float_format="%.4g")

@@ -11,8 +11,7 @@ kriging_smooth    the same, squared exponential
 import numpy as np
 from scipy import linalg, optimize
 
-from repose.surrogate.base import Surrogate, register
-from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate import Surrogate, make, register
 from repose.surrogate.gaussian_process import GaussianProcess
 from repose.surrogate.network_ensemble import NetworkEnsemble
 from repose.surrogate.samples import checked_points, checked_samples
@@ -64,7 +63,7 @@ class NetworkResampled(Candidate):
         self.members = []
         for k in range(REFITS):
             count = np.bincount(random.integers(len(X), size=len(X)), minlength=len(X))
-            network = BayesianBP.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
+            network = make("network", self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
             self.members.append(network.fit(X, Y, count, precision, noise_covariance, noise_freedom))
         return self
 
@@ -85,8 +84,8 @@ class NetworkProcess(Candidate):
     """Networks and a process of their residuals."""
 
     def fit(self, X, Y, **noise):
-        self.network = NetworkEnsemble.of(self.settings).fit(X, Y, **noise)
-        self.process = GaussianProcess.of({}).fit(X, np.asarray(Y) - self.network.predict(X), **noise)
+        self.network = make("network_ensemble", self.settings).fit(X, Y, **noise)
+        self.process = make("gaussian_process", {}).fit(X, np.asarray(Y) - self.network.predict(X), **noise)
         return self
 
     def predict(self, X, return_std=False, noise=True):

@@ -28,7 +28,6 @@ from sklearn.preprocessing import StandardScaler
 
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
 from repose.surrogate.bayesian_bp import BayesianBP
 
 TRAINING, FRESH = 95, 1000
@@ -157,7 +156,7 @@ def main():
     print(*lines, sep="\n")
     problems = PROBLEMS
     if args.dataset:
-        problems = study(args.dataset, Targets.of(Study.load(args.config).config["targets"]).names)
+        problems = study(args.dataset, Study.load(args.config).targets.names)
     for row in rows(problems, args.splits):
         lines.append("| " + " | ".join(row) + " |")
         print(lines[-1], flush=True)

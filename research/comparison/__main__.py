@@ -1,7 +1,5 @@
 """Each part of the method beside its alternatives, at equal budgets; `pool` has the pours."""
 
-from repose.core.parameter_space import ParameterSpace
-from repose.core.targets import Targets
 from research.comparison import accuracy, points, sampling, search, summary, surrogates, whole
 from research.script import Script, option
 
@@ -22,9 +20,9 @@ def files(paths):
     return [option(f"--{name.replace('_', '-')}", default=path) for name, path in paths.items()]
 
 
-def pool_of(args, config):
+def pool_of(args):
     """Main design, pool and fresh points, and the names of their responses."""
-    names = Targets.of(config["targets"]).names
+    names = args.study.targets.names
     return points.read_sets({name: getattr(args, name) for name in POOL_FILES}, names), names
 
 
@@ -37,27 +35,27 @@ def network_of(config):
 @script.part("accuracy", OUT, *files(POOL_FILES))
 def compare_accuracy(args, config):
     """Test the network, trained on growing sets of points, at points that no fit has seen."""
-    return accuracy.message(accuracy.run(*pool_of(args, config), network_of(config), args.out))
+    return accuracy.message(accuracy.run(*pool_of(args), network_of(config), args.out))
 
 
 @script.part("surrogates", OUT, *files(POOL_FILES))
 def compare_surrogates(args, config):
     """Compare surrogates with equal numbers of simulations, at points that no fit has seen."""
-    surrogates.run(*pool_of(args, config), network_of(config), config["pool"]["seed"], args.out)
+    surrogates.run(*pool_of(args), network_of(config), config["pool"]["seed"], args.out)
 
 
 @script.part("sampling", OUT, *files(POOL_FILES))
 def compare_sampling(args, config):
     """Compare designs, and many seeds per point with many points; with emulated and with real pours."""
-    space, seeds = ParameterSpace.of(config["parameters"]), config["funnel"]["seeds"]
+    space, seeds = args.study.parameters, config["funnel"]["seeds"]
     settings, seed = network_of(config), config["pool"]["seed"]
-    sampling.run(*pool_of(args, config), space, settings, seeds, seed, args.out)
+    sampling.run(*pool_of(args), space, settings, seeds, seed, args.out)
 
 
 @script.part("search", OUT, option("--network", default="results/network/network.json"))
 def compare_search(args, config):
     """Compare searches on the trained network: evaluations, and which solutions they find."""
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    targets, space = args.study.targets, args.study.parameters
     table = search.run(args.network, space, targets, config["compare_search"], config["miga"], args.out)
     return search.message(table)
 
@@ -70,7 +68,7 @@ def compare_search(args, config):
 )
 def compare_whole(args, config):
     """Compare the method with a response surface and a local search, for equal numbers of simulations."""
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    targets, space = args.study.targets, args.study.parameters
     settings = config["compare_whole"]
     settings |= {"network": network_of(config) | {key: settings[key] for key in ("starts", "epochs")}}
     settings |= {"miga": config["miga"] | {"rounds": settings["rounds"]}}

@@ -9,10 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.surrogate.base import Surrogate
-from repose.surrogate.bayesian_bp import BayesianBP
-from repose.surrogate.gaussian_process import GaussianProcess
-from repose.surrogate.network_ensemble import NetworkEnsemble
+from repose.surrogate import Surrogate, make
 from repose.surrogate.quadratic import QuadraticSurface
 from research.comparison.early_stopping import EarlyStoppingBP
 from research.comparison.points import Points
@@ -29,17 +26,17 @@ PUBLISHED = {"surrogate": "network", "prior": "one", "goal": 1e-4, "replicates":
 
 def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
     """The network as the main chain trains it, with the noise from the points' own runs."""
-    kind = NetworkEnsemble if settings.get("surrogate") == NetworkEnsemble.name else BayesianBP
+    kind = "network_ensemble" if settings.get("surrogate") == "network_ensemble" else "network"
     noise = points.replicates() if settings["replicates"] else {}
-    network = kind.of({**settings, "seed": seed})
+    network = make(kind, {**settings, "seed": seed})
     return _of_the_mean(network.fit(points.X, points.means(), **noise))
 
 
 def best_network(points: Points, settings: Settings, seed: int) -> Predict | None:
     """The best network of an ensemble's starts alone; None if the configured network is no ensemble."""
-    if settings.get("surrogate") != NetworkEnsemble.name:
+    if settings.get("surrogate") != "network_ensemble":
         return None
-    return configured_network(points, {**settings, "surrogate": BayesianBP.name}, seed)
+    return configured_network(points, {**settings, "surrogate": "network"}, seed)
 
 
 def published_network(points: Points, settings: Settings, seed: int) -> Predict:
@@ -64,7 +61,7 @@ def unregularised_network(points: Points, settings: Settings, seed: int) -> Pred
 
 
 def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict | None:
-    """The surrogate `repose.surrogate.quadratic.QuadraticSurface`; None with too few points for its terms."""
+    """The surrogate `quadratic`; None with too few points for its terms."""
     varying = np.count_nonzero(np.ptp(points.X, axis=0))
     if len(points.X) < QuadraticSurface.least_samples(int(varying)):
         return None
@@ -72,8 +69,8 @@ def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict 
 
 
 def gaussian_process(points: Points, settings: Settings, seed: int) -> Predict:
-    """The surrogate `repose.surrogate.gaussian_process.GaussianProcess`, one process for each response."""
-    return _of_the_mean(GaussianProcess().fit(points.X, points.means()))
+    """The surrogate `gaussian_process`, one process for each response."""
+    return _of_the_mean(make("gaussian_process", {}).fit(points.X, points.means()))
 
 
 def random_forest(points: Points, settings: Settings, seed: int) -> Predict:

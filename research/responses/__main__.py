@@ -4,9 +4,7 @@ import math
 
 from repose.core.errors import InputError
 from repose.core.files import read_table
-from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
 from repose.measure.further_responses import MEASURED
 from repose.measure.settings import MeasureSettings
 from repose.particle.berry_files import read_berry
@@ -88,13 +86,13 @@ def profile(args, config):
     runs = runs.merge(widths, on=["sample", "seed"])
     table = table[table["sample"].isin(runs["sample"])]
     X, samples = table[list(PARAMETERS)].to_numpy(float), table["sample"].to_numpy()
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    targets, space = args.study.targets, args.study.parameters
     return profiles.run(X, samples, runs, len(levels), targets, space, settings, args.out)
 
 
 def _over_design(args, config):
     """Targets, ranges, and the responses over the samples of the design."""
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    targets, space = args.study.targets, args.study.parameters
     definition = config["measure"]["response"]
     return targets, space, further_runs.read(args.runs, args.dataset, targets, definition, args.jobs)
 

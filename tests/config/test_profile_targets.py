@@ -118,7 +118,7 @@ def test_a_wrong_entry_is_refused(quick, entry, change, words):
             "",
             r"surface.csv, row 3: z_mm is ''; allowed: a finite number; empty heights only at the ends",
         ),
-        ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; allowed: above that of the row before, -20"),
+        ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; allowed: above the previous row's -20"),
         ("-30,", "-300,", r"targets\.2\.profile\.x.*inside the drum, between -95 and 95"),
     ],
 )

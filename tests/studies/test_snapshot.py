@@ -4,14 +4,20 @@ from repose.core.errors import InputError
 from repose.core.files import write_text
 from repose.studies import snapshot
 
-KEEP = ("dataset.csv", "validation/*.csv", "figures/*.png", "refined/*.csv", "refined/*/round.csv")
-KEEP += ("pool/*.csv", "comparison/*.csv", "berry/*.json", "noise/*.csv", "network/*.npz")
-MADE = ("dataset.csv", "validation/table4.csv", "figures/figure13.png")
+STRATEGY = "(refined|sequential)"
+KEEP = ("config.json", "card.json", "dataset.csv", "validation/.+csv", "figures/.+png", "refined/[^/]+csv")
+KEEP += ("pool/[^/]+csv", "comparison/.+csv", "berry/.+json", "noise/.+csv", "network/.+npz")
+KEEP += (
+    rf"{STRATEGY}/(?P<batch>(batch|round)_\d+)/(dataset|round)\.csv",
+    r"(?P<batch>sequential)/dataset\.csv",
+)
+MADE = ("card.json", "dataset.csv", "validation/table4.csv", "figures/figure13.png")
 
 
 def study(tmp_path):
     """Some files of a study."""
     for name in (
+        "card.json",
         "dataset.csv",
         "validation/table4.csv",
         "figures/figure13.png",
@@ -38,6 +44,7 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
     out = tmp_path / "published"
     copied = snapshot.take(study(tmp_path), out, KEEP)
     assert sorted(p.relative_to(out).as_posix() for p in copied) == [
+        "card.json",
         "comparison/accuracy.csv",
         "dataset.csv",
         "figures/figure13.png",
@@ -86,7 +93,7 @@ def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_pat
 
 def test_an_unfinished_study_is_refused(tmp_path):
     results = study(tmp_path)
-    (results / "validation" / "table4.csv").unlink()
+    (results / "card.json").unlink()
     with pytest.raises(InputError, match="a finished study"):
         snapshot.take(results, tmp_path / "published", KEEP)
     assert not (tmp_path / "published").exists()
@@ -98,13 +105,44 @@ def test_a_file_too_large_for_a_repository_is_refused(tmp_path, monkeypatch):
         snapshot.take(study(tmp_path), tmp_path / "published", KEEP)
 
 
+def optional(results, strategy="published"):
+    """The hash of the optional studies' files."""
+    return snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE], strategy)
+
+
+def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
+    results, out = study(tmp_path), tmp_path / "published"
+    before = optional(results)
+    own = [path.relative_to(out) for path in snapshot.take(results, out, KEEP)]
+    for name in ("fast", "published/fast", "sequential", "paper"):
+        for part in ("config.json", "dataset.csv", "sequential/dataset.csv", "refined/round_1/round.csv"):
+            write_text(results / name / part, "{}")
+    for name in ("published/refined/round_1/round.csv", "copies/round_1/dataset.csv"):
+        write_text(results / name, "in no study")
+    assert optional(results) == before
+    assert [path.relative_to(out) for path in snapshot.take(results, out, KEEP)] == own
+
+
+def test_files_of_the_strategy_are_no_optional_study(tmp_path):
+    results = study(tmp_path)
+    of_refined, of_others = optional(results, "refined"), optional(results)
+    write_text(results / "refined/round_1/round.csv", "the next round")
+    assert optional(results, "refined") == of_refined
+    assert optional(results) != of_others
+
+
+def test_an_invalid_pattern_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"--keep is '\*.csv'"):
+        snapshot.take(study(tmp_path), tmp_path / "published", ["*.csv"])
+
+
 def test_only_files_of_an_optional_study_change_the_hash_of_all_of_them(tmp_path):
     results = study(tmp_path)
-    before = snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE])
+    before = optional(results)
     (results / "dataset.csv").write_text("another study")
     (results / "logs/a.log").write_text("another log")
-    assert snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE]) == before
+    assert optional(results) == before
     for name, text in (("noise/noise.csv", "noise"), ("comparison/accuracy.csv", "another comparison")):
         write_text(results / name, text)
-        assert snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE]) != before
-        before = snapshot.of_optional_studies(results, KEEP, [results / name for name in MADE])
+        assert optional(results) != before
+        before = optional(results)

@@ -80,6 +80,12 @@ STUDY = or_one_message(
 config = STUDY.config
 RESULTS = config["results_dir"]
 CONFIG = f"{RESULTS}/config.json"
+# Rules that make the products of the study's strategy.
+PRODUCTS = strategies.strategy(config["strategy"]).rules
+if not PRODUCTS:
+    refuse(
+        f"strategy is {config['strategy']!r}, which has no rules; allowed: use it by repose.Study"
+    )
 
 
 def is_result(path):
@@ -223,12 +229,12 @@ def answer():
 
 
 def of_the_chain():
-    """Whether the answer is that of the method's own chain."""
+    """Whether the method's own chain gives the answer."""
     return answer() is ANSWERS["published"]
 
 
 def drawn(*names):
-    """Paths of figures by their names; of those that this study has."""
+    """Paths of this study's figures among the names."""
     return {name: FIGURES[name].path for name in names if name in FIGURES}
 
 

@@ -1,4 +1,4 @@
-# Figures of the method; those of studies and strategies stand with their rules. All are shown here.
+# Figures of the method; studies and strategies have theirs beside their rules. All are shown here.
 figure("figure02", "Figure 2", sizes=config["berry"]["sizes"])
 if "funnel" in BENCH_TESTS:
     PILE = {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle}
@@ -181,7 +181,7 @@ for name, shown in FIGURES.items():
             " > {log:q} 2>&1"
 
 
-# The others are those of a study or strategy.
+# The others belong to a study or strategy.
 FIGURES_OF_ALL = all_files(
     *(
         name

@@ -4,7 +4,7 @@ import base64
 import os
 import re
 
-from snakemake.io import regex_from_filepattern, strip_wildcard_constraints
+from snakemake.io import regex_from_filepattern
 from snakemake.logging import logger
 from snakemake_interface_logger_plugins.common import LogEvent
 
@@ -94,8 +94,8 @@ def has_name_of_ours(name):
 
 
 def results_to_keep():
-    """Patterns of the results that a snapshot may keep, below the folder of results: all but runs of bench tests."""
+    """Regular expressions of the results that a snapshot may keep, below the folder of results: no runs of bench tests."""
     made = (rule.output for rule in workflow.rules if "ready" not in rule.input.keys())
-    paths = [strip_wildcard_constraints(path) for paths in made for path in paths]
-    below = [path.removeprefix(f"{RESULTS}/") for path in paths if "{runs}" not in path]
-    return sorted({"config.json", *(re.sub(r"\{\w+\}", "*", path) for path in below)})
+    paths = [str(path) for paths in made for path in paths]
+    below = [path.removeprefix(f"{RESULTS}/") for path in paths if "{runs" not in path]
+    return sorted({regex_from_filepattern(path) for path in ["config.json", *below]})

@@ -2,11 +2,9 @@
 # output: snakemake empties the folders that are outputs, whatever they hold.
 rule snapshot:
     input:
-        rules.calibration.input,
-        rules.figures.input,
+        [getattr(rules, name).input for name in PRODUCTS],
         rules.page.output,
-        rules.card.output,
-        table4=rules.validate.output.table4,
+        card=rules.card.output.card,
     output:
         files=f"{RESULTS}/snapshot.txt",
     log:
@@ -14,13 +12,17 @@ rule snapshot:
     resources:
         **needs(150),
     params:
-        results=lambda wildcards, input: os.path.dirname(os.path.dirname(input.table4)),
+        results=lambda wildcards, input: os.path.dirname(input.card),
         folder=f"results/published/{config['label']}",
         keep=lambda wildcards: results_to_keep(),
         studies=lambda wildcards: snapshot.of_optional_studies(
             RESULTS,
             results_to_keep(),
-            [CONFIG, *CHAIN, *PAGE.values(), *FIGURES_OF_ALL],
+            [
+                *(CHAIN if "calibration" in PRODUCTS else []),
+                *(CONFIG, *PAGE.values(), *FIGURES_OF_ALL),
+            ],
+            config["strategy"],
         ),
     message:
         "Snapshot of tables and figures: {params.folder}"

@@ -303,7 +303,7 @@ def check(card: Mapping[str, Any], source: object) -> None:
 
 
 def _impossible(card: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:
-    """What no schema says of a card: the key, the value and what is allowed."""
+    """Faults of a card that no schema finds: the key, the value and what is allowed."""
     for key, value in _numbers(card):
         if not math.isfinite(value):
             yield key, value, f"{WHAT}: a finite number"

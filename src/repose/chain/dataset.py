@@ -54,7 +54,7 @@ def assemble(
 
 
 def recorded(apparatus: str, targets: Targets) -> Recorded:
-    """Responses of a bench test that the tables keep: its targets, then those that it always records."""
+    """Responses of a bench test that the tables keep: its targets, then the responses that it always records."""
     return bench(apparatus).recorded.beginning_with(tuple(target.name for target in _own(targets, apparatus)))
 
 
@@ -190,7 +190,7 @@ def _own(targets, apparatus):
 
 
 def _merged(summaries):
-    """The summary of a sample from those of its bench tests, by name."""
+    """The summary of a sample from the summaries of its bench tests, by name."""
     first, *others = summaries.values()
     if not others:
         return first

@@ -1,6 +1,6 @@
 """Enhanced stochastic evolution: exchanges within the columns of a Latin hypercube that move its points apart.
 
-An exchange swaps two values of a column, so the design stays a Latin hypercube. The method is that of Jin, Chen and
+An exchange swaps two values of a column, so the design stays a Latin hypercube. The method: Jin, Chen and
 Sudjianto 2005, J. Stat. Plan. Inference 134:268.
 """
 
@@ -107,7 +107,7 @@ def evolve(
     """Enhanced stochastic evolution on `repose.chain.design.phi_p` with p = 2^(doublings + 1).
 
     Each round goes through the columns, takes the best of a few random exchanges and accepts it against a random share
-    of a threshold. The results are the design of smallest phi_p, and that of the largest minimum distance.
+    of a threshold. The results are the design of smallest phi_p, and the design of the largest minimum distance.
     """
     n, d = start.shape
     points = start.copy()

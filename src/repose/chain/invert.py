@@ -52,8 +52,8 @@ def invert(
     """Search the free parameters for predicted responses that meet the targets.
 
     The result has the best distinct feasible solutions, filled up with the nearest others to at least 10 if any is
-    feasible; otherwise those of least objective. Among sets that meet the targets equally well, those near the means of
-    the priors come first.
+    feasible; otherwise the sets of least objective. Among equally good sets, those near the means of the priors
+    come first.
     """
     for target in targets:
         if not target.low <= target.aim <= target.high:

@@ -87,7 +87,7 @@ def train(
 
     `settings` is the section `network` with `surrogate` (default "network"), `seed`, `split` (three shares) and
     `replicates` (default False): whether the runs of each sample give the noise, see `Replicates`. `names` are the
-    parameters; by default those of our own bench tests that the dataset has.
+    parameters; by default all parameters of our own bench tests in the dataset.
     """
     names = named(dataset) if names is None else names
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)

@@ -74,7 +74,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run a verb; the exit status is 0, 1 where a verification misses, 2 where the input is at fault.
 
     Each fault of the input is reported in one line on stderr. It is no fault if the reader of stdout stops, such as
-    `head`. `words` are the command line after the program's name, by default that of the process.
+    `head`. `words` are the command line after the program's name, by default the process's own.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end
@@ -172,7 +172,7 @@ def _verbs_in_groups():
     for title, names in GROUPS.items():
         lines += [f"{title}:", *map(_listed, names), ""]
     lines += [
-        f"`{PROGRAM} VERB --help` explains a verb. `{PROGRAM} {STAGE} --help` lists what the workflow's rules call.",
+        f"`{PROGRAM} VERB --help` explains a verb. `{PROGRAM} {STAGE} --help` lists the stages of the workflow.",
         f"example: {PROGRAM} check --config config/paper.yaml",
     ]
     return "\n".join(lines)

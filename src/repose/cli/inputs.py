@@ -75,7 +75,7 @@ def shape(args: argparse.Namespace, study: "Study") -> None:
 
 
 @family.verb(
-    "make the Latin hypercube design of the contact parameters, or of those of your own simulator",
+    "make the Latin hypercube design of the contact parameters, or of your own simulator's parameters",
     example="--out results/design",
     out="results/design",
     study=own_simulator.of_either,

@@ -37,7 +37,7 @@ def figure(args: argparse.Namespace, study: "Study") -> None:
     options=[
         Option("trajectory", help=".npz file that `heap --trajectory` or `drum` wrote"),
         Option("--particle", required=True, help="particle.json of that run"),
-        Option("--drum", action="store_true", help="the trajectory is that of a drum"),
+        Option("--drum", action="store_true", help="the trajectory is a drum's"),
     ],
 )
 def film(args: argparse.Namespace, study: "Study") -> None:

@@ -46,7 +46,7 @@ def refine_judge(args: argparse.Namespace, study: "Study") -> None:
 
 
 @family.verb(
-    "collect all rounds in one table; tell why the loop stopped and what may be claimed",
+    "collect all rounds in one table; report why the loop stopped and what may be claimed",
     example=f"{ROUND}/verdict.json",
     out="results/refined",
     options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],

@@ -51,7 +51,7 @@ class Verb(NamedTuple):
         return status
 
     def add_to(self, subparsers: Any, before: str = "") -> None:
-        """Add the verb's own parser to those of `add_subparsers`; its result has the verb's name as `verb`.
+        """Add the verb's own parser to the result of `add_subparsers`; its result has the verb's name as `verb`.
 
         `before` are the words of a call between the program and the verb.
         """

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
 def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
     """Run snakemake's `main`; where Ctrl-C or a signal ends it, print in one sentence how to go on.
 
-    `words` are those of `repose run`. SystemExit has snakemake's status, or 128 and the signal's number as in a shell;
+    `words` follow `repose run`. SystemExit has snakemake's status, or 128 and the signal's number as in a shell;
     without either the result is 0.
     """
     ended_by: list[int] = []

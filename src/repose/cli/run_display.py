@@ -80,7 +80,7 @@ class Running:
         return _pours(self.rule)
 
     def made(self) -> int:
-        """Runs of a bench test made so far, without those of an earlier job."""
+        """Runs of a bench test made so far, without the runs of an earlier job."""
         if not self.output.endswith(POURS):
             return 0
         done = Path(self.output)
@@ -134,7 +134,7 @@ class RunProgress:
 
     @property
     def pours_done(self) -> int:
-        """Pours that this run has made, those of unfinished jobs included."""
+        """Pours that this run has made, unfinished jobs included."""
         return self._made + sum(job.made() for job in self.running.values())
 
     def pours_a_minute(self, now_s: float) -> float | None:
@@ -147,8 +147,8 @@ class RunProgress:
     def left_s(self, now_s: float) -> float | None:
         """Time that the planned jobs still take, as many at once as so far; None before that is known.
 
-        A job takes as long as the finished ones of its rule did; where none has finished, as those that pour if it
-        pours, else as the others. Where pours are planned, nothing is known before the first of them is done.
+        A job takes as long as the finished ones of its rule did; where none has finished, as a pouring job if it pours,
+        else as the others. Where pours are planned, nothing is known before the first of them is done.
         """
         pouring = [rule for rule in self.planned if _pours(rule)]
         if not self.done or self._began_s is None or now_s - self._began_s < SHORTEST_RATE_S:

@@ -89,13 +89,13 @@ def provenance(args: argparse.Namespace) -> None:
 
 @family.verb(
     "copy the tables and pictures of a finished study, without its pours",
-    example="results --out results/published/mine --keep dataset.csv miga/*.csv",
+    example="results --out results/published/mine --keep dataset.csv miga/.+[.]csv",
     out="results/published/mine",
     config=False,
     options=[
         Option("results", help="folder of the finished study"),
         Option(
-            "--keep", nargs="+", required=True, metavar="PATTERN", help="paths below it, such as berry/*.csv"
+            "--keep", nargs="+", required=True, metavar="REGEX", help="paths below it, such as berry/.+[.]csv"
         ),
     ],
 )
@@ -107,7 +107,7 @@ def snapshot(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "write standard input to a file, in one move; of existing files only those that repose wrote are replaced",
+    "write standard input to a file, in one move; an existing file is replaced only if repose wrote it",
     example="--out results/graph.dot",
     out="results/printed.txt",
     config=False,

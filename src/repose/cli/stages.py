@@ -17,7 +17,7 @@ NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "res
 
 @contextmanager
 def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> Iterator[None]:
-    """Run a verb as a stage; where its configuration is that of a folder of results, hold the folder meanwhile.
+    """Run a verb as a stage; where its configuration lies in a folder of results, hold the folder meanwhile.
 
     At the end it prints a message if the built-in crop stood in for the user's (`note_built_in_crop`). InputError for
     files of different origin.

@@ -36,7 +36,7 @@ def noise(args: argparse.Namespace, study: "Study") -> None:
 
 
 @family.verb(
-    "sample the posterior of the free parameters; name those that the measurements do not determine",
+    "sample the posterior of the free parameters; name the parameters that the measurements do not determine",
     example="--network results/network/network.json",
     out="results/posterior",
     options=file_options(POSTERIOR_FILES),

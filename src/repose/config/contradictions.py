@@ -26,7 +26,7 @@ class Rule(NamedTuple):
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
-    """The rules for a configuration whose `auto` are numbers, those of its bench tests included."""
+    """The rules for a configuration whose `auto` are numbers, bench tests included."""
     from repose import strategies
 
     used = used_tests(config)

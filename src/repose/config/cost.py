@@ -33,7 +33,7 @@ Pours = Sequence[tuple[str, int, int]]
 def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
     """Wall time of a run of a bench test on one core, without its measurement.
 
-    `berry_step_s` is that of a step of one berry, as of `measured_berry_step_s`.
+    `berry_step_s` is the cost of a step of one berry, as of `measured_berry_step_s`.
     """
     section, duration = config[name], bench(name).duration_s(config)
     berries = section.get("berries", 1)
@@ -87,7 +87,7 @@ def work(
 ) -> dict[str, Any]:
     """Cost of a study: `pours` of the funnel, `pour_s` of one of them, and `total_s` of the whole study on one core.
 
-    `pours` are those of another strategy than the published one; each set runs as often in every bench test of the
+    `pours` belong to another strategy than the published one; each set runs as often in every bench test of the
     targets, which `total_s` includes. `berry_step_s` as in `run_s`.
     """
     targets = Targets.of(config["targets"])

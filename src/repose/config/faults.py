@@ -60,7 +60,7 @@ class _Error(NamedTuple):
 def check(config: Any, source: str | Origin = "configuration", model: type[Section] | None = None) -> Checked:
     """The faults of each key by itself and of keys of one section; `source` names the file in them.
 
-    A mistyped key is also a missing key: only the mistyping is reported. `model` is that of a whole configuration
+    A mistyped key is also a missing key: only the mistyping is reported. `model` is the model of a whole configuration
     unless it is given.
     """
     errors = _errors(config, model or settings_type())
@@ -80,7 +80,7 @@ def lacks_keys(config: Mapping[str, Any]) -> bool:
 
 
 def _is_a_section(config, place):
-    """Whether a place is one of the configuration: that of an error may be an alternative of a value."""
+    """Whether a place is one of the configuration: an error's place may be an alternative of a value."""
     try:
         for step in place:
             config = config[step]

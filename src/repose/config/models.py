@@ -182,7 +182,7 @@ class Wall(Section):
 
 
 class _SixParameters(Section):
-    """The six contact parameters, and those of the contact law."""
+    """The six contact parameters, and the contact law's own."""
 
     e_gg: Restitution
     mus_gg: StaticFriction
@@ -324,7 +324,7 @@ class Network(Section):
     def _whole(cls, shares: Any) -> Any:
         """The shares; an error if they do not sum to 1, or leave nothing to train or to test."""
         if shares != AUTO and (abs(sum(shares) - 1) > 1e-6 or shares[0] == 0 or shares[2] == 0):
-            refuse([("", "three shares that sum to 1, those of training and test above 0")])
+            refuse([("", "three shares that sum to 1, training and test above 0")])
         return shares
 
 
@@ -409,7 +409,7 @@ class Figures(Section):
     dpi: int = Field(default=180, ge=72, le=600)
 
     def contradictions(self) -> Contradictions:
-        """Formats without that of the report, or one of them twice."""
+        """Formats that lack the report's, or hold one of them twice."""
         if "png" not in self.format or len(set(self.format)) < len(self.format):
             yield "format", "a list with png, which the report shows, and no format twice"
 
@@ -449,7 +449,7 @@ class Settings(Section):
 def settings_type() -> type[Settings]:
     """The model of a whole configuration, with the section of each strategy and of each bench test that is registered.
 
-    The section of the funnel is required; those of other bench tests may be absent, and are None then.
+    The section of the funnel is required; sections of other bench tests may be absent, and are None then.
     """
     from repose import strategies
 

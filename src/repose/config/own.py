@@ -166,7 +166,7 @@ def is_own(path: str | os.PathLike) -> bool:
 def completed(content: Mapping[str, Any], source: object = "study") -> dict[str, Any]:
     """The configuration with every section that a strategy reads, in the form of a whole configuration.
 
-    Missing keys of `sequential` and `posterior` have the defaults above, those of other sections are those of
+    Missing keys of `sequential` and `posterior` have the defaults above, keys of other sections the values of
     config/method.yaml. InputError with all faults; `source` names the file in it.
     """
     from repose.config import computed, faults
@@ -189,7 +189,7 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
         config[name]["seed"] = given["seed"]
     if config["network"].get("split", AUTO) == AUTO:
         config["network"]["split"] = computed.split(config)
-    if config["strategy"] != "sequential":  # its own rule is for pours, whose noise nobody gives
+    if config["strategy"] != "sequential":  # its own rule is for pours, whose noise no key gives
         off = strategy(config["strategy"]).contradictions(config)
         raise_together(YamlError(str(source), key, get(config, key), allowed) for key, allowed in off)
     return config

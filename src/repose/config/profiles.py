@@ -61,7 +61,7 @@ class _OfOwn(Section):
 
 
 class OfProfile(Section):
-    """What a target keeps of its profile; written by this module."""
+    """The record of a profile in its targets."""
 
     name: str
     x: Annotated[tuple[float, ...], Field(strict=False)]
@@ -133,7 +133,7 @@ def _of_bench(measured, key, source):
 
 
 def _scores(measured, profile, sd, more):
-    """What the targets of the scores have in common with any target, and their profile.
+    """The keys that the scores' targets share with any target, and their profile.
 
     All scores have the same error, and their variances add up to the mean square error of a height.
     """
@@ -168,9 +168,7 @@ def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
     x, z, *sd = (list(column) for column in zip(*table, strict=True))
     for k, (before, after) in enumerate(pairwise(x), start=first + 2):
         if after <= before:
-            raise InputError(
-                f"{path}, row {k}", measured.x, after, f"above that of the row before, {before:g}"
-            )
+            raise InputError(f"{path}, row {k}", measured.x, after, f"above the previous row's {before:g}")
     profile = Profile(name, tuple(x), tuple(z), measured.functions)
     if profile.height == 0:
         raise InputError(path, measured.z, 0, "a height that is not 0: tolerances are in percent of it")

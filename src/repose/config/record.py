@@ -16,7 +16,7 @@ FAILED = "failed"
 
 
 class Record:
-    """All runs of a study so far, and what its strategy proposes after them.
+    """All runs of a study so far, and its strategy's next proposal.
 
     `data` are the runs as a strategy takes them. A `file` that is there is read; it is written with each addition. The
     proposal is made once for a number of runs. It depends on the study and the runs alone, so a study that goes on from
@@ -58,7 +58,7 @@ class Record:
         self._rows, self._proposal = rows, None
 
     def _of_the_proposal(self, table):
-        """The table with parameters, numbers of the runs and statuses; its rows are those of the proposal."""
+        """The table with parameters, numbers of the runs and statuses; its rows are the proposal's."""
         asked, names = self.asked, list(self.study.targets.names)
         source = "the table of runs"
         missing = [name for name in ("sample", *names) if name not in table]
@@ -67,14 +67,14 @@ class Record:
         table = table.reset_index(drop=True)
         if "run" not in table:
             table = table.assign(run=table.groupby("sample").cumcount() + 1)
-        wanted, told = (
+        wanted, given = (
             pd.MultiIndex.from_frame(one[["sample", "run"]].astype(str)) for one in (asked, table)
         )
-        if sorted(wanted) != sorted(told):
-            off = sorted(set(wanted) ^ set(told)) or sorted(told[told.duplicated()])
+        if sorted(wanted) != sorted(given):
+            off = sorted(set(wanted) ^ set(given)) or sorted(given[given.duplicated()])
             allowed = f"the {len(asked)} runs that `ask` gave, each once; a run that failed has NaN for its responses"
             raise InputError(source, "sample and run", list(off[0]), allowed)
-        row = wanted.get_indexer(told)
+        row = wanted.get_indexer(given)
         found = asked.iloc[row].reset_index(drop=True)
         for name in self.study.parameters.names:
             if name in table and not np.allclose(table[name].to_numpy(float), found[name], rtol=1e-6):

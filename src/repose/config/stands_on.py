@@ -88,7 +88,7 @@ def _in_order(value):
 
 
 def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
-    """Settings that a run of a bench test reads, without those of its measurement and the number of its seeds."""
+    """Settings that a run of a bench test reads, without its measurement and the number of its seeds."""
     others = ("seeds", *bench(apparatus).measured_by)
     own = {key: value for key, value in _in_order(config[apparatus]).items() if key not in others}
     return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}

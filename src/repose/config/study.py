@@ -59,7 +59,7 @@ class Study:
     Attributes
     ----------
     config : dict
-        The resolved configuration as plain values; `RESULTS/config.json` holds that of our simulator.
+        The resolved configuration as plain values; `RESULTS/config.json` holds the same for our simulator.
 
     Raises
     ------
@@ -178,7 +178,7 @@ class Study:
             override the defaults. A complete file needs no default. A file of `write_resolved` was checked before,
             and is read unchanged.
         overrides : mapping, optional
-            Nested values over those of all files; their texts are read as YAML.
+            Nested values, over all files; their texts are read as YAML.
         inputs : bool, optional
             Check also the files that the configuration names, and that grain, bench test and time step fit together;
             this takes seconds. Otherwise these checks are made with the grain.
@@ -343,7 +343,7 @@ class Study:
 
     @property
     def proposal(self) -> "Batch | Answer":
-        """What the strategy proposes after these runs: the next samples, or the answer."""
+        """The strategy's proposal after these runs: the next samples, or the answer."""
         return self._record.proposal
 
     @property
@@ -354,9 +354,9 @@ class Study:
         return isinstance(self.proposal, Answer)
 
     def ask(self) -> "pd.DataFrame":
-        """The runs to make next; once `done`, those of the answer, to simulate it again.
+        """The runs to make next; once `done`, the runs of the answer, to simulate it again.
 
-        Until they are told, it returns the same.
+        It returns the same until `tell` adds them.
 
         Returns
         -------
@@ -378,7 +378,7 @@ class Study:
         ----------
         runs : pandas.DataFrame
             `sample` and a column for each response, in any order of the rows; NaN for a run that failed. With a column
-            `run` by the number of the run. Other columns are not read, but parameters must be those of `ask`.
+            `run` by the number of the run. Other columns are not read, but parameters must equal the rows of `ask`.
 
         Raises
         ------

@@ -147,7 +147,7 @@ def is_number(column: str) -> bool:
 
 
 def _rows(path, columns, what, comments=False):
-    """The text of a CSV file, and its rows as lists of text; with `comments` without those that begin with #.
+    """The text of a CSV file, and its rows as lists of text; with `comments` without lines that begin with #.
 
     The names of the header differ, and all rows are as long as the header.
     """

@@ -1,6 +1,6 @@
 """One workflow at a time in a folder of results.
 
-The locks are those of the operating system (flock). They end with the process that holds them, however it ends, so a
+The locks belong to the operating system (flock). They end with the process that holds them, however it ends, so a
 kill leaves none behind. Some file systems of clusters have none: there nothing is held, and nothing is refused.
 """
 

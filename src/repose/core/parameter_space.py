@@ -18,7 +18,7 @@ class ParameterSpace:
     """The parameters of a study, of which d, the `free` ones, are searched.
 
     A prior is the mean and the standard deviation of a parameter that was measured with an error; it is normal, cut to
-    the range. `names` are all parameters: the six with those of the contact law, or those of another simulator.
+    the range. `names` are all parameters: the six with the contact law's own, or another simulator's.
     """
 
     free: tuple[str, ...]  # in the order of `names`
@@ -39,7 +39,7 @@ class ParameterSpace:
 
         Each parameter has a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without a
         ``range``. InputError if a parameter is missing or unknown, or a range is empty or invalid; `source` is named
-        in the message. Without `names` they are the six and those of a contact law that the section has.
+        in the message. Without `names` they are the six and the contact law's own that the section has.
         """
         names = named(section) if names is None else names
         for name in section:

@@ -1,4 +1,4 @@
-"""The contact parameters that are calibrated, in the order every table uses: six, then those of the contact law."""
+"""The contact parameters that are calibrated, in the order every table uses: six, then the contact law's own."""
 
 import math
 from collections.abc import Iterable

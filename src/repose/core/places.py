@@ -25,7 +25,7 @@ def find(path: str | os.PathLike) -> Path:
 
 
 def configs() -> list[Path]:
-    """The default configurations; the keys of each replace those of the previous one.
+    """The default configurations; each overrides the previous one.
 
     First the settings of every crop; then `config.yaml` of the working folder, or without it the program's own, and
     over that the working folder's `config/config.yaml`.

@@ -80,7 +80,7 @@ class Profile:
 
     @property
     def whole(self) -> float:
-        """What percents of a score are of: the height over the root of the number of scores.
+        """Denominator of percents of a score: the height over the root of the number of scores.
 
         If each score is off by at most p % of this, the smooth profiles are at most p % of the height apart.
         """

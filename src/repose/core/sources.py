@@ -95,7 +95,7 @@ def _used_by(verb: str) -> Iterator[str]:
 
 
 def _imports(tree: ast.AST, package: str | None = None) -> Iterator[str]:
-    """Names of modules that a syntax tree imports, and names that may be; relative ones are those of a package."""
+    """Names of modules that a syntax tree imports, and names that may be; relative names belong to a package."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

@@ -58,7 +58,7 @@ class Target:
 
     @property
     def whole(self) -> float:
-        """What percents of the aim are of: its size, or a share of its profile's, whose scores may be 0."""
+        """Denominator of percents of the aim: its size, or a share of its profile's, whose scores may be 0."""
         return abs(self.aim) if self.profile is None else self.profile.whole
 
     def off_percent(self, number: float) -> float:
@@ -162,7 +162,7 @@ class Targets(Sequence[Target]):
 
     @property
     def whole(self) -> np.ndarray:
-        """What percents of the aims are of."""
+        """Denominators of percents of the aims."""
         return np.array([target.whole for target in self])
 
     @property

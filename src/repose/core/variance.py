@@ -35,7 +35,7 @@ class Components(NamedTuple):
     harmonic_seeds: float  # harmonic mean of the runs of a sample
 
     def reachable_r2(self, seeds: ArrayLike) -> np.ndarray:
-        """Highest possible R2 on means over seeds, that of the true means: tau^2 / (tau^2 + sigma^2 / seeds)."""
+        """Highest possible R2 on means over seeds, by predicting the true means: tau^2 / (tau^2 + sigma^2 / seeds)."""
         total = self.between + self.within / np.asarray(seeds)
         return np.where(total > 0, self.between / np.where(total > 0, total, 1.0), 0.0)
 
@@ -53,8 +53,8 @@ class Components(NamedTuple):
 def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     """Variance components of a response (n,) of the runs of several samples `groups` (n,).
 
-    tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if that is negative. The interval of sigma^2 is that of chi^2. The interval
-    of the intraclass correlation is that of (TH78): F = h S^2 / MSW, with S^2 the variance of the groups' means and h
+    tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if that is negative. The interval of sigma^2 comes from chi^2. The interval
+    of the intraclass correlation is in (TH78): F = h S^2 / MSW, with S^2 the variance of the groups' means and h
     the harmonic mean of their sizes. It is exact when all groups have the same size. ValueError with fewer than two
     groups, no group with two values, or values that are not finite.
     """

@@ -52,7 +52,7 @@ def deck(job: Job) -> dict[str, str]:
 def contact_keywords(job: Job, pair: Pair) -> str:
     """A contact in the keywords of pair_style granular; the deck sets the variables damping, e_gg and e_gp.
 
-    Moduli stand for both surfaces: those of two equal surfaces with the pair's E*.
+    Moduli stand for both surfaces: two equal surfaces with the pair's E*.
     """
     restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
     poisson = job.grain.poisson_ratio

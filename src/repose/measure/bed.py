@@ -95,7 +95,7 @@ def surface_heights(
 ) -> np.ndarray:
     """Heights over the axis (M,) in m, at abscissae (M,), of the uppermost line on which a share is `covered`.
 
-    `occupied` (H, W) is that of `occupied_share`; between pixels it is interpolated. Where the bed has no such line, it
+    `occupied` (H, W) comes from `occupied_share`; between pixels it is interpolated. Where the bed has no such line, it
     is the drum's wall.
     """
     pixel_m = 1e-3 * mm_per_pixel

@@ -124,7 +124,7 @@ def measured_berry(
     berry |= {"n": len(sizes), "reconstruction": bool(reconstruction)}
     spread = _spread(sizes, published)
     berry |= {key: float(f"{value:.10g}") for key, value in zip(size_distribution.KEYS, spread, strict=True)}
-    # the published statistics are those of the reconstructed crop
+    # the published statistics belong to the reconstructed crop
     reference = published if sizes.attrs["reconstruction"] else published.iloc[:0]
     return summarise(sizes, reference), berry
 

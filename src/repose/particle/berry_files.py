@@ -23,7 +23,7 @@ COMPRESSION_COLUMNS = (
     "breadth_mm",
 )
 LENGTHS_MM = (0.5, 2000.0)  # of a grain; one of 20 mm in metres or micrometres lies outside
-ALIKE = 5.0  # grains of one crop, and those of a compression test, differ by a smaller factor
+ALIKE = 5.0  # grains of one crop, and tested grains, differ by a smaller factor
 WRITTEN = "the file of the verb berry"
 MODULI = ("shear_modulus_pa", "poisson_ratio")  # a simulation needs them
 # Quantities in it besides the axes.

@@ -120,7 +120,7 @@ def make_particle(
 
 
 def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
-    """What a particle keeps of its mesh."""
+    """The properties of its mesh that a particle keeps."""
     return {
         "density_kg_m3": float(density_kg_m3),
         "stl": str(stl),

@@ -76,7 +76,7 @@ def berry_mesh(
     """Closed mesh [mm] with given axes, mass and density, and its shape number (`profile_exponents`).
 
     `axes_mm` are full axes, the longest first; with grooves those over the ridges, with a taper the largest widths.
-    `taper` is the excess width at an end over the mean width, `wrinkle_depth_mm` that of the grooves at the belly.
+    `taper` is the excess width at an end over the mean width, `wrinkle_depth_mm` the depth of the grooves at the belly.
     """
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):

@@ -34,8 +34,8 @@ def _no_spheres():
 class Particle:
     """Rigid particle in its body frame: principal axes, x the longest, centre of mass at the origin.
 
-    The support function of a convex body is the sum of those of K co-axial ellipsoids. A multisphere has the mass and
-    the moments of its mesh, and the volume of the union of its spheres.
+    The support function of a convex body is the sum over K co-axial ellipsoids. A multisphere has the mass and the
+    moments of its mesh, and the volume of the union of its spheres.
     """
 
     kind: str  # ellipsoid, smooth or multisphere

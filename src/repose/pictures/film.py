@@ -74,7 +74,7 @@ def animate(
     """Write an endless animation of any simulation; `frames` come from `repose.dem.Recorder.frames`.
 
     `view` goes to `repose.pictures.render.render_bodies`; without frame_m the picture contains the first and the last
-    frame. Files and errors are those of `animate_pour`.
+    frame. Files and errors as of `animate_pour`.
     """
     out_path = _checked(out_path)
     if not len(frames["time_s"]):

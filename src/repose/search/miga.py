@@ -171,7 +171,7 @@ def islands_ga(
 
     `objective` takes points (n, dimensions) in the units of the bounds and returns values (n,); an infinite value marks
     a point to avoid. `rounds` is the number of migrations. The search ends early at the value `target`. `settings` are
-    those of `MIGA`. ValueError for bad bounds or settings, another shape, or NaN.
+    as of `MIGA`. ValueError for bad bounds or settings, another shape, or NaN.
     """
     bounds = np.asarray(bounds, dtype=float)
     if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():

@@ -64,7 +64,7 @@ class Objective:
         return F, outside.sum(axis=1)
 
     def fitness(self, F: np.ndarray, V: np.ndarray) -> np.ndarray:
-        """The minimised fitness (n,): F inside the ranges (V = 0); outside, more than that of any point inside."""
+        """The minimised fitness (n,): F inside the ranges (V = 0); outside, more than of any point inside."""
         return F + (V > 0) * self.infeasible + self.penalty * V
 
 

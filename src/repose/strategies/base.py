@@ -25,12 +25,12 @@ SO_FAR = "more runs may give a better answer"
 
 
 class Studied(Protocol):
-    """What a strategy reads of a study.
+    """The part of a study that a strategy reads.
 
     Attributes
     ----------
     config : mapping
-        Plain values by section; that of a strategy has its name. `config["design"]["seed"]` is the seed of the study.
+        Plain values by section; a strategy's section has its name. `config["design"]["seed"]` is the seed of the study.
     parameters : ParameterSpace
         Ranges, fixed values and priors.
     targets : Targets
@@ -204,7 +204,7 @@ class Strategy(ABC):
         Returns
         -------
         tuple of (str, int, int) or None
-            Purpose, number of samples, seeds of each. None if they are those of the article's method, which
+            Purpose, number of samples, seeds of each. None for the article's method, which
             `repose.config.cost` counts.
         """
         return None

@@ -17,7 +17,7 @@ Path_ = str | os.PathLike
 
 
 def propose(name: str, study: Studied, folders: Sequence[Path_] = ()) -> Batch | Answer:
-    """What a strategy proposes after the batches in `folders`, of which an InputError names the last."""
+    """The strategy's proposal after the batches in `folders`; an InputError names the last of them."""
     data = read(folders, study.targets) if folders else pd.DataFrame()
     try:
         return strategy(name).propose(study, data)
@@ -26,7 +26,7 @@ def propose(name: str, study: Studied, folders: Sequence[Path_] = ()) -> Batch |
 
 
 def write_samples(proposal: Batch | Answer, path: Path_) -> pd.DataFrame:
-    """Write and return the samples of a proposal, without their seeds, which are those of the section."""
+    """Write and return the samples of a proposal, without their seeds, which the section has."""
     table = proposal.samples.drop(columns="seeds")
     write_table(path, table)
     return table

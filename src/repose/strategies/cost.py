@@ -21,5 +21,5 @@ def misfit(config: Mapping[str, Any]) -> str | None:
 
 
 def pours(config: Mapping[str, Any]) -> Pours | None:
-    """Pours of a configuration's strategy as (purpose, parameter sets, seeds); None for those of the article."""
+    """Pours of a configuration's strategy as (purpose, parameter sets, seeds); None for the article's method."""
     return strategy(config["strategy"]).pours(config)

@@ -1,9 +1,9 @@
 """Before any pour: how many pours the noise asks for, and how probable success is with a budget.
 
-The probabilities are those of `success.csv`: shares of hidden parameter sets that whole campaigns of the sequential
+The probabilities are in `success.csv`: shares of hidden parameter sets that whole campaigns of the sequential
 strategy recovered, with six free parameters, in an emulated simulator whose pours scatter by some percents.
 `research/answers/hidden_truths.py` writes it. Between two scatters of the table the shares are interpolated over the
-logarithm of the scatter; outside of them they are those of the nearest.
+logarithm of the scatter; outside of them the nearest row counts.
 """
 
 import os
@@ -27,7 +27,7 @@ SUCCESS = Path(__file__).with_name("success.csv")
 NOISE_PERCENT, CORRELATION = 5.0, 0.8
 CERTAINTY = 0.9  # of the number of pours that the noise alone asks for
 BYTES_A_GRAIN = 62  # of a pour on the disk, measured
-TOLERANCES = (1.0, 2.0)  # percent, those of the table
+TOLERANCES = (1.0, 2.0)  # percent, as in the table
 
 
 class Plan(NamedTuple):
@@ -56,7 +56,7 @@ def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: ob
 
 
 def chances(responses: int, percent: float) -> pd.DataFrame:
-    """`Plan.budgets` for a number of targets, at most that of the table, and the scatter of a pour in percent."""
+    """`Plan.budgets` for a number of targets, at most as many as in the table, and the scatter of a pour in percent."""
     table = pd.read_csv(SUCCESS)
     table = table[table["responses"] == min(responses, table["responses"].max())]
     shares = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]

@@ -186,7 +186,7 @@ def _with_fixed(rows, space):
 
 
 def _refuse_twice(table, rows, source):
-    """Refuse a duplicate run, and a row with all numbers equal to those of an earlier row."""
+    """Refuse a duplicate run, and a row that repeats all numbers of an earlier row."""
     if "run" in rows[0]:
         named = pd.Series(list(zip(table["sample"], (str(row["run"]).strip() for row in rows), strict=True)))
         if named.duplicated().any():

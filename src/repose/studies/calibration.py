@@ -66,7 +66,7 @@ class Calibration(NamedTuple):
 def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | None = None) -> Calibration:
     """The parameters that meet the targets, and their certainty.
 
-    `runs` come from `repose.strategies.runs.checked_runs`; they need not be those that the strategy asked for. Unless
+    `runs` come from `repose.strategies.runs.checked_runs`; the strategy need not have asked for them. Unless
     `proposal` is the answer, it is the best that these runs give.
     """
     space, targets, config = study.parameters, study.targets, study.config

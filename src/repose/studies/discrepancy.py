@@ -101,7 +101,7 @@ def covariance(
     correlation: float,
     apparatus: Sequence[str] | None = None,
 ) -> np.ndarray:
-    """Covariance S_d (k, k) of the discrepancies; those of different bench tests are independent."""
+    """Covariance S_d (k, k) of the discrepancies; different bench tests are independent."""
     matrix = np.diag(sd**2)
     if apparatus is None:
         apparatus = [response(name).apparatus for name in names]

@@ -1,7 +1,7 @@
 """What to measure next: the information that each further response would add to the present targets.
 
 Parameter sets are drawn from the posterior, and each is simulated a few times in every bench test of the configuration.
-A response that differs more between these sets than from run to run tells them apart. Between plausible sets it has
+A response that differs more between these sets than from run to run separates them. Between plausible sets it has
 the variance tau^2, its mean over n repetitions the error s^2 = sigma^2 / n + d^2, with the scatter sigma^2 of a run and
 the discrepancy d of the simulator. For normal variables the information is
 
@@ -85,7 +85,7 @@ def measured_runs(
 def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float) -> pd.DataFrame:
     """Bits that the mean of `repetitions` measurements of each response would add, most first.
 
-    `runs` is the table of `measured_runs`. The interval of the bits is that of the variance components. Responses
+    `runs` is the table of `measured_runs`. The interval of the bits follows from the variance components. Responses
     with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are left out.
     """
     rows = []

@@ -22,7 +22,7 @@ Density = Callable[[np.ndarray], np.ndarray]
 class Chains(NamedTuple):
     """Draws of a density.
 
-    The autocorrelation times are those of Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5, 65.
+    Autocorrelation times: Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5, 65.
     """
 
     points: np.ndarray  # (ensembles, draws, d), in order of time

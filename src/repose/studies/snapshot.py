@@ -1,6 +1,7 @@
 """A snapshot of a finished study: its tables and pictures without the pours themselves."""
 
 import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -13,22 +14,23 @@ SUFFIXES = (".csv", ".json", ".png", ".gif", ".html")  # tables and pictures, wi
 LARGEST_FILE = 5_000_000  # bytes
 
 
+CONFIG, CARD = "config.json", "card.json"  # what a study begins and ends with
 MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 
 def take(results_dir: str | Path, out: str | Path, patterns: Iterable[str]) -> list[Path]:
     """Copy tables and pictures of a study to a folder of its own, where they replace an earlier snapshot.
 
-    `patterns` of their paths below the folder of results come from the rules. `out` must be new, empty, or an earlier
-    snapshot without added files. Returns the copied files. InputError if the study is not finished, a file is larger
-    than `LARGEST_FILE`, or `out` holds any other file.
+    `patterns`, regular expressions of their paths below the folder of results, come from the rules. `out` must be new,
+    empty, or an earlier snapshot without added files. Returns the copied files. InputError if the study is unfinished,
+    a file is larger than `LARGEST_FILE`, or `out` holds any other file.
     """
     source, out = Path(results_dir), Path(out)
     files = _kept(source, patterns)
     sidecars = (path.with_name(f"{path.name}{SIDECAR}") for path in files)
     files = list(dict.fromkeys([*files, *(path for path in sidecars if path.is_file())]))
-    if not (source / "validation" / "table4.csv").is_file():
-        raise InputError(source, "validation/table4.csv", "missing", "a finished study")
+    if not (source / CARD).is_file():
+        raise InputError(source, CARD, "missing", "a finished study")
     for path in files:
         if path.stat().st_size > LARGEST_FILE:
             raise InputError(path, "size", path.stat().st_size, f"at most {LARGEST_FILE} bytes")
@@ -43,27 +45,36 @@ def take(results_dir: str | Path, out: str | Path, patterns: Iterable[str]) -> l
     return [out / name for name in names]
 
 
-def of_optional_studies(results_dir: str | Path, patterns: Iterable[str], made: Iterable[str]) -> str:
-    """Hash of a snapshot's files outside the folders of `made`, the paths that every study makes, 16 digits.
+def of_optional_studies(
+    results_dir: str | Path, patterns: Iterable[str], made: Iterable[str], strategy: str
+) -> str:
+    """Hash of a snapshot's files that the calibration did not make, 16 digits.
 
-    Another hash is a reason to take the snapshot anew.
+    It makes the folders of the files `made`, and all below the folder of its strategy. Another hash is a reason to take
+    the snapshot anew.
     """
     source = Path(results_dir)
     folders = {Path(path).parent for path in made}
-    files = [path for path in _kept(source, patterns) if path.parent not in folders]
+    kept = [path for path in _kept(source, patterns) if not path.is_relative_to(source / strategy)]
+    files = [path for path in kept if path.parent not in folders]
     return provenance.hash_of(
         {str(path.relative_to(source)): provenance.hash_of_file(path) for path in files}
     )
 
 
 def _kept(source, patterns):
-    """Files of a study that a snapshot keeps; the records beside them follow their files."""
-    patterns = list(patterns)
-    for pattern in patterns:
-        if Path(pattern).is_absolute():
-            raise InputError("command line", "--keep", pattern, "a path below the folder of results")
-    found = {path for pattern in patterns for path in source.glob(pattern) if path.is_file()}
-    return sorted(path for path in found if path.suffix in SUFFIXES)
+    """Files of a study that a snapshot keeps, none of another study in a folder below; their records follow them."""
+    try:
+        kept = [re.compile(pattern) for pattern in patterns]
+    except re.error as error:
+        raise InputError("command line", "--keep", error.pattern, "regular expressions") from error
+    found = []
+    for folder, below, names in os.walk(source):
+        below[:] = [name for name in below if not Path(folder, name, CONFIG).is_file()]
+        paths = [Path(folder, name) for name in names if Path(name).suffix in SUFFIXES]
+        named = {path.relative_to(source).as_posix(): path for path in paths}
+        found += [path for name, path in named.items() if any(pattern.fullmatch(name) for pattern in kept)]
+    return sorted(found)
 
 
 def _earlier(out):

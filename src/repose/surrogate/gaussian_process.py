@@ -1,6 +1,6 @@
 """Gaussian process: one for each response, squared exponential with a length for each input, and noise.
 
-The processes are those of `repose.surrogate.process`; this file scales, and makes files.
+The processes are in `repose.surrogate.process`; this file scales, and makes files.
 
 Sources of the lines, named where they are used
   (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, equation 5.1

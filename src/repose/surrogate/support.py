@@ -2,7 +2,7 @@
 
 A parameter set gets a warning when a parameter lies within 1 % of its range from an end, when the nearest sample is
 farther away than most samples are from their nearest neighbour, or when its leverage in a quadratic model is larger
-than that of every sample.
+than every sample's.
 
   (C79)  Cook 1979, Influential observations in linear regression, J. Am. Stat. Assoc. 74, 169: leverage
 """

@@ -72,7 +72,7 @@ def unpack(
 
 
 def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
-    """Weights of the network whose outputs are those of w, (N,) or (N, columns), times `mixing` (outputs, outputs)."""
+    """Weights of the network with the outputs of w, (N,) or (N, columns), times `mixing` (outputs, outputs)."""
     outputs = len(mixing)
     first = len(w) - outputs * (hidden + 1)
     W2 = w[first : len(w) - outputs].reshape(outputs, -1)

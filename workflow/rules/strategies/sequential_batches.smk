@@ -14,7 +14,7 @@ def last_advice():
 
 
 def sequential_samples(batch):
-    """Samples of a batch: the start, those that the batch before proposed, or the answer for the check."""
+    """Samples of a batch: the start, the proposal of the batch before, or the answer for the check."""
     if batch == "batch_0":
         return f"{SEQUENTIAL}/batch_0/samples.csv"
     before = (

@@ -42,7 +42,7 @@ def lifted_cylinder(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Fig
 
 
 def inclined_plane(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """The plane at its steepest with a berry, and the rate at which it tilts; no length is that of a part."""
+    """The plane at its steepest with a berry, and the rate at which it tilts; lengths are not to scale."""
     own = section(config, "inclined_plane")
     steepest = math.radians(own["steepest_deg"])
     panel = _panel((-15, 130), (-12, 115))

@@ -48,7 +48,7 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """The published solutions (Table 4): their simulated responses beside those of our simulator."""
+    """The published solutions (Table 4): their published responses beside the ones simulated here."""
     targets = style.targets_of(config)
     simulated = [target.response.simulated for target in targets]
     table = read_table(inputs["published"], ("solution", *simulated, *targets.errors))

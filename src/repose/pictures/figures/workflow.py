@@ -37,7 +37,7 @@ def read_dot(path: str | Path) -> tuple[dict[str, str], list[tuple[str, str]]]:
 
 
 def reduced(edges: Sequence[tuple]) -> list[tuple]:
-    """The edges (from, to) of an acyclic graph without those that a longer path implies, in the same order."""
+    """The edges (from, to) of an acyclic graph without edges that a longer path implies, in the same order."""
     after: dict[Any, set] = {}
     for a, b in edges:
         after.setdefault(a, set()).add(b)

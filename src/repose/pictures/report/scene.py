@@ -75,7 +75,7 @@ def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One body as points in mm, normals and triangles; for spheres without those that another sphere hides."""
+    """One body as points in mm, normals and triangles; of spheres only the visible triangles."""
     if not particle.is_clump:
         rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
         points, normals, triangles = tessellate(particle, rings, 2 * rings)

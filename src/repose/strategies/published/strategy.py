@@ -33,7 +33,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
 
 
 def seeds_of(study: Studied) -> int:
-    """Runs of each sample of a design: those of the bench test of the first target."""
+    """Runs of each sample of a design: the seeds of the first target's bench test."""
     return study.config[study.targets.apparatus[0]]["seeds"]
 
 

@@ -25,7 +25,7 @@ def run_propose(
 ) -> pd.DataFrame:
     """Write the proposal of the next round, and in network/ and miga/ the fit and the search behind it; return it.
 
-    `folders` are those of the design and of all rounds so far. InputError, with `source`, for other `definitions`.
+    `folders` hold the design and all rounds so far. InputError, with `source`, for other `definitions`.
     """
     for folder in folders:
         own, path = read_definitions(Path(folder) / "dataset.csv")

@@ -73,7 +73,7 @@ def judge(
 ) -> dict[str, Any]:
     """Result of a round, a row of rounds.csv: a missing number is NaN, `outcome` is of `OUTCOMES`.
 
-    `objective` (Eq. 11) is that of the simulated means; `out_of_reach`: the prediction itself misses the bar.
+    `objective` is Eq. 11 of the simulated means; `out_of_reach`: the prediction itself misses the bar.
     """
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])]

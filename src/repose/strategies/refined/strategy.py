@@ -28,7 +28,7 @@ from repose.surrogate.base import Surrogate
 
 
 class Round(NamedTuple):
-    """A proposal, and what it follows from."""
+    """A proposal, with the fit and the search behind it."""
 
     training: Training
     model: Surrogate  # of the training, corrected near the last proposal

@@ -16,7 +16,7 @@ Path_ = str | os.PathLike
 
 
 def run_step(folders: Sequence[Path_], study: Studied, out_dir: Path_, samples_csv: Path_) -> str:
-    """Write what the steps in `folders` show, and the samples of the next; return the former in words.
+    """Write the analysis of the steps in `folders`, and the samples of the next step; return a message.
 
     Tables are written as CSV, mappings as JSON, by the names of the proposal's notes.
     """
@@ -33,7 +33,7 @@ def run_step(folders: Sequence[Path_], study: Studied, out_dir: Path_, samples_c
 def run_check(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> pd.DataFrame:
     """Write check.csv and the files of `repose.strategies.answer.write`; return the table of check.csv.
 
-    `folders` are those of all steps, the check's last; their runs are counted.
+    `folders` hold all steps, the check last; their runs are counted.
     """
     targets, space, section = study.targets, study.parameters, study.config[NAME]
     found = strategy(NAME).answer(study, read(folders, targets))

@@ -68,7 +68,7 @@ def screened(
 
 
 def notes(found: Screened, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """The tables of the screening, what it found, and the same in words."""
+    """The tables of the screening, its result, and a message."""
     dropped = [name for name in space.free if name not in found.kept]
     corners = dict(zip(targets.names, (float(model.constant) for model in found.models), strict=True))
     summary = {"kept": found.kept, "dropped": dropped, "centre": found.centre.to_dict(), "corners": corners}

@@ -138,7 +138,7 @@ def alternatives(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, d) predicted inside all ranges, apart from each other, the best first; and their predictions (n, k).
 
-    `points` (m, d) and `scores` (m,) are those of `ranked`, `section` is `miga` of the configuration.
+    `points` (m, d) and `scores` (m,) come from `ranked`, `section` is `miga` of the configuration.
     """
     mean = model.predict(points)[0]
     inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(scores)
@@ -158,7 +158,7 @@ def _around(answer, samples, goal, good, failed, random):
 
 
 def _new(points, done):
-    """The points (n, d) that are not among those that are done (m, d), each once: many draws end in one corner."""
+    """The points (n, d) without the simulated ones (m, d), each once: many draws end in one corner."""
     from scipy.spatial.distance import cdist
 
     first = np.argmax(cdist(points, points) < SAME, axis=1) == np.arange(len(points))

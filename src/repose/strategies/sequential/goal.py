@@ -53,12 +53,12 @@ class Goal(NamedTuple):
     def inside(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> float:
         """Probability that the responses of one point lie in the ranges of all targets.
 
-        Mean (1, k) and covariance (1, k, k) are those of the mean responses.
+        Mean (1, k) and covariance (1, k, k) of the mean responses.
         """
         return float(within(mean, covariance, targets.low, targets.high)[0])
 
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
-        """Log of the probability (m,) that points (m, d) meet the targets, plus that of their prior density."""
+        """Log of the probability (m,) that points (m, d) meet the targets, plus the log of their prior density."""
         mean, covariance = model.predict(unit)
         off = mean - self.aim
         miss = np.einsum("mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
@@ -82,7 +82,7 @@ class Goal(NamedTuple):
     def needed(self, noise: np.ndarray, probability: float) -> int:
         """Pours at a point after which its mean is known within the tolerance, by the noise (k, k) of a pour alone.
 
-        `probability` is that of all responses together. At most `MOST_NEEDED`.
+        `probability` holds for all responses together. At most `MOST_NEEDED`.
         """
         few, many = 0, 1
 

@@ -6,7 +6,7 @@ combination has a process of its own (`repose.surrogate.process`).
 Sources of the lines, named where they are used:
 
 - (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling, Oper. Res. 58, 371
-- (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by that of all samples
+- (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by the variance of all samples
 - (R06) Rasmussen & Williams 2006, Gaussian processes for machine learning, section 2.7: explicit basis functions;
   section 5.4.2: a sample predicted from the others
 - (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of the
@@ -28,7 +28,7 @@ from repose.surrogate.samples import Combined
 PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance
 LENGTH_LOG_MEAN = math.sqrt(2) - 3  # and half the logarithm of the number of inputs (H24)
 LENGTH_LOG_SD = math.sqrt(3)  # (H24)
-VARIANCE_LOG_SD = 1.0  # of the process's variance about that of the means without their noise
+VARIANCE_LOG_SD = 1.0  # of the process's variance about the variance of the means without noise
 LEAST_SIGNAL = 0.1  # of the means' variance, where noise seems to explain all of it
 SMOOTHNESS = (
     2.5  # of Matern's covariance: twice differentiable; smoother ones claim too much between few samples
@@ -95,12 +95,12 @@ class Kriging(Combined):
     """Model of the mean responses over all parameters, from the pours.
 
     The error of a sample's mean is known, not fitted (ANS10). A variance from few pours is a poor estimate, so it is
-    moderated by that of all samples (S04). `noise` (k, k) is the covariance of a single pour; None means that of the
-    pours. ValueError if the pours have too few replicates for the noise, or there are fewer than two samples.
+    moderated by that of all samples (S04). `noise` (k, k) is the covariance of a single pour; None means the
+    pours' own. ValueError if the pours have too few replicates for the noise, or there are fewer than two samples.
 
     Each process has a linear part (R06): without it a process returns to its mean in the corners, where the largest and
     the smallest responses are. Variance and lengths are uncertain with few samples, so they are drawn `DRAWS` times
-    from the normal approximation of their posterior, with the prior of (H24); predictions are those of the mixture.
+    from the normal approximation of their posterior, with the prior of (H24); predictions come from the mixture.
 
     The variance of each draw is multiplied by one factor. Each sample is predicted from all the others, and the factor
     says how large these residuals are compared with the variances of the draws, given the known errors of the means.
@@ -132,7 +132,7 @@ class Kriging(Combined):
         return self.unmixed(means.mean(axis=0)), covariance + np.einsum("smi,smj->mij", off, off) / len(off)
 
     def _left_out(self):
-        """Each sample predicted from the others: residuals (n, k), variances within draws, and those that stay."""
+        """Each sample predicted from the others: residuals (n, k), variances within draws, and further ones."""
         means, variances = [], []
         for processes in self.sets:
             weights = np.column_stack([one.weights for one in processes])
@@ -158,7 +158,7 @@ class SpaceKriging:
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         """Mean responses (n, k), with standard deviations on request.
 
-        The options are those of `repose.surrogate.base.Surrogate.predict`.
+        The options of `repose.surrogate.base.Surrogate.predict`.
         """
         mean, covariance = self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
         if not return_std:

@@ -4,7 +4,7 @@ Without replicates only the scatter about a smooth surface is left: a Gaussian p
 variance, the nugget (Rasmussen & Williams 2006, section 2.2). A rough surface without noise fits few runs as well as
 a smooth one with noise. So the variance is averaged over all shares of noise that the runs allow.
 
-The kernel is another than that of `repose.strategies.sequential.kriging`, which takes the noise as known: the lengths
+The kernel differs from `repose.strategies.sequential.kriging`, which takes the noise as known: the lengths
 there have a prior and no bound of their own, and may be so short that a rough surface explains the noise.
 """
 
