@@ -6,11 +6,12 @@ It goes on where it was stopped. README.md says what it asks and finds; all file
 """
 
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from granudrum import COARSER, drum, surfaces
+from granudrum import YOUNG_PA, drum, surfaces
 
 from repose import Study
 from repose.core.files import read_json, write_json, write_table
@@ -23,7 +24,8 @@ HERE, OUT = Path(__file__).parent, Path("results/examples/granudrum")
 X_MM = np.arange(-24.0, 25.0, 2.0)
 RPM = (45, 15)  # in this order: from the steep bed the other is reached in a third of a second
 WITHIN_MM = {45: 0.63, 15: 0.85}  # root mean square distance of the published answer
-FINER = 1.5  # diameter of the grains of one run that shows what their size does
+STIFFER_PA = 5e6  # the published modulus: one drum shows what the softer one does
+CORES = 2
 PARAMETERS = {"sliding": (0.1, 1.0), "rolling": (0.0, 0.5), "grains": (20_000.0, 40_000.0)}
 TARGETS = {
     f"surface_{rpm}rpm_mm": {
@@ -33,7 +35,7 @@ TARGETS = {
         "repetitions": 1,
         "within": WITHIN_MM[rpm],
         "unit": "mm",
-        "definition": "height of the line on which the bed covers half of the frames, seen along the axis",
+        "definition": "height of the line on which the bed covers a tenth of the frames, seen along the axis",
         "noise_sd": 0.45,  # of one drum, from the scatter of 0.2 s in two trial runs
     }
     for rpm in RPM
@@ -46,17 +48,25 @@ CHECKS, DRAWS = range(1001, 1005), range(2001, 2005)  # seeds of the answer, and
 ALL_RPM, PREDICTED_RPM = (45, 30, 15, 10), (30, 10)
 
 
-def turned(name: str, parameters: dict[str, float], seed: int, rpm: tuple, coarser: float = COARSER) -> dict:
+def turned(
+    name: str, parameters: dict[str, float], seed: int, rpm: tuple, young_pa: float = YOUNG_PA
+) -> dict:
     """Mean surfaces of one drum by speed; a file keeps them, so that a drum is turned once."""
     path = OUT / "drums" / f"{name}.json"
     if not path.exists():
         began = time.process_time()
-        found = surfaces(drum(**parameters, seed=seed, coarser=coarser), rpm, X_MM)
+        found = surfaces(drum(**parameters, seed=seed, young_pa=young_pa), rpm, X_MM)
         heights = {str(speed): line.tolist() for speed, line in zip(rpm, found, strict=True)}
         minutes = (time.process_time() - began) / 60
         write_json(path, {"parameters": parameters, "seed": seed, "heights_mm": heights, "minutes": minutes})
         print(f"{name}: {minutes:.2f} min of processor", flush=True)
     return {int(speed): np.array(line) for speed, line in read_json(path)["heights_mm"].items()}
+
+
+def all_turned(jobs: list[tuple]) -> list[dict]:
+    """`turned` of several drums, some at the same time."""
+    with ProcessPoolExecutor(CORES) as pool:
+        return list(pool.map(turned, *zip(*jobs, strict=True)))
 
 
 def scores(study: Study, heights: dict) -> dict[str, float]:
@@ -82,10 +92,11 @@ def calibrated() -> tuple[Study, calibration.Calibration]:
     )
     while not study.done:
         samples = study.ask()
-        drums = [
-            turned(f"run_{row.sample:02}", {name: getattr(row, name) for name in PARAMETERS}, row.sample, RPM)
+        jobs = [
+            (f"run_{row.sample:02}", {name: getattr(row, name) for name in PARAMETERS}, row.sample, RPM)
             for row in samples.itertuples()
         ]
+        drums = all_turned(jobs)
         study.tell(samples.join(pd.DataFrame([scores(study, heights) for heights in drums])))
     answer = study.answer()
     calibration.write(answer, OUT)
@@ -98,7 +109,7 @@ def rms(off: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(np.square(off))))
 
 
-def compared(checks: list[dict], finer: dict) -> pd.DataFrame:
+def compared(checks: list[dict], stiffer: dict) -> pd.DataFrame:
     """How far fresh runs of the answer, their mean and the published answer are off the measured surface [mm]."""
     data, rows = pd.read_csv(HERE / "surface.csv", comment="#").set_index("x_mm").loc[X_MM], []
     for rpm in RPM:
@@ -111,8 +122,8 @@ def compared(checks: list[dict], finer: dict) -> pd.DataFrame:
             "theirs_rms_mm": rms(theirs - measured),
             "theirs_mean_mm": float(np.nanmean(theirs - measured)),
         }
-        finer_off = finer[rpm] - mean
-        rows.append(row | {"finer_rms_mm": rms(finer_off), "finer_mean_mm": float(finer_off.mean())})
+        stiffer_off = stiffer[rpm] - mean
+        rows.append(row | {"stiffer_rms_mm": rms(stiffer_off), "stiffer_mean_mm": float(stiffer_off.mean())})
     return pd.DataFrame(rows)
 
 
@@ -131,14 +142,14 @@ def main() -> None:
     """Calibrate, check the answer with fresh seeds, predict the other speeds."""
     study, answer = calibrated()
     best = answer.parameters
-    checks = [turned(f"check_{seed}", best, seed, ALL_RPM) for seed in CHECKS]
+    checks = all_turned([(f"check_{seed}", best, seed, ALL_RPM) for seed in CHECKS])
     table = answer.posterior.draws[list(PARAMETERS)]
     draws = table.iloc[np.linspace(0, len(table) - 1, len(DRAWS)).astype(int)].to_dict("records")
-    drawn = [
-        turned(f"draw_{seed}", draw, seed, PREDICTED_RPM) for seed, draw in zip(DRAWS, draws, strict=True)
-    ]
-    finer = turned("finer", best, CHECKS[0], RPM, FINER)
-    off, prediction = compared(checks, finer), predicted([*checks, *drawn])
+    drawn = all_turned(
+        [(f"draw_{seed}", draw, seed, PREDICTED_RPM) for seed, draw in zip(DRAWS, draws, strict=True)]
+    )
+    stiffer = turned("stiffer", best, CHECKS[0], RPM, STIFFER_PA)
+    off, prediction = compared(checks, stiffer), predicted([*checks, *drawn])
     write_table(OUT / "compared.csv", off)
     write_table(HERE / "predicted.csv", prediction)
     draw_figure(study, answer, checks)
