@@ -18,6 +18,8 @@ from repose.measure.sheet import Seen
 PHONE_FOCAL = 0.75  # of the longer side: the main camera of most phones
 LARGEST_LENS_ERROR = 0.004  # share of the distance from the picture's middle, at half its longer side
 LARGEST_FOCAL_ERROR = 0.05
+LARGEST_CHANGE = 1.6  # of the focal length, by the distortion
+FOCALS = 0.5, 16.0, 41  # of the longer side: shortest, longest, number that are tried
 LARGEST_MISS = 1.5e-3  # of the longer side: distance of a corner from its place on a flat sheet
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
@@ -50,13 +52,16 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
 
     The middle of the picture is taken as the lens's, pixels as square, and the distortion as radial. A coefficient is
     used if its standard error moves a point at half the picture's longer side by less than 0.4 % of that distance.
-    Without enough corners the focal length is `focal_px`, or a phone's if that is None. `size` is (width, height).
+    Without enough corners the focal length is `focal_px`, or a phone's if that is None, unless the corners exclude it:
+    then it is the one that fits them best. `size` is (width, height).
 
     Zhang, Z. (2000). IEEE Trans. Pattern Anal. Mach. Intell. 22, 1330-1334.
     """
     long_side = max(size)
     assumed = focal_px or PHONE_FOCAL * long_side
     guess = np.array([[assumed, 0, size[0] / 2 - 0.5], [0, assumed, size[1] / 2 - 0.5], [0, 0, 1.0]])
+    found = _focal(views, guess, long_side)
+    guess = _with_focal(guess, found)
     places = [
         np.column_stack([view.places_mm, np.zeros(len(view.places_mm))]).astype(np.float32) for view in views
     ]
@@ -78,14 +83,48 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
         focal, (k1, k2) = matrix[0, 0], errors.ravel()[4:6]
         focal_error = errors.ravel()[:2].max()
         away = 0.5 * long_side / focal
-        sure = focal_error < LARGEST_FOCAL_ERROR * focal and 0.3 < focal / long_side < 10
+        # A singular fit has an error of 0, or leaves the focal length that fits best without distortion.
+        sane = focal_error > 1e-6 * focal and 1 / LARGEST_CHANGE < focal / found < LARGEST_CHANGE
+        sure = sane and focal_error < LARGEST_FOCAL_ERROR * focal and 0.3 < focal / long_side < 10
         if sure and k1 * away**2 < LARGEST_LENS_ERROR and k2 * away**4 < LARGEST_LENS_ERROR:
             note = (
                 "lens not corrected: the sheet is seen in too few places" if fixed & cv2.CALIB_FIX_K1 else ""
             )
             return Camera(matrix, lens.ravel()[:5], note)
-    note = "lens not corrected, focal length assumed: the sheet is seen in too few places"
+    how = "focal length assumed" if found == assumed else "focal length uncertain"
+    note = f"lens not corrected, {how}: the sheet is seen in too few places"
     return Camera(guess, np.zeros(5), note)
+
+
+def _focal(views, guess, long_side):
+    """The focal length in pixels that fits the corners best, or the assumed one if that lies within three errors."""
+    tried = np.append(long_side * np.geomspace(*FOCALS), guess[0, 0])
+    misses = np.array([_squares(views, _with_focal(guess, focal)) for focal in tried])
+    scatter = misses.min() / (2 * sum(len(view.pixels) for view in views) - 6 * len(views) - 1)
+    return float(tried[-1] if misses[-1] - misses.min() < 9 * scatter else tried[misses.argmin()])
+
+
+def _with_focal(matrix, focal):
+    """The camera's matrix with another focal length."""
+    return np.array([[focal, 0, matrix[0, 2]], [0, focal, matrix[1, 2]], [0, 0, 1.0]])
+
+
+def _squares(views, matrix):
+    """Sum of the squared distances [px] of the corners from those of flat sheets, without a lens's distortion."""
+    total = 0.0
+    for view in views:
+        flat = np.column_stack([view.places_mm, np.zeros(len(view.places_mm))])
+        total += min(
+            float(((cv2.projectPoints(flat, *pose, matrix, np.zeros(5))[0][:, 0] - view.pixels) ** 2).sum())
+            for pose in _poses(flat, view.pixels, matrix, np.zeros(5))
+        )
+    return total
+
+
+def _poses(flat, pixels, matrix, lens):
+    """Both turns and shifts of a flat sheet (z = 0) that its corners allow; far away they differ little."""
+    found = cv2.solvePnPGeneric(flat, pixels, matrix, lens, flags=cv2.SOLVEPNP_IPPE)
+    return [cv2.solvePnPRefineLM(flat, pixels, matrix, lens, *pose) for pose in zip(*found[1:3], strict=True)]
 
 
 class Pose:

@@ -18,9 +18,12 @@ from repose.core.errors import NoFlankError
 from repose.measure.segmentation import Segmentation, require_upright
 
 COLOUR_GAIN, BRIGHTNESS_GAIN = 110.0, 45.0
+EQUAL = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)  # brightness counts as colour does
 DARK = 14.0  # tones: noise of darker pixels has no colour
 SIDES = 0.25  # share of the width, on either side, that shows mostly background
 STANDS_OUT = 30.0  # difference of colours that texture does not reach
+SMOOTH = 0.5  # of the pile's roughness: a shadow is smoother
+LEAST_LEVEL = 6.0  # of a difference from the background
 ROUNDS = 4  # of GrabCut
 FINE_PX = 1200  # longer side of a view in which colours are compared, at least
 SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes at most
@@ -37,8 +40,11 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
     """Find the pile in a coarse view of the whole photograph: a mask (H, W), 1 in the pile."""
     above = math.ceil(base_row)
     colours = _fill(features(image), hidden)[:above]
-    behind = _background(colours, hidden[:above])
-    first, others = _first_guess(colours - behind, hidden[:above])
+    not_behind, rough = hidden[:above], _roughness(colours)
+    for _ in range(2):  # the second background is fitted without the first guess
+        behind = _background(colours, not_behind)
+        first, others = _first_guess(colours - behind, rough, hidden[:above])
+        not_behind = hidden[:above] | (cv2.dilate(first.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
     colours = np.where(others[..., None], behind, colours)
     start = np.where(first, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     strip = max(2, round(0.02 * first.shape[1]))
@@ -46,7 +52,7 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
     edge[strip:, strip:-strip] = False
     start[edge & ~first] = cv2.GC_BGD
     start[hidden[:above] | others] = cv2.GC_BGD
-    mask = _largest(_without_shadow(_grab(colours, start), colours - behind))
+    mask = _largest(_without_shadow(_grab(colours, start), colours - behind, rough))
     return np.vstack([mask, np.zeros((len(image) - above, mask.shape[1]), np.uint8)])
 
 
@@ -68,25 +74,20 @@ def refine(
     grey = cv2.cvtColor(image[:above], cv2.COLOR_BGR2GRAY)
     inside = mask > 0
     pile_is = "darker" if grey[inside].mean() < grey[~inside & ~hidden[:above]].mean() else "brighter"
-    soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0)
-    return Segmentation(grey, soft, 0.5, mask, base_row, pile_is)
+    pile, other = _means(colours, mask, 0.25 * berry_px)
+    way = pile - other
+    share = ((colours - other) * way).sum(-1) / np.maximum((way * way).sum(-1), 1e-6)
+    return Segmentation(grey, np.clip(share, 0, 1), 0.5, mask, base_row, pile_is)
 
 
 def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach_px: float) -> float:
     """Share, 0 to 1, of a pile's upper boundary at which the colours of both sides hardly differ."""
     rows = len(pile.mask)
     colours = _fill(features(image), hidden)[:rows]
-    reach = max(3, round(reach_px))
-    box = np.ones((2 * reach + 1, 2 * reach + 1), np.float32)
-    inside = pile.mask.astype(np.float32)
-    means = []
-    for part in (inside, 1 - inside):
-        weight = cv2.filter2D(part, -1, box, borderType=cv2.BORDER_REPLICATE)
-        total = cv2.filter2D(colours * part[..., None], -1, box, borderType=cv2.BORDER_REPLICATE)
-        means.append(total / np.maximum(weight, 1)[..., None])
+    means = _means(colours, pile.mask, reach_px)
     columns = np.flatnonzero(pile.mask.any(axis=0))
     top = pile.mask.argmax(axis=0)[columns]
-    difference = np.linalg.norm((means[0] - means[1])[top, columns], axis=1)
+    difference = np.linalg.norm((means[0] - means[1])[top, columns] * EQUAL, axis=1)
     return float((difference < FAINT).mean())
 
 
@@ -150,16 +151,38 @@ def _background(colours, hidden):
     return centre
 
 
-def _first_guess(difference, hidden):
+def _roughness(colours):
+    """Scatter (H, W) of the brightness about each pixel: grains with gaps between them are rough, a shadow is not."""
+    tone, size = colours[..., 2], (5, 5)
+    return np.sqrt(np.maximum(cv2.blur(tone * tone, size) - cv2.blur(tone, size) ** 2, 0))
+
+
+def _first_guess(difference, rough, hidden):
     """Masks of the largest part that stands on the plate, wider than high, and of other things, such as a ruler."""
-    size = np.sqrt((difference[..., :2] ** 2).sum(-1) + (0.5 * difference[..., 2]) ** 2)
+    shown = np.where(hidden & ~hidden.all(axis=1, keepdims=True), np.nan, rough)
+    usual = np.nanmedian(shown, axis=1, keepdims=True)  # of the row: an edge of the table is rough, too
+    size = np.sqrt(
+        (difference[..., :2] ** 2).sum(-1)
+        + (0.5 * difference[..., 2]) ** 2
+        + np.maximum(rough - usual, 0) ** 2
+    )
     size = np.where(hidden, 0, cv2.GaussianBlur(size, (0, 0), 1.5))
     level, _ = cv2.threshold(
         np.clip(size, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU
     )
-    if level < 6:
-        raise NoFlankError(NOTHING)
-    mask = cv2.morphologyEx((size > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    # The plate may have more of the grains' colour than the wall has: then the foot needs a lower level.
+    for lower in (level, level / 2, level / 4):
+        if lower < LEAST_LEVEL:
+            break
+        best, others = _standing((size > lower).astype(np.uint8))
+        if best is not None:
+            return best, cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    raise NoFlankError(NOTHING)
+
+
+def _standing(mask):
+    """Masks of the largest part that stands on the plate, wider than high, None without one, and of high things."""
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask)
     rows = mask.shape[0]
     best, largest = 0, 0
@@ -171,9 +194,7 @@ def _first_guess(difference, hidden):
             best, largest = k, area
         elif high > 2.5 * wide and high > 0.15 * rows:
             others |= labels == k
-    if not best:
-        raise NoFlankError(NOTHING)
-    return labels == best, cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    return labels == best if best else None, others
 
 
 def _grab(colours, start):
@@ -186,9 +207,9 @@ def _grab(colours, start):
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
 
 
-def _without_shadow(mask, difference):
+def _without_shadow(mask, difference, rough):
     """The mask without parts that have the background's colour and are darker, unless the pile itself is like that."""
-    shadow = _of_a_shadow(mask, difference)
+    shadow = _of_a_shadow(mask, difference) & (rough < SMOOTH * np.median(rough[mask > 0]))
     shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
@@ -228,6 +249,19 @@ def _without_touching(mask, radius):
     loose = boxes[:, cv2.CC_STAT_TOP] > rows.mean()
     loose[[0, 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())]] = False
     return np.where(loose[owner[nearest]], 0, mask).astype(np.uint8)
+
+
+def _means(colours, mask, reach_px):
+    """Mean colours (H, W, 3) of the pile and of the rest about each pixel."""
+    box = (2 * max(3, round(reach_px)) + 1,) * 2
+    means = []
+    for part in (mask.astype(np.float32), 1 - mask.astype(np.float32)):
+        weight, total = (
+            cv2.boxFilter(values, -1, box, normalize=False, borderType=cv2.BORDER_REPLICATE)
+            for values in (part, colours * part[..., None])
+        )
+        means.append(total / np.maximum(weight, 1)[..., None])
+    return means
 
 
 def _largest(mask):

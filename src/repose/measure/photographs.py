@@ -14,7 +14,7 @@ import numpy as np
 
 from repose.core.errors import InputError, NoFlankError
 from repose.measure import camera, finding, sheet
-from repose.measure.pile import measure_segmented, read_image, with_response
+from repose.measure.pile import measure_segmented, profile_of, read_image, with_response
 from repose.measure.results import Angle, Measurement
 from repose.measure.segmentation import Segmentation, require_upright, segment
 from repose.measure.settings import MeasureSettings
@@ -24,6 +24,10 @@ COARSE_PX, FINE_PX = 700, 1200  # longer sides of the views in which a pile is f
 FAINT_SHARE = 0.2
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
 USUAL_GRAINS = 8  # in the height of a pile, if the height of a grain is not known
+DOUBT = "doubtful"  # begins the note of what may be no pile
+LOWEST_PILE = 1.5  # of a grain's height: below it is a layer
+LARGEST_RISE = 1.5, 0.12  # of a grain's and of the pile's height: of the outline, away from the crest
+MEETING = 0.7, 1.3  # of the pile's height: where the lines of a cone's two flanks meet
 LOWEST_FOOT = 0.6  # of a grain's height: of the widest row over the lowest
 LARGEST_SHADOW = 0.3  # of a grain's height: rows below the grains with the background's colour
 
@@ -129,7 +133,8 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
         crest - low - columns[0] * coarse.mm_per_pixel, low + columns[-1] * coarse.mm_per_pixel - crest
     )
     fine, left = camera.side_view(image, pose, on_paper, crest, FINE_PX, (-reach, reach, 1.6 * high))
-    berry_px = (how.berry_height_mm or high / USUAL_GRAINS) / fine.mm_per_pixel
+    grain = how.berry_height_mm or high / USUAL_GRAINS
+    berry_px = grain / fine.mm_per_pixel
     photograph.view = fine.image
     photograph.facts["mm_per_pixel"], photograph.facts["tilt_deg"] = fine.mm_per_pixel, fine.tilt_deg
     hidden = ~fine.seen | fine.sheet
@@ -143,11 +148,17 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
         )
     _require_whole(photograph.pile.mask, hidden)
     photograph.measurement = seen_level(_measured(photograph, how), look_down)
-    if finding.faint_share(fine.image, hidden, photograph.pile, 0.25 * berry_px) > FAINT_SHARE:
+    doubts = _doubts(photograph.pile, photograph.measurement, grain, fine.mm_per_pixel)
+    faint = finding.faint_share(fine.image, hidden, photograph.pile, 0.25 * berry_px)
+    if faint > FAINT_SHARE:
         photograph.measurement = None
         raise NoFlankError(
             "the pile hardly differs from its background along its boundary: the background is not plain"
         )
+    if faint > FAINT_SHARE / 2:
+        share = f"{100 * faint:.0f} % of its boundary"
+        doubts.append(f"{DOUBT}: the pile hardly differs from its background along {share}")
+    photograph.note = "; ".join(filter(None, (photograph.note, *doubts)))
 
 
 def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
@@ -179,6 +190,33 @@ def _measured(photograph, how):
             f"{LARGEST_DIFFERENCE_DEG:g} are allowed"
         )
     return measurement
+
+
+def _doubts(pile, measurement, grain_mm, mm_per_pixel):
+    """Sentences about what speaks against one heap; NoFlankError for a layer."""
+    high = measurement.height_mm
+    if high < LOWEST_PILE * grain_mm:
+        raise NoFlankError(f"it is {high:.1f} mm high, less than {LOWEST_PILE:g} grains: a layer, no pile")
+    profile, crest = profile_of(pile)
+    sides = profile[: crest + 1][::-1], profile[crest:]
+    rise = mm_per_pixel * max(float((side - np.minimum.accumulate(side)).max()) for side in sides)
+    doubts = []
+    if rise > max(LARGEST_RISE[0] * grain_mm, LARGEST_RISE[1] * high):
+        doubts.append(f"{DOUBT}: away from its crest the outline rises by {rise:.0f} mm, as of two heaps")
+    flank = measurement.angles.get("flank")
+    meeting = _meeting(flank.lines, pile.base_row) * mm_per_pixel if flank else high
+    if not MEETING[0] * high < meeting < MEETING[1] * high:
+        why = "its top is level" if meeting > high else "something else stands behind it"
+        where = f"{meeting:.0f} mm over the plate, its top lies at {high:.0f} mm"
+        doubts.append(f"{DOUBT}: the lines of its flanks meet {where}: {why}")
+    return doubts
+
+
+def _meeting(lines, base_row):
+    """Height over the plate in pixels at which two lines meet; each has two ends (column, row)."""
+    ((u, v), (a, b)), ((x, y), (c, d)) = lines
+    first, second = (b - v) / (a - u), (d - y) / (c - x)
+    return base_row - (v + first * (y - v + second * (u - x)) / (first - second))
 
 
 def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:

@@ -1,0 +1,176 @@
+"""Sixty photographs by the renderer `pinhole`: all at random, and something wrong with every fifth.
+
+`python tests/measure/sixty.py` measures them and prints how many are measured, refused, and wrong in silence.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from pinhole import Heap, Scene, Truth, photograph, truth
+
+from repose.measure import photographs, sheet
+from repose.measure.drawing import overlay, overlay_of_refused
+from repose.measure.settings import MeasureSettings
+
+NUMBER = 60
+GRAINS = {  # colour, blue first; axes [mm]
+    "goji": ((38, 44, 190), (19.0, 11.0, 10.0)),
+    "wheat": ((92, 150, 196), (6.6, 3.4, 3.0)),
+    "maize": ((40, 165, 225), (11.0, 8.5, 5.5)),
+    "rice": ((238, 240, 242), (6.8, 2.9, 2.3)),
+    "bean": ((30, 28, 32), (9.5, 6.8, 5.6)),
+    "pea": ((70, 170, 110), (7.6, 7.4, 7.2)),
+}
+BACKGROUNDS = ((235, 236, 238), (28, 27, 26), (140, 142, 145), (170, 105, 55), (95, 140, 185), (95, 140, 80))
+TROUBLE = ("two heaps", "two that touch", "a layer", "a level top", "cut off", "no heap")
+SEEN = 10.0  # CIE 1976: from this difference of colours an eye sees the outline of a heap of grains
+WRONG = 2.0, 3.0  # degrees, mm
+
+
+class Outcome(NamedTuple):
+    """What came of a photograph."""
+
+    number: int
+    trouble: str  # what is wrong with the scene; may be empty
+    plain: bool  # an eye sees the outline
+    refused: str
+    note: str
+    angle: float  # measured minus true, degrees; NaN if refused
+    height: float  # the same in mm
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the numbers are off, or belong to no heap."""
+        off = abs(self.angle) > WRONG[0] or abs(self.height) > WRONG[1]
+        return not self.refused and (off or self.trouble in TROUBLE[2:])
+
+
+def scene(number: int) -> Scene:
+    """One of the photographs."""
+    rng = np.random.default_rng([2031, number])
+    crop = list(GRAINS)[number % len(GRAINS)]
+    colour, axes = GRAINS[crop]
+    angle, height = rng.uniform(24, 36), rng.uniform(42, 65)
+    heap = Heap(0.0, 0.0, height, angle, foot=rng.choice([0.0, 1.5]))
+    half, left, right = heap.half, -heap.half - rng.uniform(160, 185), heap.half + rng.uniform(40, 70)
+    away = float(np.exp(rng.uniform(np.log(450), np.log(5000))))
+    middle = 0.5 * (left - 20 + right)
+    heaps: tuple = (heap,)
+    match trouble(number):
+        case "two heaps":
+            heaps = heap, Heap(1.1 * half + 40, 10.0, 0.6 * height, angle)
+            right += 110
+        case "two that touch":
+            heaps = heap, Heap(0.75 * half, 0.0, 0.75 * height, angle)
+            right += 40
+        case "a layer":
+            heaps = (Heap(0.0, 0.0, 8.0, 60.0, flat=90.0),)
+        case "a level top":
+            heaps = (Heap(0.0, 0.0, 0.5 * height, angle, flat=0.5 * half),)
+        case "cut off":
+            middle -= 0.5 * half + right - half
+        case "no heap":
+            heaps = (Heap(0.0, 0.0, 1e-3, angle),)
+    walls = rng.permutation(len(BACKGROUNDS))[:2]
+    return Scene(
+        seed=number, heaps=heaps, axes=axes, colour=colour, wall=BACKGROUNDS[walls[0]], plate=BACKGROUNDS[walls[1]],
+        eye=(
+            rng.uniform(-0.06, 0.06) * away, -away,
+            rng.uniform(0.3, 1.1) * height + 0.02 * away * rng.uniform(-0.2, 1),
+        ),
+        aim=(middle, 0.0, rng.uniform(45, 75)), roll=rng.uniform(-8, 8), size=(880, 660),
+        focal=880 * away / (right - left + 60), wall_at=rng.uniform(150, 500), shadow=rng.uniform(0.1, 0.6),
+        uneven=rng.uniform(0, 0.5), texture=rng.uniform(0.005, 0.04), noise=rng.uniform(1, 4),
+        blur=rng.uniform(0.4, 1.2),
+        loose=12 if trouble(number) == "no heap" else int(rng.choice([0, 6])), left=left,
+    )  # fmt: skip
+
+
+def trouble(number: int) -> str:
+    """What is wrong with a scene: something with every fifth one."""
+    return TROUBLE[number // 5 % len(TROUBLE)] if number % 5 == 4 else ""
+
+
+def plain(one: Scene) -> bool:
+    """Whether an eye sees the outline of the pile: grains differ from wall and table."""
+    colours = np.array([[0.8 * np.array(one.colour), one.wall, one.plate]], np.float32) / 255
+    grain, *behind = cv2.cvtColor(colours, cv2.COLOR_BGR2Lab)[0]
+    return bool(min(np.linalg.norm(grain - other) for other in behind) > SEEN)
+
+
+def drawn(one: Scene, path: Path) -> Path:
+    """The file of the photograph, drawn if it is not there."""
+    if not path.exists():
+        cv2.imwrite(str(path), photograph(one, sheet.drawing()[0], sheet.size_mm()))
+    return path
+
+
+def outcome(number: int, folder: Path) -> Outcome:
+    """Draw a photograph into a folder and measure it; what was found in it lies beside it."""
+    one, path = scene(number), drawn(scene(number), folder / f"{number}.png")
+    how = MeasureSettings(berry_height_mm=one.grain_mm)
+    found = photographs.measure_all([path], how, photographs.Scale())[0]
+    seen, missed = found.measurement, (np.nan, np.nan)
+    if seen is not None:
+        true = truth(one) if trouble(number) not in TROUBLE[2:] else Truth(np.nan, np.nan)
+        missed = seen.aor_deg - true.angle, seen.height_mm - true.height
+    shown = overlay(found.view, seen) if seen is not None else overlay_of_refused(found.view, found.pile)
+    cv2.imwrite(str(folder / f"{number}_found.png"), shown)
+    return Outcome(number, trouble(number), plain(one), found.refused, found.note, *missed)
+
+
+def from_a_distance(away: float, eye: float = 25.0, seed: int = 1) -> Scene:
+    """A cone of fine grains, photographed from a distance in mm with the zoom that shows it equally large."""
+    return Scene(
+        seed, heaps=(Heap(0, 0, 36, 30),), axes=(2.7, 2.5, 2.3), eye=(0, -away, eye), aim=(-65, 0, 45), left=-215,
+        focal=1000 * away / 340,
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Print the outcome of every photograph, and the counts."""
+    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    words.add_argument("--folder", type=Path, help="keeps the photographs")
+    words.add_argument("--numbers", type=int, nargs="+", default=range(NUMBER))
+    asked = words.parse_args()
+    with tempfile.TemporaryDirectory() as kept:
+        made = []
+        for number in asked.numbers:
+            one = outcome(number, asked.folder or Path(kept))
+            made.append(one)
+            result = (
+                f"refused: {one.refused}" if one.refused else f"{one.angle:+.2f} deg {one.height:+.2f} mm"
+            )
+            print(
+                number, one.trouble, "" if one.plain else "not plain", result, one.note, sep="; ", flush=True
+            )
+    print(report(made))
+
+
+def silent(made: list[Outcome]) -> list[int]:
+    """Numbers of the photographs that are wrong without a word about the pile."""
+    return [one.number for one in made if one.wrong and photographs.DOUBT not in one.note]
+
+
+def lost(made: list[Outcome]) -> list[int]:
+    """Numbers of the photographs that are refused though an eye would measure them."""
+    return [one.number for one in made if one.refused and one.plain and not one.trouble]
+
+
+def report(made: list[Outcome]) -> str:
+    """Counts in one line."""
+    good = np.array([one[-2:] for one in made if not one.refused and not one.trouble])
+    mean, most = good.mean(0), np.abs(good).max(0)
+    measured = sum(not one.refused for one in made)
+    return (
+        f"{measured} of {len(made)} measured; wrong in silence {silent(made)}; refused though an eye would measure "
+        f"{lost(made)}; heaps: {mean[0]:+.2f} deg, {mean[1]:+.2f} mm, largest {most[0]:.2f}, {most[1]:.2f}"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Photographs by a renderer that shares no code with the measurement: heaps, and what is none."""
+
+import cv2
+import numpy as np
+import pytest
+import sixty
+
+from repose.core.errors import NoFlankError
+from repose.measure import photographs, sheet
+from repose.measure.camera import Pose, calibrate
+from repose.measure.photograph_tables import describe, tables
+from repose.measure.pile import measure_segmented
+from repose.measure.segmentation import Segmentation
+from repose.measure.settings import MeasureSettings
+
+# A heap, two that touch, black grains, a layer, white grains, a heap that is cut off.
+FEW = 1, 9, 10, 14, 15, 24
+
+
+def test_few_of_the_sixty(tmp_path):
+    made = [sixty.outcome(number, tmp_path) for number in FEW]
+    assert sixty.silent(made) == []
+    assert sixty.lost(made) == []
+    assert [one.number for one in made if not one.refused and not one.trouble] == [1, 10, 15]
+
+
+@pytest.mark.slow
+def test_all_sixty(tmp_path):
+    made = [sixty.outcome(number, tmp_path) for number in range(sixty.NUMBER)]
+    print(sixty.report(made))
+    assert sixty.silent(made) == []
+    assert len(sixty.lost(made)) <= 5
+
+
+@pytest.mark.slow
+def test_distance_changes_neither_angle_nor_height(tmp_path):
+    """Height: the highest grain lies up to 5 mm beside the axis, which moves it by 0.2 mm; a pixel has 0.33 mm."""
+    off = []
+    for away in (400.0, 1000.0, 5000.0):
+        one = sixty.from_a_distance(away)
+        path = sixty.drawn(one, tmp_path / f"{away:g}.png")
+        how = MeasureSettings(berry_height_mm=one.grain_mm)
+        seen = photographs.measure_all([path], how, photographs.Scale())[0].measurement
+        true = sixty.truth(one)
+        off.append((seen.aor_deg - true.angle, seen.height_mm - true.height))
+    assert (np.abs(off).max(axis=0) < [0.2, 0.53]).all()
+
+
+def test_one_sheet_gives_the_camera_of_a_zoom():
+    focal = 9000.0
+    places = np.array([(x, z) for x in np.arange(20, 130, 20.0) for z in np.arange(20, 180, 20.0)])
+    away = 0.6 * focal
+    matrix = np.array([[focal, 0, 499.5], [0, focal, 374.5], [0, 0, 1]])
+    flat = np.column_stack([places[:, 0] - 240, 120 - places[:, 1], np.zeros(len(places))])
+    turn = np.array([0.02, -0.12, 0.05])
+    pixels = cv2.projectPoints(flat, turn, np.array([0.0, 0, away]), matrix, np.zeros(5))[0][:, 0]
+    seen = sheet.Seen(places, pixels + np.random.default_rng(1).normal(0, 0.03, pixels.shape))
+    found = calibrate([seen], (1000, 750))
+    assert np.linalg.norm(Pose(found, seen, (1000, 750)).eye) == pytest.approx(away, rel=0.4)
+
+
+def outlined(*tops):
+    """A pile whose outline goes through places (column, height) over the lower border of a picture."""
+    mask = np.zeros((200, 600), np.uint8)
+    corners = [(column, 199 - height) for column, height in ((50, 0), *tops, (550, 0))]
+    cv2.fillPoly(mask, [np.array(corners)], 1)
+    return Segmentation(mask, mask.astype(np.float32), 0.5, mask, 199.5, "darker")
+
+
+@pytest.mark.parametrize(
+    ("tops", "doubt"),
+    [
+        ([(300, 150)], None),
+        ([(200, 100), (280, 40), (420, 80)], "as of two heaps"),
+        ([(150, 60), (450, 62)], "its top is level"),
+        ([(230, 50), (299, 50), (300, 150), (301, 50), (370, 50)], "something else stands behind it"),
+    ],
+)
+def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
+    how = MeasureSettings(mm_per_pixel=0.5, berry_height_mm=6.0)
+    pile = outlined(*tops)
+    doubts = photographs._doubts(pile, measure_segmented(pile, how), 6.0, 0.5)
+    assert [doubt in one for one in doubts] == ([True] if doubt else [])
+
+
+def test_a_doubt_is_printed_beside_its_photograph(tmp_path):
+    how, pile = MeasureSettings(mm_per_pixel=0.5), outlined((150, 60), (450, 62))
+    doubt = photographs._doubts(pile, seen := measure_segmented(pile, how), 6.0, 0.5)[0]
+    one = photographs.Photograph(
+        tmp_path / "a.png", pile.grey, pile, seen, note=f"lens not corrected; {doubt}"
+    )
+    text = describe([one], tables([one], how), how, tmp_path)
+    assert doubt in next(line for line in text.splitlines() if line.startswith("a.png"))
+    assert "note: lens not corrected\n" in text
+
+
+def test_a_layer_is_refused():
+    how = MeasureSettings(mm_per_pixel=0.5, berry_height_mm=6.0)
+    pile = outlined((100, 30), (500, 30))
+    with pytest.raises(NoFlankError, match="a layer, no pile"):
+        photographs._doubts(pile, measure_segmented(pile, how), 12.0, 0.5)
