@@ -120,7 +120,7 @@ def outcome(number: int, folder: Path) -> Outcome:
         missed = seen.aor_deg - true.angle, seen.height_mm - true.height
     shown = overlay(found.view, seen) if seen is not None else overlay_of_refused(found.view, found.pile)
     cv2.imwrite(str(folder / f"{number}_found.png"), shown)
-    return Outcome(number, trouble(number), plain(one), found.refused, found.note, *missed)
+    return Outcome(number, trouble(number), plain(one), found.refused, found.remarks, *missed)
 
 
 def from_a_distance(away: float, eye: float = 25.0, seed: int = 1) -> Scene:

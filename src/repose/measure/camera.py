@@ -137,8 +137,7 @@ class Pose:
         # The planar solver wants z = 0 on the sheet: solve in (x, z, -y), then turn.
         flat = np.column_stack([x, z, np.zeros_like(x)])
         intrinsic = camera.matrix, camera.lens
-        _, turn, self.shift = cv2.solvePnP(flat, sheet.pixels, *intrinsic, flags=cv2.SOLVEPNP_IPPE)
-        turn, self.shift = cv2.solvePnPRefineLM(flat, sheet.pixels, *intrinsic, turn, self.shift)
+        turn, self.shift = _poses(flat, sheet.pixels, *intrinsic)[0]  # the one that fits better
         from_world = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
         self.turn = cv2.Rodrigues(turn)[0] @ from_world
         self.eye = (-self.turn.T @ self.shift).ravel()

@@ -10,7 +10,7 @@ import pandas as pd
 from repose.core.files import write_table, write_text
 from repose.core.targets import range_about
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
-from repose.measure.photographs import DOUBT, Photograph, mean_of
+from repose.measure.photographs import Photograph, mean_of
 from repose.measure.settings import MeasureSettings
 
 MEANT = ("aor_deg", "height_mm")  # responses that become targets
@@ -31,7 +31,7 @@ def tables(measured: Sequence[Photograph], how: MeasureSettings) -> Tables:
             photograph.measurement.record() if photograph.measurement is not None else {}
         )
         facts = {name: round(value, 5) for name, value in photograph.facts.items()}
-        words = {"refused": photograph.refused, "note": photograph.note}
+        words = {"refused": photograph.refused, "note": photograph.remarks}
         rows.append(
             {"photograph": photograph.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words
         )
@@ -105,7 +105,7 @@ def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettin
             )
             for name, reason in seen.reasons.items():
                 text += f"; no {name}: {reason}"
-            text += "".join(f"; {word}" for word in _words(photograph) if word.startswith(DOUBT))
+            text += "".join(f"; {doubt}" for doubt in photograph.doubts)
         lines.append(f"{photograph.path.name:<{wide}}  {text}")
     by_name = made.summary.set_index("response")
     lines.append("mean, standard deviation, number of photographs:")
@@ -122,12 +122,6 @@ def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettin
         lines.append(
             "one pile gives no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
         )
-    words = {word for photograph in photographs for word in _words(photograph) if not word.startswith(DOUBT)}
-    lines += sorted(f"note: {word}" for word in words)
+    lines += sorted({f"note: {photograph.note}" for photograph in photographs if photograph.note})
     lines.append(f"look at the overlays in {out}; the targets of a study: {out / 'targets.yaml'}")
     return "\n".join(lines)
-
-
-def _words(photograph):
-    """The parts of a photograph's note."""
-    return photograph.note.split("; ") if photograph.note else []

@@ -24,7 +24,7 @@ COARSE_PX, FINE_PX = 700, 1200  # longer sides of the views in which a pile is f
 FAINT_SHARE = 0.2
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
 USUAL_GRAINS = 8  # in the height of a pile, if the height of a grain is not known
-DOUBT = "doubtful"  # begins the note of what may be no pile
+DOUBT = "doubtful"  # begins a doubt
 LOWEST_PILE = 1.5  # of a grain's height: below it is a layer
 LARGEST_RISE = 1.5, 0.12  # of a grain's and of the pile's height: of the outline, away from the crest
 MEETING = 0.7, 1.3  # of the pile's height: where the lines of a cone's two flanks meet
@@ -54,6 +54,12 @@ class Photograph:
     # mm_per_pixel; with a sheet also tilt_deg and look_down_deg
     facts: dict[str, float] = field(default_factory=dict)
     note: str = ""  # warning for the reader of the numbers
+    doubts: Sequence[str] = ()  # what speaks against one heap
+
+    @property
+    def remarks(self) -> str:
+        """Note and doubts in one line."""
+        return "; ".join(filter(None, (self.note, *self.doubts)))
 
 
 def load(path: Path) -> tuple[np.ndarray, float]:
@@ -158,7 +164,7 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
     if faint > FAINT_SHARE / 2:
         share = f"{100 * faint:.0f} % of its boundary"
         doubts.append(f"{DOUBT}: the pile hardly differs from its background along {share}")
-    photograph.note = "; ".join(filter(None, (photograph.note, *doubts)))
+    photograph.doubts = doubts
 
 
 def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
