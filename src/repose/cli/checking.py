@@ -110,22 +110,21 @@ def _trials(study: "Study", berry_step_s: float) -> Iterator[str]:
         if expected_s > LONGEST_TRIAL_S:
             yield f"{test.name}: no trial runs, as one takes about {expected_s:.0f} s"
             continue
-        found = [run_once(test, config, values, 1, study.particle, study.grain)[0] for values in sets]
+        with elapsed_seconds_shown(f"three trial runs of {test.name}, about {3 * expected_s:.0f} s"):
+            found = [run_once(test, config, values, 1, study.particle, study.grain)[0] for values in sets]
         for place, run in zip(TRIALS, found, strict=True):
             yield f"{test.name}: {place}: {describe(run, test.in_words).removeprefix('seed 1: ')}"
         good = [run for run in found if run["status"] == "ok"]
         if not good:
             yield f"{test.name}: WARNING: no trial run can be measured: change the section {test.name}, or the ranges"
             continue
-        for target in config["targets"]:
-            name, value = target["response"], target["value"]
-            if target["apparatus"] != test.name or not isinstance(value, (int, float)):
-                continue
-            low, high = (end(run[name] for run in good) for end in (min, max))
-            if not low <= value <= high:
+        own = test.target_responses(config)
+        for target in (target for target in study.targets if target.response in own):
+            low, high = (end(run[target.name] for run in good) for end in (min, max))
+            if not low <= target.value <= high:
                 yield (
-                    f"{name}: WARNING: the target {value:g} is outside the single runs, {low:.4g} to {high:.4g}: other "
-                    "ranges or another scene may be needed"
+                    f"{target.name}: WARNING: the target {target.value:g} is outside the single runs, {low:.4g} to "
+                    f"{high:.4g}: other ranges or another scene may be needed"
                 )
 
 
