@@ -123,7 +123,7 @@ rule rule_graph:
     log:
         f"{RESULTS}/logs/rule_graph.log",
     resources:
-        **needs(520),
+        **needs(650),
     params:
         config=CONFIG,
         snakefile=str(MAIN_SNAKEFILE),
