@@ -57,8 +57,11 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     subtracted from each variance; the correlation is computed from the uncorrected differences.
     """
     columns = [derived(name, "difference") for name in targets.names]
-    needed = (*MODEL, "eligible", "distance", *columns, *targets.errors)
-    table = read_table(combinations_csv, needed)
+    table = read_table(combinations_csv, (*MODEL, "eligible", "distance"))
+    missing = [column for column in (*columns, *targets.errors) if column not in table]
+    if missing:
+        allowed = "a shape study of these targets; without one posterior.shape_study: null"
+        raise InputError(combinations_csv, f"column {missing[0]}", "missing", allowed)
     plausible = table[table["eligible"].astype(bool)].dropna(subset=["distance", *columns])
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
