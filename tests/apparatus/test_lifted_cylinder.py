@@ -1,16 +1,19 @@
 """The lifted cylinder: how a run is judged, the funnel's measurement, the effect of the speed of lifting."""
 
 import dataclasses
+import itertools
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
-from goji import BEAD, SPHERE, example, named
+from goji import BEAD, BERRY, PARTICLE, SPHERE, example, named
 from refusals import not_refused
 
 from repose.apparatus import bench, funnel, lifted_cylinder
 from repose.apparatus.job import run_once
 from repose.config.study import Study
+from repose.core import published
 from repose.core.errors import InputError
 from repose.measure import pile
 from repose.measure.saved_piles import side_view
@@ -110,3 +113,42 @@ def test_the_faster_the_lifting_the_flatter_the_pile():
     mean, error = found.mean(axis=1), found.std(axis=1, ddof=1) / np.sqrt(6)
     assert (np.diff(mean, axis=0) < 0.0).all()
     assert (mean[0] - mean[2] > 3.0 * np.hypot(error[0], error[2])).all()
+
+
+@pytest.mark.slow
+def test_a_hidden_surface_energy_is_found_again():
+    """From the mean angle and Height of 32 piles, within 10 %; what else a pile depends on is known."""
+    hidden, test, config = 0.2, bench("lifted_cylinder"), example("lifted_cylinder")
+    config["simulation"] |= {"contact_law": "jkr", "time_step_s": 2.7e-4}
+    known = published.representative(config["validation"]["published"]) | {"gamma_gp": 0.0}
+
+    seeds = itertools.count(1)
+
+    def piles(energies):
+        values = [known | {"gamma_gg": energy} for energy in energies]
+        runs = [run_once(test, config, of, next(seeds), PARTICLE, BERRY)[0] for of in values]
+        return pd.DataFrame(runs)[["lifted_aor_deg", "lifted_height_mm"]].astype(float)
+
+    measured = piles(32 * [hidden]).dropna()
+    targets = {
+        name: {
+            "value": values.mean(),
+            "sd": values.std(),
+            "repetitions": len(values),
+            "unit": name.split("_")[-1],
+        }
+        for name, values in measured.items()
+    }
+    study = Study(
+        {"gamma_gg": [0.0, 0.4]},
+        targets,
+        "sequential",
+        seed=2026,
+        simulator="repose.dem",
+        sequential={"most_runs": 80},
+    )
+    while not study.done:
+        samples = study.ask()
+        study.tell(samples.join(piles(samples["gamma_gg"])))
+    assert study.answer().summary["feasible"]
+    assert study.answer().parameters["gamma_gg"] == pytest.approx(hidden, rel=0.1)
