@@ -23,6 +23,7 @@ from repose.dem.rotations import rotation_matrix
 LANES = st.LANES
 ROWS = tl.LAW_ROW + hertz_mindlin.LAW.n_rows
 KEPT = st.PAIR_STATE // LANES + hertz_mindlin.LAW.n_state
+SPHERE = np.full((1, 3), 0.006)  # on the engine's way for spheres
 MOMENTS = np.array([1.2e-8, 2.9e-8, 3.3e-8])  # kg m2
 UPPER = np.triu_indices(3)
 
@@ -33,8 +34,8 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     gather(rows, first, 0, t, tl.A)
     gather(rows, second, 0, t, tl.B)
     tl.pair_geometry(t, contacts, parts)
-    mobility(t, contacts, tl.A, tl.RA, 0.0)
-    mobility(t, contacts, tl.B, tl.RB, 1.0)
+    mobility(t, contacts, tl.A, tl.RA, parts, 0.0)
+    mobility(t, contacts, tl.B, tl.RB, parts, 1.0)
     contact_forces(law, t, contacts, st.PAIR_STATE, dt)
     tl.torques(t)
     rolling_resistance(rolling, t, contacts, st.PAIR_STATE, dt)
@@ -52,14 +53,22 @@ def reciprocal_root(x):
     return rsqrt(x)
 
 
+def parts_of(axes):
+    """As `shapes.parts_of`, for a body with the moments of its axes."""
+    return st.SPHERES if axes is SPHERE else len(axes)
+
+
 def engine_rows(bodies, axes, mass, moments=MOMENTS):
     """The engine's rows of bodies given as (position, quaternion, velocity, angular velocity)."""
-    rows = st.new_bodies(len(bodies), len(axes)).rows
+    rows = st.new_bodies(len(bodies), parts_of(axes)).rows
     for row, (position, quaternion, velocity, turning) in zip(rows, bodies, strict=False):
         row[st.POSITION : st.POSITION + 3] = position
         row[st.VELOCITY : st.VELOCITY + 3] = velocity
         row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = turning
         row[st.INVERSE_MASS] = 1.0 / mass
+        if axes is SPHERE:
+            row[st.SPHERE_RADIUS] = axes[0, 0]
+            continue
         turn = rotation_matrix(quaternion)
         row[st.INVERSE_INERTIA : st.INVERSE_INERTIA + 6] = (turn @ np.diag(1.0 / moments) @ turn.T)[UPPER]
         for k, part in enumerate(axes):
@@ -121,14 +130,14 @@ def scatter_tile(load, index, t):
     scatter(load, index, 0, t, tl.A)
 
 
-@pytest.mark.parametrize("axes", [BERRY, BARREL], ids=["ellipsoid", "two ellipsoids"])
+@pytest.mark.parametrize("axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"])
 def test_gap_and_normal_agree_with_a_dense_search(axes):
     rng = np.random.default_rng(7)
     for _ in range(60):
         bodies, direction, target = random_pair(rng, (-6e-4, 2e-3))
         slow, slow_normal = at_gap(bodies, axes, direction, target)
         normal = direction.copy()
-        fast = solve_gap(engine_rows(bodies, axes, 1.0), len(axes), 0, 1, normal, 1e-9, np.inf)
+        fast = solve_gap(engine_rows(bodies, axes, 1.0), parts_of(axes), 0, 1, normal, 1e-9, np.inf)
         assert fast == pytest.approx(slow, abs=1e-10)
         assert np.linalg.norm(normal - slow_normal) < 2e-5
 
@@ -142,7 +151,7 @@ def test_a_proven_gap_is_never_larger_than_the_true_one():
         assert proven <= true + 1e-12
 
 
-@pytest.mark.parametrize("axes", [BERRY, BARREL], ids=["ellipsoid", "two ellipsoids"])
+@pytest.mark.parametrize("axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"])
 @pytest.mark.parametrize("limit", ["elastic", "total"])
 @pytest.mark.parametrize("tension", ["release", "keep"])
 def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):  # noqa: PLR0915
@@ -173,7 +182,7 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):  # n
     rows = engine_rows(everybody, axes, mass)
     load = st.zeros(len(rows), st.LOAD_COLUMNS)
     first = np.arange(0, 2 * LANES, 2, dtype=np.uint32)
-    pair_tile(t, contacts, rows, first, first + np.uint32(1), len(axes), dt, *laws, load)
+    pair_tile(t, contacts, rows, first, first + np.uint32(1), parts_of(axes), dt, *laws, load)
 
     def row(start, lane, count=3):
         begin = start // LANES

@@ -2,8 +2,8 @@
 
 Every room of src/repose gives as many mutants. A place in it is drawn and made wrong: an operator is another one, a
 comparison is turned, a number is another number. In a clone of the last commit the quick tests that name the module run
-up to the first that fails; those of the engine without the compiler. Outside the engine, what survives meets all quick tests
-of its room. The table goes to tests/mutants/random_lines.md.
+up to the first that fails; those of the engine without the compiler. Outside the engine, what survives meets all quick
+tests of its room. The table goes to tests/mutants/random_lines.md.
 """
 
 import argparse

@@ -43,7 +43,7 @@ def checked_body(
 
 
 def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:
-    """Write body number i into the arrays of the bodies; parts: most ellipsoids of a shape; tile: scratch."""
+    """Write body number i into the arrays of the bodies; parts: see `shapes.parts_of`; tile: scratch."""
     kind, scale = body.kind, body.scale
     row = bodies.rows[i]
     row[st.POSITION : st.POSITION + 3] = body.position

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .checks import name_of, positive, vector
 from .errors import shown
-from .kernels.state import MOST_PARTS, MOST_SPHERES
+from .kernels.state import MOST_PARTS, MOST_SPHERES, SPHERES
 from .rotations import sphere_directions
 
 DIRECTIONS = 2000  # from which a clump is looked at
@@ -164,6 +164,12 @@ class Shape:
     def bounding_radius_m(self) -> float:
         """Largest distance of a point from the centre [m]."""
         return float(self.semi_axes_m.max(axis=1).sum())
+
+    @property
+    def is_sphere(self) -> bool:
+        """Whether it is one ellipsoid with equal axes and equal moments."""
+        axes, moments = self.semi_axes_m, self.inertia_kg_m2
+        return bool(len(axes) == 1 and np.ptp(axes) == 0.0 and np.ptp(moments) == 0.0)
 
     @property
     def smallest_radius_m(self) -> float:
@@ -348,3 +354,11 @@ def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
 def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
     """How many spheres the largest clump has; 0 for smooth bodies."""
     return max(len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes)
+
+
+def parts_of(shapes: Iterable[Shape | Clump]) -> int:
+    """Most ellipsoids of a smooth body; 0 for clumps, `state.SPHERES` where all bodies are spheres."""
+    smooth = [shape for shape in shapes if isinstance(shape, Shape)]
+    if smooth and all(shape.is_sphere for shape in smooth):
+        return SPHERES
+    return max((len(shape.semi_axes_m) for shape in smooth), default=0)

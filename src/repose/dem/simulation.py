@@ -29,7 +29,7 @@ from .laws import CONTACT_LAWS, ROLLING_LAWS
 from .laws.law import COULOMB, FRICTION_LIMITS, TENSIONS
 from .materials import Contact, Material
 from .observables import Observables
-from .shapes import Clump, Shape, are_clumps, most_spheres
+from .shapes import Clump, Shape, are_clumps, most_spheres, parts_of
 from .walls import Mesh, Motion, Wall, WallSet, wall_arrays
 
 TURNING = (
@@ -137,7 +137,7 @@ class Simulation(Observables):
         steps = f"above 0, {limit.allowed}"
         dt = number("time_step_s", time_step_s, steps, lambda dt: 0.0 < dt <= limit.time_step_s)
         self._smallest_scales = time_steps.smallest_scales(self.scene, dt)
-        parts = 0 if self._of_clumps else max(len(shape.semi_axes_m) for shape in self.shapes.values())
+        parts = parts_of(self.shapes.values())
         self._make_arrays(parts)
         several = len(self._numbers.of_bodies) > 1
         laws = self.contact_law, self.rolling_law, tension, self.friction_limit
@@ -172,7 +172,7 @@ class Simulation(Observables):
             raise ValueError(f"rolling_law is {rolling_law!r}; allowed: {allowed}")
 
     def _make_arrays(self, parts: int) -> None:
-        """Make the arrays of bodies, walls and contacts, all of them empty; parts: most ellipsoids of a shape."""
+        """Make the arrays of bodies, walls and contacts, all of them empty; parts: see `shapes.parts_of`."""
         skin = SKIN_SHARE * self.radius
         self._shared = self.capacity >= parallel.FEWEST_BODIES and not self._of_clumps
         self._inner, self._outer = np.arange(self.capacity), np.arange(self.capacity)

@@ -316,3 +316,59 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
     advance_orientation(m, c, dt)
     shape_lanes(m, c, parts)
     return True
+
+
+@kernel
+def turn_spheres(m, c, dt, fx, fy, fz):
+    """Turn each lane's sphere against its rolling resistance, as `resist_in_frame`; returns how many rotate.
+
+    Momentum and angular velocity are parallel, so the resistance only shortens both, and the velocity stays as it is
+    within the step. The surface stays in its place: no path is added.
+    """
+    n = 0
+    for k in range(L):
+        inverse = c[INVERSE_MOMENTS + k]
+        there = inverse > 0.0
+        moment = 1.0 / (inverse if there else 1.0)
+        lx = c[ANGULAR_MOMENTUM + k] + dt * m[LOAD + 3 * L + k] - moment * fx
+        ly = c[ANGULAR_MOMENTUM + L + k] + dt * m[LOAD + 4 * L + k] - moment * fy
+        lz = c[ANGULAR_MOMENTUM + 2 * L + k] + dt * m[LOAD + 5 * L + k] - moment * fz
+        budget = dt * m[LOAD + st.ROLL * L + k]
+        size = math.sqrt(lx * lx + ly * ly + lz * lz)
+        turns = there & (size > budget)
+        left = 1.0 - budget / (size if turns else 1.0)
+        left = left if turns else 0.0
+        lx = alive(left * lx + moment * fx if there else 0.0)
+        ly = alive(left * ly + moment * fy if there else 0.0)
+        lz = alive(left * lz + moment * fz if there else 0.0)
+        ox, oy, oz = alive(inverse * lx), alive(inverse * ly), alive(inverse * lz)
+        c[ANGULAR_MOMENTUM + k] = lx
+        c[ANGULAR_MOMENTUM + L + k] = ly
+        c[ANGULAR_MOMENTUM + 2 * L + k] = lz
+        m[OMEGA + k] = ox
+        m[OMEGA + L + k] = oy
+        m[OMEGA + 2 * L + k] = oz
+        rotates = ox * ox + oy * oy + oz * oz > 0.0
+        n += 1 if rotates else 0
+        qw, qx, qy, qz = (
+            c[QUATERNION + k],
+            c[QUATERNION + L + k],
+            c[QUATERNION + 2 * L + k],
+            c[QUATERNION + 3 * L + k],
+        )
+        hw, hx, hy, hz = rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, 0.5 * dt)
+        c[QUATERNION + k] = hw if rotates else qw
+        c[QUATERNION + L + k] = hx if rotates else qx
+        c[QUATERNION + 2 * L + k] = hy if rotates else qy
+        c[QUATERNION + 3 * L + k] = hz if rotates else qz
+        m[ROWS + st.SPHERE_RADIUS * L + k] = c[st.RADIUS + k]
+    return n
+
+
+@inlined
+def rotate_spheres(m, c, dt, rests, fx, fy, fz):
+    """`rotate_lanes` for a tile of spheres."""
+    framed = fx != 0.0 or fy != 0.0 or fz != 0.0
+    if rests and not framed and might_turn(m, dt) == 0:
+        return False
+    return turn_spheres(m, c, dt, fx, fy, fz) > 0 or framed

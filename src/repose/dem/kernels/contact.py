@@ -9,6 +9,7 @@ import math
 
 from .geometry import add_part, area
 from .jit import inlined, kernel
+from .state import SPHERE_RADIUS, SPHERES
 
 # An ascent step is at most this long (radians); beyond it the quadratic model means little.
 LONGEST_STEP = 0.4
@@ -49,6 +50,11 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
     dx = rows[j, 0] - rows[i, 0]
     dy = rows[j, 1] - rows[i, 1]
     dz = rows[j, 2] - rows[i, 2]
+    if parts == SPHERES:
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if distance > 0.0:
+            normal[0], normal[1], normal[2] = dx / distance, dy / distance, dz / distance
+        return distance - rows[i, SPHERE_RADIUS] - rows[j, SPHERE_RADIUS]
     nx, ny, nz = normal[0], normal[1], normal[2]
     bx, by, bz = nx, ny, nz
     best = -1e300

@@ -26,8 +26,15 @@ L = tl.LANES
 
 
 @inlined
-def mobility(t, c, body, arm, add):
-    """Write (add 0.0) or add (add 1.0) the velocity that a unit impulse along the normal gives each lane's body."""
+def mobility(t, c, body, arm, parts, add):
+    """Write (add 0.0) or add (add 1.0) the velocity that a unit impulse along the normal gives each lane's body.
+
+    A sphere's contact does not turn it.
+    """
+    if parts == st.SPHERES:
+        for k in range(L):
+            t[tl.INVERSE_MASS + k] = add * t[tl.INVERSE_MASS + k] + t[body + st.INVERSE_MASS * L + k]
+        return
     j = body + st.INVERSE_INERTIA * L
     for k in range(L):
         nx, ny, nz = c[tl.N + k], c[tl.N + L + k], c[tl.N + 2 * L + k]
@@ -40,10 +47,10 @@ def mobility(t, c, body, arm, add):
 
 
 @inlined
-def mass_of_pairs(t, c, pairs, clumps, base, lanes):
+def mass_of_pairs(t, c, pairs, parts, clumps, base, lanes):
     """Row INVERSE_MASS of a tile of pairs, which begins with contact `base` and uses its first `lanes` lanes."""
-    mobility(t, c, tl.A, tl.RA, 0.0)
-    mobility(t, c, tl.B, tl.RB, 1.0)
+    mobility(t, c, tl.A, tl.RA, parts, 0.0)
+    mobility(t, c, tl.B, tl.RB, parts, 1.0)
     if len(clumps) > 0:
         for lane in range(lanes):
             t[tl.INVERSE_MASS + lane] *= pairs.live[pairs.entry[base + lane]]
@@ -58,25 +65,25 @@ def share_on_wall(t, touches, known, base, lanes):
 
 
 @inlined
-def mass_on_flat(t, c, flat, clumps, base, lanes):
+def mass_on_flat(t, c, flat, parts, clumps, base, lanes):
     """Row INVERSE_MASS of a tile of contacts with planes."""
-    mobility(t, c, tl.A, tl.RA, 0.0)
+    mobility(t, c, tl.A, tl.RA, parts, 0.0)
     if len(clumps) > 0:
         share_on_wall(t, flat, clumps.flat_known, base, lanes)
 
 
 @inlined
-def mass_on_curved(t, c, curved, clumps, base, lanes):
+def mass_on_curved(t, c, curved, parts, clumps, base, lanes):
     """Row INVERSE_MASS of a tile of contacts with cones, tubes and rings."""
-    mobility(t, c, tl.A, tl.RA, 0.0)
+    mobility(t, c, tl.A, tl.RA, parts, 0.0)
     if len(clumps) > 0:
         share_on_wall(t, curved, clumps.curved_known, base, lanes)
 
 
 @inlined
-def mass_on_meshed(t, c, meshed, clumps, base, lanes):
+def mass_on_meshed(t, c, meshed, parts, clumps, base, lanes):
     """Row INVERSE_MASS of a tile of contacts with meshes."""
-    mobility(t, c, tl.A, tl.RA, 0.0)
+    mobility(t, c, tl.A, tl.RA, parts, 0.0)
     if len(clumps) > 0:
         share_on_wall(t, meshed, clumps.mesh_known, base, lanes)
 

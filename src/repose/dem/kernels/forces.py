@@ -167,7 +167,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
         gather(bodies.rows, pairs.first, base, t, tl.A)
         gather(bodies.rows, pairs.second, base, t, tl.B)
         pair_geometry(t, contacts, physics.parts, clumps)
-        mass_of_pairs(t, contacts, pairs, clumps, base, min(L, n - base))
+        mass_of_pairs(t, contacts, pairs, physics.parts, clumps, base, min(L, n - base))
         pair_laws(t, contacts, physics, clumps)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
@@ -278,7 +278,7 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
         gather(bodies.rows, flat.body, base, t, tl.A)
         plane_geometry(t, contacts, physics.parts, clumps)
         wall_tile(bodies, flat, walls, physics, 0, base, n, t)
-        mass_on_flat(t, contacts, flat, clumps, base, min(L, n - base))
+        mass_on_flat(t, contacts, flat, physics.parts, clumps, base, min(L, n - base))
         wall_laws(t, contacts, physics, clumps)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
@@ -347,7 +347,11 @@ def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, loc
         on_wall = follow_wall(physics.parts, row, walls, curved.wall[k], contacts, lane, out, local)
         write_lane(t, contacts, lane, out)
         contacts[st.GAP + lane] = out[3]
-        return out[3] > wall_reach(contacts, physics, clumps, lane) or not on_wall or is_double(curved, k)
+        return (
+            out[3] > wall_reach(contacts, physics, clumps, lane)
+            or not on_wall
+            or (physics.parts != st.SPHERES and is_double(curved, k))
+        )
     x, y, z = sphere_arm(row, contacts, lane)
     beyond = sphere_on_curved(
         walls, curved.wall[k], row[0] + x, row[1] + y, row[2] + z, contacts[ct.RADIUS + lane], out
@@ -378,7 +382,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
                     over_end(bodies, curved, clumps, walls, n, k, -t[tl.GAP + lane])
                 t[tl.GAP + lane] = 1.0
         wall_tile(bodies, curved, walls, physics, walls.planes.shape[0], base, n, t)
-        mass_on_curved(t, contacts, curved, clumps, base, lanes)
+        mass_on_curved(t, contacts, curved, physics.parts, clumps, base, lanes)
         wall_laws(t, contacts, physics, clumps)
         for lane in range(lanes):
             if t[tl.GAP + lane] > wall_reach(contacts, physics, clumps, lane):
@@ -424,7 +428,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
                 ended += 1
                 t[tl.GAP + lane] = 1.0
         wall_tile(bodies, meshed, walls, physics, first_wall, base, n, t)
-        mass_on_meshed(t, contacts, meshed, clumps, base, lanes)
+        mass_on_meshed(t, contacts, meshed, physics.parts, clumps, base, lanes)
         wall_laws(t, contacts, physics, clumps)
         for lane in range(lanes):
             if t[tl.GAP + lane] > wall_reach(contacts, physics, clumps, lane):

@@ -5,7 +5,7 @@ import math
 from . import state as st
 from . import tile as tl
 from .jit import inlined, kernel
-from .state import PART, POSITION, SHAPE
+from .state import PART, POSITION, SHAPE, SPHERE_RADIUS, SPHERES
 
 L = st.LANES
 
@@ -45,6 +45,8 @@ def row_in_frame(row, parts, frame, local):
     local[POSITION] = x
     local[POSITION + 1] = y
     local[POSITION + 2] = z
+    if parts == SPHERES:
+        local[SPHERE_RADIUS] = row[SPHERE_RADIUS]
     for part in range(parts):
         s = SHAPE + PART * part
         # the columns of S, each into the frame; then the rows

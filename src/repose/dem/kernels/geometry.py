@@ -9,7 +9,7 @@ import math
 
 from .jit import inlined
 from .simd import rsqrt
-from .state import PART, SHAPE
+from .state import PART, SHAPE, SPHERE_RADIUS, SPHERES
 
 
 @inlined
@@ -35,6 +35,8 @@ def times_shape(row, part, x, y, z):
 @inlined
 def extent(row, parts, nx, ny, nz):
     """Support value h(n) of a body."""
+    if parts == SPHERES:
+        return row[SPHERE_RADIUS]
     h = 0.0
     for k in range(parts):
         x, y, z = times_shape(row, k, nx, ny, nz)
@@ -86,6 +88,8 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     n is the direction, u and w the two tangents. Returns h, x.u, x.w and the tangential matrix Q = grad grad h as
     (Q_uu, Q_uw, Q_ww).
     """
+    if parts == SPHERES:
+        return row[SPHERE_RADIUS], 0.0, 0.0, row[SPHERE_RADIUS], 0.0, row[SPHERE_RADIUS]
     h = 0.0
     g1 = 0.0
     g2 = 0.0

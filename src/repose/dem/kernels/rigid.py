@@ -3,7 +3,7 @@
 import math
 
 from . import state as st
-from .body_rotation import rotate_lanes, shape_lanes
+from .body_rotation import rotate_lanes, rotate_spheres, shape_lanes
 from .body_tile import BEFORE, LOAD, MORE, PATH, ROWS, L
 from .jit import inlined, kernel
 from .neighbours import mark_moved
@@ -170,7 +170,10 @@ def integrate(bodies, counts, physics, m, begin, end):
         else:
             take_only_load(bodies, tile, m)
         move_lanes(m, gx, gy, gz, dt)
-        turns = rotate_lanes(m, c, dt, physics.parts, bodies.resting[tile] == 1, fx, fy, fz)
+        if physics.parts == st.SPHERES:
+            turns = rotate_spheres(m, c, dt, bodies.resting[tile] == 1, fx, fy, fz)
+        else:
+            turns = rotate_lanes(m, c, dt, physics.parts, bodies.resting[tile] == 1, fx, fy, fz)
         write = columns if turns else read
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):
@@ -193,6 +196,9 @@ def integrate(bodies, counts, physics, m, begin, end):
 @kernel
 def place_shape(bodies, i, parts, m):
     """Write inverse inertia and shape of body i in its present orientation, without moving anything."""
+    if parts == st.SPHERES:
+        bodies.rows[i, st.SPHERE_RADIUS] = bodies.motion[i // L, st.RADIUS + i % L]
+        return
     base = i // L * L
     shape_lanes(m, bodies.motion[i // L], parts)
     for c in range(st.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):

@@ -18,10 +18,12 @@ ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to t
 CELL, REACH, SKIN = range(3)
 # Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
 # The first eight are all that changes of a body that does not turn. Clumps have their quaternion for a shape.
-# Then the inverse inertia in the world as xx, xy, xz, yy, yz, zz, and the shape.
+# Then the inverse inertia in the world as xx, xy, xz, yy, yz, zz, and the shape. Spheres have their radius there alone.
 POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, INVERSE_INERTIA, SHAPE = 0, 3, 6, 7, 10, 16
+SPHERE_RADIUS = INVERSE_INERTIA
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
 MOST_PARTS = 3
+SPHERES = -1  # in place of a number of parts: every body is a sphere
 MOST_SPHERES = 64  # of a clump
 # Columns of `load` (shares, N, 8), to be added up over the shares: force, torque, budget of the rolling torque.
 ROLL = 6
@@ -134,6 +136,11 @@ def zeros(*shape):
     return store[skip : skip + size].reshape(shape)
 
 
+def row_end(parts):
+    """How many columns of `rows` are used."""
+    return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
+
+
 def new_bodies(n, parts, shares=1):
     """Arrays for n bodies of up to `parts` parts, none of them present yet; shares: of the loads, see `parallel`.
 
@@ -141,10 +148,13 @@ def new_bodies(n, parts, shares=1):
     tiles. It has no mass, so nothing moves it, and a shape, so its geometry is finite.
     """
     padded = LANES * (n // LANES + 1)
-    rows = zeros(padded, 8 * -(-(SHAPE + max(PART * parts, 4)) // 8))
-    rows[:, [SHAPE, SHAPE + 3, SHAPE + 5]] = 1e-6
+    rows = zeros(padded, CACHE_LINE * -(-row_end(parts) // CACHE_LINE))
+    rows[:, [SPHERE_RADIUS] if parts == SPHERES else [SHAPE, SHAPE + 3, SHAPE + 5]] = (
+        1e-3 if parts == SPHERES else 1e-6
+    )
     motion = zeros(padded // LANES, MOTION_ROWS * LANES)
     motion[:, :LANES] = 1.0
+    motion[:, RADIUS : RADIUS + LANES] = 1e-3
     motion[:, SQUARES : SQUARES + 3 * LANES] = 1e-6
     return Bodies(
         rows=rows,

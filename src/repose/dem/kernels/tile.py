@@ -49,6 +49,8 @@ LAW_ROW = _rows.count
 
 # The gap of a body beyond the edge of a plane [m]: the next look comes when it has moved at all.
 BEYOND = math.inf
+# Two centres are never nearer than this for a direction [m].
+NEAREST = 1e-30
 # A contact normal turns by at most this much in a step [rad].
 LARGEST_TURN = 0.2
 
@@ -190,12 +192,45 @@ def both_bodies(t, c, parts):
 
 
 @inlined
+def sphere_pair_geometry(t, c):
+    """The same of each lane's pair of spheres, in closed form; two centres in one place keep the last normal."""
+    for k in range(L):
+        dx = t[B + k] - t[A + k]
+        dy = t[B + L + k] - t[A + L + k]
+        dz = t[B + 2 * L + k] - t[A + 2 * L + k]
+        ra, rb = t[A + st.SPHERE_RADIUS * L + k], t[B + st.SPHERE_RADIUS * L + k]
+        square = dx * dx + dy * dy + dz * dz
+        apart = square > NEAREST * NEAREST
+        inv = rsqrt(square if apart else 1.0)
+        nx = inv * dx if apart else c[N + k]
+        ny = inv * dy if apart else c[N + L + k]
+        nz = inv * dz if apart else c[N + 2 * L + k]
+        gap = inv * square - ra - rb
+        c[N + k] = nx
+        c[N + L + k] = ny
+        c[N + 2 * L + k] = nz
+        t[GAP + k] = gap
+        t[RADIUS + k] = ra * rb / (ra + rb)
+        reach = ra + 0.5 * gap
+        t[RA + k] = reach * nx
+        t[RA + L + k] = reach * ny
+        t[RA + 2 * L + k] = reach * nz
+        reach = -(rb + 0.5 * gap)
+        t[RB + k] = reach * nx
+        t[RB + L + k] = reach * ny
+        t[RB + 2 * L + k] = reach * nz
+
+
+@inlined
 def pair_geometry(t, c, parts):
     """Gap, effective radius and contact point of each lane's pair, one Newton step on from the last normal.
 
     Several short loops, not one: a processor runs as many lanes at once as its window holds. The number of parts is a
     constant in each of them, so that they become vector code.
     """
+    if parts == st.SPHERES:
+        sphere_pair_geometry(t, c)
+        return
     if parts == 1:
         both_bodies(t, c, 1)
     elif parts == 2:
@@ -207,13 +242,26 @@ def pair_geometry(t, c, parts):
 
 
 @inlined
+def sphere_a(t, c):
+    """Rows SUPPORT and AREA_A of spheres."""
+    for k in range(L):
+        radius = t[A + st.SPHERE_RADIUS * L + k]
+        t[SUPPORT + k] = radius * c[N + k]
+        t[SUPPORT + L + k] = radius * c[N + L + k]
+        t[SUPPORT + 2 * L + k] = radius * c[N + 2 * L + k]
+        t[AREA_A + k] = radius * radius
+
+
+@inlined
 def plane_geometry(t, c, parts):
     """Gap, effective radius and contact point of each lane's body against a plane.
 
     Row N holds the plane's normal, pointing from the body into the wall; row OFFSET its distance from the origin along
     it, MIDDLE and RADIUS2 the disc it ends with: beyond that the gap is endless.
     """
-    if parts == 1:
+    if parts == st.SPHERES:
+        sphere_a(t, c)
+    elif parts == 1:
         body_a(t, c, 1)
     elif parts == 2:
         body_a(t, c, 2)
