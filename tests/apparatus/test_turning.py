@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from goji import BERRY, PARTICLE, named, recommended
 
-from repose.apparatus import bench, turning
+from repose.apparatus import bench, drum, turning
 from repose.apparatus.job import run_once
 from repose.core.responses import derived
 from repose.dem import Shape
@@ -149,3 +149,23 @@ def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():
     assert (rough["status"], level["status"]) == ("ok", "ok")
     assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy
     assert rough["turning_deg"] > 15.0
+
+
+def test_a_tilted_drum_is_low_at_one_end_where_berries_without_friction_gather():
+    tilted = config(**SMALL, tilt_deg=20.0)
+    simulation = drum.build(tilted, SMOOTH, PARTICLE, BERRY, section="turning")
+    simulation.add("berry", (0.0, 0.0, 0.0))
+    simulation.run(0.05, progress=False)
+    fall = 9.81 * simulation.time_s
+    lean = np.radians(20.0)
+    assert simulation.velocities[0] == pytest.approx(
+        [0.0, fall * np.sin(lean), -fall * np.cos(lean)], abs=1e-9
+    )
+    level, leaning = (
+        turning.run(each, SMOOTH, 1, PARTICLE, BERRY) for each in (config(**SMALL, tilt_deg=0.0), tilted)
+    )
+    assert (level.record["status"], leaning.record["status"]) == ("ok", "ok")
+    across = [run.arrays["position"][..., 1].mean() for run in (level, leaning)]
+    # of a liquid of the bed's depth h in a drum of length L the centre lies tan(20) L^2 / (12 h) off, some 5 mm
+    assert abs(across[0]) < 2e-3
+    assert 3e-3 < across[1] < 8e-3

@@ -42,15 +42,20 @@ class Bounded:
     """Advances a simulation and looks at its berries on the way.
 
     `top_m` is the largest height that a berry is brought to, `speed_m_s` the largest that a berry or a wall is
-    given.
+    given. Heights are along gravity, which may lean; the scene is its box up to `top_m`.
     """
 
     def __init__(self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0):
         self.simulation, self.speed_m_s = simulation, speed_m_s
-        self.gravity = -float(simulation.physics.gravity[2])
+        gravity = np.asarray(simulation.physics.gravity)
+        self.gravity = float(np.linalg.norm(gravity))
+        self.up = -gravity / (self.gravity or 1.0)
         floor = float(simulation.physics.floor_height)
-        self.lowest_m = min(float(simulation.lower[2]), floor if math.isfinite(floor) else math.inf)
-        self.fall_m = top_m - self.lowest_m
+        lower, upper = simulation.lower.copy(), np.array([*simulation.upper[:2], top_m])
+        lower[2] = min(lower[2], floor if math.isfinite(floor) else math.inf)
+        ends = np.sort(self.up * [lower, upper], axis=0)
+        self.lowest_m, highest_m = ends.sum(axis=1)
+        self.fall_m = float(highest_m - self.lowest_m)
         self.fastest_m_s = FASTEST * (math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s)
         self.thickness_m = 2.0 * min(
             float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
@@ -110,7 +115,7 @@ class Bounded:
         simulation, there = self.simulation, self.simulation.present
         energies = simulation.kinetic_energies()[there]
         masses = simulation.masses_kg[there]
-        heights = simulation.positions[there, 2] - self.lowest_m
+        heights = simulation.positions[there] @ self.up - self.lowest_m
         energy = float(energies.sum() + self.gravity * np.sum(masses * heights))
         allowed = float(masses.sum()) * (self.gravity * self.fall_m + 0.5 * self.speed_m_s**2)
         if energy > (1.0 + GAIN) * allowed:

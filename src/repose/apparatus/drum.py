@@ -163,10 +163,10 @@ def build(
     largest_scale: float = 1.0,
     section: str = NAME,
 ) -> "dem.Simulation":
-    """The empty simulation of the drum that a section of the configuration describes."""
+    """The empty simulation of the drum of a section of the configuration; tilted, it is low at positive y."""
     drum = Drum.of(config[section])
     half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
-    return berry_simulation(
+    simulation = berry_simulation(
         config,
         parameters,
         particle,
@@ -177,6 +177,10 @@ def build(
         upper=half,
         largest_scale=largest_scale,
     )
+    tilt = math.radians(config[section].get("tilt_deg", 0.0))
+    gravity = simulation.physics.gravity
+    gravity[1:] = -gravity[2] * math.sin(tilt), gravity[2] * math.cos(tilt)
+    return simulation
 
 
 class EmptyDrum(NamedTuple):

@@ -3,7 +3,8 @@
 Vessel, filling and the line through the surface are those of `repose.apparatus.drum`, which turns slowly until the bed
 slips once. Here the drum turns faster, and the angle is the mean over a time in which the flow is steady. The same
 filled drum may turn at several speeds, one after the other. The surface itself is a response, too: the profile on which
-the bed covers a share of the frames, seen along the axis, as a camera before the cap averages it.
+the bed covers a share of the frames, seen along the axis, as a camera before the cap averages it. The axis may be
+tilted against the horizontal, as that of a kiln: the drum stays as it is, and gravity leans.
 """
 
 import re
@@ -55,6 +56,7 @@ class Settings(Rotating):
     angular_velocity_rad_s: Speed | Annotated[tuple[Speed, ...], _list] = _one_each(1.0e-4, 10)  # type: ignore[assignment]
     measure_from_s: From | Annotated[tuple[From, ...], _list] = _one_each(0, 600)
     measure_until_s: Until | Annotated[tuple[Until, ...], _list] = _one_each(0.1, 600)
+    tilt_deg: float = Field(default=0.0, ge=0, le=45)
 
 
 def further_response(name: str) -> Response | None:
