@@ -264,6 +264,14 @@ def test_the_funnel_is_the_simulated_one(job):
     assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
 
 
+def test_the_cone_of_the_lammps_deck_ends_where_the_simulated_one_does(job):
+    deck, line = export.PROGRAMS["lammps"](job)["in.pour"], surface.profile(job.funnel)
+    (ends,) = re.findall(r"region\s+\S+ cone z 0 0 (\S+) (\S+) (\S+) (\S+)", deck)
+    low_radius, high_radius, low, high = map(float, ends)
+    assert [high_radius, high] == pytest.approx(line[0], rel=1e-6)
+    assert np.hypot(*(line - [low_radius, low]).T).min() < 1e-6
+
+
 def test_a_tube_stands_in_surface_and_deck(config):
     config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0}}
     job = export.make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
