@@ -6,7 +6,7 @@ narrow tube has two maxima and then two contacts. The edge at the end of a cone 
 tangent to the cone. Which of the two a body touches is decided by the point projected onto the wall, so force and
 overlap pass continuously from one to the other and no band is left without a contact.
 
-Cones and rings are solved in their own frame, whose z axis is theirs (`frames`).
+Cones and rings are solved in their own frame, whose z axis is theirs (`frames`). A sphere has a closed form.
 """
 
 import math
@@ -17,6 +17,7 @@ from .jit import inlined, kernel
 
 # Concave walls flatter than the body: the relative curvature keeps at least this share of the body's own.
 LEAST_RELATIVE_CURVATURE = 0.1
+NEAREST = 1e-30  # of two points, for a direction [m]
 
 
 @inlined
@@ -193,3 +194,50 @@ def solve_ring(row, parts, ring, theta, nx, ny, nz):
         if step < 1e-9:
             break
     return theta, nx, ny, nz
+
+
+@inlined
+def fill_contact(out, nx, ny, nz, gap, curvature, radius):
+    """Write normal (3), gap, R* and the contact point relative to the sphere's centre (3)."""
+    reach = radius + 0.5 * gap
+    out[0], out[1], out[2] = nx, ny, nz
+    out[3], out[4] = gap, curvature
+    out[5], out[6], out[7] = reach * nx, reach * ny, reach * nz
+
+
+@inlined
+def sphere_on_cone(x, y, z, radius, cone, out):
+    """Contact of a sphere with the inside of a cone, in its frame: fills `out`.
+
+    Returns how far the point projected onto the wall lies beyond the wall's ends [m]; up to 0 it is on the wall.
+    """
+    across = math.sqrt(x * x + y * y)
+    inv = 1.0 / max(across, NEAREST)
+    cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)
+    mr, mz = cone[0], cone[1]
+    gap = cone[2] - mr * across - mz * z - radius
+    # a cone curves towards the body with the radius of its circle over m_r
+    circle = max(across + (radius + 0.5 * gap) * mr, 1e-6)
+    curvature = effective_radius(radius, 0.0, radius, -mr / circle, 0.0)
+    fill_contact(out, mr * cos, mr * sin, mz, gap, curvature, radius)
+    along = across * cone[5] + z * cone[6]
+    return max(cone[3] - along, along - cone[4])
+
+
+@inlined
+def sphere_on_ring(x, y, z, radius, ring, out):
+    """Contact of a sphere with a ring edge, in its frame: fills `out`.
+
+    Returns how far it is from where the edge is not hidden behind the adjoining walls [m], at least.
+    """
+    across = math.sqrt(x * x + y * y)
+    inv = 1.0 / max(across, NEAREST)
+    cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)
+    dr, dz = ring[0] - across, ring[1] - z
+    distance = math.sqrt(dr * dr + dz * dz)
+    inv = 1.0 / max(distance, NEAREST)
+    nr, nz = dr * inv, dz * inv
+    edge = ring[2]
+    curvature = effective_radius(radius, 0.0, radius, -nr / max(ring[0] - edge * nr, edge), 1.0 / edge)
+    fill_contact(out, nr * cos, nr * sin, nz, distance - radius - edge, curvature, radius)
+    return -min(dr * ring[3] + dz * ring[4], dr * ring[5] + dz * ring[6])

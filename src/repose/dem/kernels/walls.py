@@ -17,7 +17,16 @@ from .frames import into_frame, rotate_to_world, row_in_frame, write_plane
 from .geometry import extent
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .wall_contact import climb_cone, cone_contact, ring_contact, ring_newton, solve_cone, solve_ring
+from .wall_contact import (
+    climb_cone,
+    cone_contact,
+    ring_contact,
+    ring_newton,
+    solve_cone,
+    solve_ring,
+    sphere_on_cone,
+    sphere_on_ring,
+)
 
 COSINES = np.cos(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
 SINES = np.sin(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
@@ -244,6 +253,29 @@ def seen_from(walls, wall, row, parts, local):
 
 
 @inlined
+def sphere_on_wall(row, walls, wall, out):
+    """Contact of a sphere with a cone or ring in the wall's frame: fills `out`; returns whether it lies on the wall."""
+    x, y, z, radius = row[0], row[1], row[2], row[st.SPHERE_RADIUS]
+    n_cones = walls.cones.shape[0]
+    if wall < n_cones:
+        return sphere_on_cone(x, y, z, radius, walls.cones[wall], out) <= 0.0
+    return sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], out) <= 0.0
+
+
+@inlined
+def search_sphere(row, contacts, counts, walls, wall, i, radius, deepest, moved, out):
+    """Look for the contact of a sphere with a cone or ring, of which there is one at most; see `search_curved`.
+
+    So as long as it lasts nothing is looked for.
+    """
+    on_wall = sphere_on_wall(row, walls, wall, out)
+    if out[3] > 0.0:
+        return out[3]
+    free = look_again(contacts, counts, walls, i, wall, 0.0, on_wall, radius, deepest, moved, out)
+    return 1e300 if known(contacts, counts[st.N_CURVED], i, wall, 0.0) else free
+
+
+@inlined
 def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, profile, out, local):
     """Look for contacts of smooth body i with a cone or ring; returns how far it may move before the next look."""
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
@@ -251,6 +283,8 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, profil
     deepest, moved = curved.deepest[wall, i], reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
     curved.deepest[wall, i] = math.inf
     row = seen_from(walls, wall, bodies.rows[i], parts, local)
+    if parts == st.SPHERES:
+        return search_sphere(row, curved, counts, walls, wall, i, radius, deepest, moved, out)
     if wall < walls.cones.shape[0]:
         return search_cone(row, curved, counts, parts, walls, wall, i, radius, deepest, moved, profile, out)
     return search_ring(row, curved, counts, parts, walls, wall, i, radius, deepest, moved, profile, out)
@@ -265,7 +299,9 @@ def follow_wall(parts, body, walls, wall, contacts, lane, out, local):
     n_cones = walls.cones.shape[0]
     theta = contacts[st.AZIMUTH + lane]
     row = seen_from(walls, wall, body, parts, local)
-    if wall < n_cones:
+    if parts == st.SPHERES:
+        on_wall = sphere_on_wall(row, walls, wall, out)
+    elif wall < n_cones:
         cone = walls.cones[wall]
         for _ in range(2):
             theta = climb_cone(row, parts, cone, theta)
