@@ -197,7 +197,7 @@ def by_sets(table, values):
 
 def summary(table):
     """The table of errors."""
-    shares = (f"within {percent:g} % | stated (told)" for percent in PERCENT)
+    shares = (f"within {percent:g} % | stated, reported" for percent in PERCENT)
     heads = [
         "responses",
         "surrogate",

@@ -50,6 +50,7 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5)
     check = answer.Check(
         *("height_mm", "mm", simulated, 0.4, runs, "ok"),
         *(target["value"], target["sd"], *target["range"]),
+        predicted=67.98,
     )
     values = dict.fromkeys(config["parameters"], 0.3)
     found = answer.Answer("wheat", values, True, "", (check,), Path("results"), {1.0: 0.25, 2.0: within})
@@ -231,6 +232,7 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, cap
     assert "wheat; targets NOT met" in text
     assert "mus_gg, mur_gg -1.00" in text
     assert "Simulated less measured: height_mm " in text
+    assert "predicted 67.98, 15.0 % off the simulated (the article's solutions: below 5 %)" in text
     assert "all within 1 %: probability 0.25" in text
     assert "all within 2 %: probability unknown; it requires two good runs of each bench test" in text
     assert "fixed" in text

@@ -97,6 +97,7 @@ def test_keys_of_earlier_configurations_are_reported_with_their_new_places():
         ({"funnel": {"time_step_s": 1e-4}}, "now simulation.time_step_s"),
         ({"funnel": {"tension": "cut"}}, "now simulation.tension"),
         ({"target": {"aor_deg": 30}}, "now the list targets"),
+        ({"network": {"weights_from_errors": True}}, "now network.replicates"),
     )
     check_all(check_message, [(str(given), given, message) for given, message in moved])
 

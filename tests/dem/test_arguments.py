@@ -24,6 +24,11 @@ GOOD = {
 }
 
 
+def test_a_simulation_says_what_it_is():
+    shown = repr(Simulation(**GOOD))
+    assert shown == "<Simulation: 0 bodies, 1 walls, hertz_mindlin, budget, 0 s>"
+
+
 def test_simulation():
     cases = [
         ({"shapes": {}}, "shapes is empty; allowed: names, each with a Shape"),

@@ -27,6 +27,7 @@ from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, jkr
 from repose.dem.materials import effective_moduli
+from repose.verification.machine import smooth as smooth_body
 
 LANES = st.LANES
 LAMMPS = Material(4.8e10 / 2.4, 0.2)  # of the unit tests of LAMMPS, package GRANULAR
@@ -179,12 +180,14 @@ def test_jkr_goes_with_the_rolling_law_that_needs_no_circle_of_hertz():
     simulation(contact=coherent(0.1), contact_law="jkr", rolling_law="budget")
 
 
-def solid(smooth, radius=RADIUS, density=DENSITY):
-    """A sphere, as a smooth body or as a clump of one."""
+KINDS = ("sphere", "smooth", "clump")
+
+
+def solid(kind, radius=RADIUS, density=DENSITY):
+    """A sphere on the engine's way for spheres, for smooth bodies or for clumps."""
     sphere = Shape.sphere(radius, density, "body")
-    return (
-        sphere if smooth else Clump([[0.0, 0.0, 0.0, radius]], sphere.mass_kg, sphere.inertia_kg_m2, "body")
-    )
+    clump = Clump([[0.0, 0.0, 0.0, radius]], sphere.mass_kg, sphere.inertia_kg_m2, "body")
+    return {"sphere": sphere, "smooth": smooth_body(radius, density, "body"), "clump": clump}[kind]
 
 
 def scene(shape, contact, material=GOJI, walls=None, dt=1e-5, on_wall=None, **keywords):
@@ -197,10 +200,10 @@ def scene(shape, contact, material=GOJI, walls=None, dt=1e-5, on_wall=None, **ke
     )  # fmt: skip
 
 
-def settled_overlap(contact, law, tension, smooth):
+def settled_overlap(contact, law, tension, kind):
     """Overlap at rest of two spheres of Lethe's test: 0.2 m wide, 1e5 Pa, 0.3."""
     s = scene(
-        solid(smooth, 0.1, 1000.0),
+        solid(kind, 0.1, 1000.0),
         contact,
         Material(1e5 / 2.6, 0.3),
         dt=2e-4,
@@ -215,17 +218,15 @@ def settled_overlap(contact, law, tension, smooth):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("smooth", [True, False])
-def test_spheres_at_rest_overlap_as_in_the_test_of_lethe(smooth):
+@pytest.mark.parametrize("kind", KINDS)
+def test_spheres_at_rest_overlap_as_in_the_test_of_lethe(kind):
     for tension in ("keep", "release"):
-        assert settled_overlap(coherent(50.0, 0.3), "jkr", tension, smooth) == pytest.approx(
-            0.010703, rel=1e-4
-        )
+        assert settled_overlap(coherent(50.0, 0.3), "jkr", tension, kind) == pytest.approx(0.010703, rel=1e-4)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("smooth", [True, False])
-def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(smooth):
+@pytest.mark.parametrize("kind", KINDS)
+def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(kind):
     density, (young, _) = 2000.0, effective_moduli(Material(1e5 / 2.6, 0.3), Material(1e5 / 2.6, 0.3))
 
     def rest(overlap):
@@ -235,7 +236,7 @@ def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(smooth):
 
     contact = Contact(0.3, 0.0, 0.0, constants={COHESION_ENERGY_DENSITY.name: density})
     expected = brentq(rest, 1e-5, 0.05)
-    assert settled_overlap(contact, "sjkr", "keep", smooth) == pytest.approx(expected, rel=1e-4)
+    assert settled_overlap(contact, "sjkr", "keep", kind) == pytest.approx(expected, rel=1e-4)
 
 
 GAMMA = 0.05
@@ -273,9 +274,9 @@ def walls():
 WALLS = {name: rest for name, *rest in walls()}
 
 
-def hit(smooth, wall, share):
+def hit(kind, wall, share):
     """Energy after a hit and before it over the work of a cycle, and how many contacts hold the body in the end."""
-    contact, shape = coherent(GAMMA), solid(smooth)
+    contact, shape = coherent(GAMMA), solid(kind)
     if wall is None:
         s, radius, mass = scene(shape, contact), 0.5 * RADIUS, 0.5 * shape.mass_kg
         young, _ = effective_moduli(GOJI, GOJI)
@@ -295,23 +296,23 @@ def hit(smooth, wall, share):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("smooth", [True, False], ids=["smooth", "clump"])
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("wall", [None, *WALLS])
 def test_a_hit_below_the_sticking_speed_sticks_and_one_above_it_leaves_without_the_work_of_a_cycle(
-    smooth, wall
+    kind, wall
 ):
-    assert hit(smooth, wall, 0.9)[1] == 1
-    left, contacts = hit(smooth, wall, 2.0)
+    assert hit(kind, wall, 0.9)[1] == 1
+    left, contacts = hit(kind, wall, 2.0)
     assert contacts == 0
     assert left == pytest.approx(1.0, abs=0.02)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("smooth", [True, False], ids=["smooth", "clump"])
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("wall", list(WALLS))
-def test_a_wall_holds_a_body_up_to_the_pull_off_force(smooth, wall):
+def test_a_wall_holds_a_body_up_to_the_pull_off_force(kind, wall):
     surface, radius, place, normal = WALLS[wall]
-    shape, contact = solid(smooth), coherent(GAMMA, 0.1, 5.0, 5.0)
+    shape, contact = solid(kind), coherent(GAMMA, 0.1, 5.0, 5.0)
     s = scene(shape, contact, walls={"wall": surface})
     s.add("body", np.array(place) - (RADIUS - 1e-5) * np.array(normal))
     s.run_steps(3000)
@@ -329,7 +330,7 @@ def test_a_wall_holds_a_body_up_to_the_pull_off_force(smooth, wall):
 
 @pytest.mark.slow
 def test_a_cohesive_simulation_goes_on_from_a_file_with_the_same_bits(tmp_path):
-    s = scene(solid(True), coherent(GAMMA, 0.3, 0.4, 0.1), walls={"floor": WALLS["plane"][0]})
+    s = scene(solid("sphere"), coherent(GAMMA, 0.3, 0.4, 0.1), walls={"floor": WALLS["plane"][0]})
     s.physics.gravity[:] = 0.0, 0.0, -9.81
     s.add("body", (0.0, 0.0, 0.9999 * RADIUS))
     s.add("body", (0.0, 0.0, 2.9995 * RADIUS), velocity_m_s=(0.05, 0.0, 0.0))
@@ -346,7 +347,7 @@ def lifted_pile(gamma, seed):
     """Mean height of 150 spheres over their mean distance from the axis, at rest after a cylinder was lifted."""
     rng, wide = np.random.default_rng(seed), 0.024
     s = scene(
-        solid(True, 0.004), coherent(gamma, 0.3, 0.4, 0.05), dt=1e-4, on_wall=coherent(0.0, 0.3, 0.2, 0.05),
+        solid("sphere", 0.004), coherent(gamma, 0.3, 0.4, 0.05), dt=1e-4, on_wall=coherent(0.0, 0.3, 0.2, 0.05),
         capacity=150, gravity_m_s2=(0.0, 0.0, -9.81), tension="release",
         walls={
             "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),

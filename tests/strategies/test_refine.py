@@ -316,7 +316,7 @@ def test_the_tables_of_the_loop_say_what_happened(loop):
     assert table.loc[table["outcome"] == "not within", "reason"].str.contains("standard errors").all()
     summary = json.loads((out / "summary.json").read_text())
     assert summary["met"] is True
-    assert "200 seeds, which no fit had seen" in summary["claim"]
+    assert "200 fresh seeds, in no fit before" in summary["claim"]
     points = pd.read_csv(out / "round_0" / "round.csv")
     assert list(points["role"]) == ["proposal"] + 6 * ["neighbour"]
     assert list(points["n_seeds"]) == [200] + 6 * [20]

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -42,6 +42,7 @@ class Check:
     low: float  # of the target range
     high: float
     whole: float | None = None  # of a profile's score: what percents are of
+    predicted: float | None = None  # by the surrogate, before the runs
 
     @classmethod
     def of(
@@ -53,6 +54,13 @@ class Check:
         if target.profile is not None:
             ends["whole"] = target.whole_value
         return cls(response, unit, simulated, standard_error, runs, status, **ends)
+
+    @property
+    def error_percent(self) -> float | None:
+        """Relative error of the prediction, as in the article's Table 4; None without both numbers or of a score."""
+        if self.predicted is None or not self.simulated or self.whole is not None:
+            return None
+        return 100 * abs(self.predicted / self.simulated - 1)
 
     @property
     def met(self) -> bool:
@@ -210,7 +218,8 @@ def probability_in_words(within: Mapping[float, float | None]) -> str:
 def _check(target, row, source):
     """A row of representative.csv with its target."""
     simulated, error, runs = (_number(row, key, source) for key in ("simulated", "simulated_se", "n_seeds"))
-    return Check.of(target, simulated, error, int(runs or 0), row["status"])
+    predicted = _number(row, "predicted", source) if "predicted" in row else None
+    return replace(Check.of(target, simulated, error, int(runs or 0), row["status"]), predicted=predicted)
 
 
 def _number(row, key, source):

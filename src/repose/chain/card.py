@@ -215,6 +215,7 @@ def _test(check: Check, target: Target, about: Mapping[str, Any]) -> dict[str, A
         "low": check.low,
         "high": check.high,
         **({} if check.whole is None else {"whole": check.whole}),
+        **({} if check.predicted is None else {"predicted": check.predicted}),
         "simulated": check.simulated,
         "standard_error": check.standard_error,
         "runs": check.runs,
@@ -562,6 +563,9 @@ def _test_lines(test):
         f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
         f"(runs: {test['runs']}): {MET[test['met']]}"
     )
+    off = _check(test).error_percent
+    if off is not None:
+        yield f"  predicted {test['predicted']:.4g}, {off:.1f} % off the simulated (the article's solutions: below 5 %)"
     definition = test["definition"]
     name, settings = definition["name"] or "not stated", _settings(definition["settings"])
     yield f"  definition: {name}" + (f"; {settings}" if settings else "")

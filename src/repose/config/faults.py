@@ -27,6 +27,7 @@ MOVED = {
     **{f"funnel.{key}": f"now simulation.{key}, for every bench test" for key in SHARED},
     "funnel.friction_limit": FRICTION_LIMIT,
     "simulation.friction_limit": FRICTION_LIMIT,
+    **{f"network.{key}": "now network.replicates" for key in ("weights_from_errors", "correlated_noise")},
     **dict.fromkeys(("pool", "compare_search", "compare_whole"), RESEARCH),
     **dict.fromkeys(("shape_study", "second_responses", "joint_targets"), RESEARCH),
 }
@@ -200,8 +201,9 @@ def _error(error, whole):
 def _faults(
     errors: list[_Error], config: Any, source: str | Origin, model: type[Section]
 ) -> Iterator[InputError]:
-    """The errors in words."""
-    meant = set()
+    """The errors in words. A range follows from the target's numbers: where one of them is wrong it is not missed."""
+    numbers = [error.path for error in errors if error.path[-1:] in (["value"], ["sd"], ["repetitions"])]
+    meant = {".".join([*path[:-1], "range"]) for path in numbers if path[:1] == ["targets"]}
     for error in errors:
         key = ".".join(error.path)
         if error.type in UNKNOWN:

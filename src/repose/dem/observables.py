@@ -52,6 +52,10 @@ class Observables:
     _shared: bool
     _of_clumps: bool
 
+    def __repr__(self) -> str:
+        laws = f"{self.contact_law.name}, {self.rolling_law.name}"
+        return f"<Simulation: {self.n_bodies} bodies, {len(self.wall_set.names)} walls, {laws}, {self.time_s:g} s>"
+
     @property
     def n_bodies(self) -> int:
         """How many bodies were added so far."""

@@ -512,7 +512,7 @@ def _approach(surface, axis, place, motion, size_m):
         return speed
     offset = place - pivot
     if isinstance(surface, Mesh):
-        # vertices are told in the mesh's frame: no farther from the pivot than its origin and they from the origin
+        # vertices are in the mesh's frame: no farther from the pivot than its origin and they from the origin
         reach = np.linalg.norm(surface.vertices_m, axis=1).max()
         return speed + rate * float(reach + np.linalg.norm(offset))
     aligned = abs(abs(axis @ turning) - rate) < 1e-12 * rate

@@ -1,7 +1,8 @@
 """Speed of the engine on this machine, and of the machine itself.
 
-The reference kernel is a plain loop of dependent divisions and multiplications, the same work everywhere: the ratio of
-a time step to it compares engines across machines and moments.
+The reference kernel is a plain loop of dependent divisions and multiplications: it measures how fast one processor is
+at this moment. The ratio of a time step to it compares engines on machines of one type, not types with each other: a
+step needs vectors and caches, which the loop does not.
 """
 
 import math
@@ -116,6 +117,7 @@ def message(result: Mapping[str, Any]) -> str:
         f"{result['berries']} berries, time step {result['time_step_s']:g} s, one core; "
         f"reference kernel {result['reference_us']:.1f} us; "
         f"{result['processor']}, vectors of {result['vector_bits']} bits",
+        "to kernel: compares machines of one type of processor only",
         f"{'particle':16} {'us a step':>10} {'to first':>9} {'to kernel':>10} {'pour, s':>8}",
     ]
     for row in result["particles"]:

@@ -193,7 +193,7 @@ def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
         known = "unknown" if error is None else f"{error:.2f}"
         mean = f"{response.symbol} {verdict[response.simulated]:.2f} ± {known}"
         values.append(f"{mean} {response.unit} ({off:+.2f} %)")
-    seeds = f"{verdict['n_seeds']} seeds, which no fit had seen when they were poured"
+    seeds = f"{verdict['n_seeds']} fresh seeds, in no fit before"
     return f"{' and '.join(values)}, mean and standard error of {seeds}"
 
 

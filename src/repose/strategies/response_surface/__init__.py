@@ -19,7 +19,7 @@ class Settings(Section):
     seeds: Seeds
     screening_runs: Literal[8, 12, 16, 20, 24]
     significance: float = Field(gt=0, le=0.5)
-    most_factors: int = Field(ge=2, le=6)
+    most_factors: int = Field(ge=2, le=7)
     steps: int = Field(ge=1, le=50)
     surface: Literal["box_behnken", "rotatable", "face_centred"]
     centres: int = Field(ge=1, le=50)
