@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from repose.apparatus import bench
+from repose.apparatus.drum import Drum
 from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
 from repose.pictures import figures, film
@@ -23,6 +24,9 @@ VIEWS = {
     "inclined_plane": (4, -90, 0.25),
     "drop_test": (4, -90, 0.004),
     "drawdown": (4, -90, 0.05),
+    "cylinder": (12, -70, 0.1),
+    "discharge": (8, -90, 0.05),
+    "turning": (4, -90, 0.1),
 }
 
 
@@ -39,6 +43,8 @@ def main(name, out="results/examples", pictures=48, width=420):
     figures.draw(name, {}, out / f"{name}.png", config)
     frames = run.frames | {"shape": np.zeros(len(run.frames["scale"]), int)}
     scene = test.build(config, values, study.particle, study.grain)
+    if name == "turning":  # its caps are endless planes; the picture has discs
+        scene.walls.planes[:, 6] = Drum.of(config[name]).radius_m
     view = {"elevation_deg": elevation, "azimuth_deg": azimuth, "width": width, "colour": config["colour"]}
     film.animate(scene, frames, out / f"{name}.gif", pictures, **view)
     return measured

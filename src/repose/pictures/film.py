@@ -80,9 +80,11 @@ def animate(
     if not len(frames["time_s"]):
         raise InputError(out_path, "frames", 0, "at least one recorded frame")
     shapes, times = list(simulation.shapes.values()), frames["time_s"]
-    settings = [
-        setting_of(simulation, *walls) for walls in zip(frames["planes"], frames["wall_frames"], strict=True)
-    ]
+    if "planes" in frames:
+        walls = zip(frames["planes"], frames["wall_frames"], strict=True)
+        settings = [setting_of(simulation, *places) for places in walls]
+    else:  # they stay where they are, or turn about their axis
+        settings = len(times) * [setting_of(simulation)]
     if view.get("frame_m") is None:
         ends = frames["position"][[0, -1]].reshape(-1, 3)
         ends = ends[np.isfinite(ends).all(axis=1)].astype(float)

@@ -52,6 +52,9 @@ FIGURES = {
     "inclined_plane": (_drawn_by("bench_scenes", "inclined_plane"), ()),
     "drop_test": (_drawn_by("bench_scenes", "drop_test"), ()),
     "drawdown": (_drawn_by("bench_scenes", "drawdown"), ()),
+    "cylinder": (_drawn_by("bench_scenes", "cylinder"), ()),
+    "discharge": (_drawn_by("bench_scenes", "discharge"), ()),
+    "turning": (_drawn_by("bench_scenes", "turning"), ()),
     "main_effects": (_drawn_by("uncertainty", "main_effects"), ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {

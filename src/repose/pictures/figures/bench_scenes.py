@@ -112,6 +112,115 @@ def drawdown(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     return panel.figure
 
 
+def cylinder(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """The vessel, the collar through which it is filled over its rim, and the core that gives the bulk density."""
+    own = section(config, "cylinder")
+    radius, height, collar, margin = (
+        own["diameter_mm"] / 2,
+        own["height_mm"],
+        own["collar_mm"],
+        own["core_margin_mm"],
+    )
+    top = height + collar
+    panel = _panel((-2.2 * radius, 2.2 * radius), (-0.12 * top, 1.12 * top))
+    _vessel(panel, radius, height, collar)
+    _solid(panel, (-1.03 * radius, 1.03 * radius), (-0.02 * top, 0))
+    inside = margin - radius, radius - margin, height - margin
+    panel.plot(
+        [inside[0], inside[0], inside[1], inside[1]][:4],
+        [margin, inside[2], inside[2], margin],
+        style.GREY,
+        ls="--",
+        lw=0.8,
+    )
+    panel.plot(inside[:2], [margin] * 2, style.GREY, ls="--", lw=0.8)
+    _words(panel, (0, height / 2), f"core,\n{margin:g} inside")
+    dimension(
+        panel,
+        (-radius, -0.06 * top),
+        (radius, -0.06 * top),
+        f"{2 * radius:g}",
+        (0, -0.06 * top),
+        ha="center",
+        va="center",
+    )
+    _beside(panel, -1.5 * radius, (0, height))
+    _beside(panel, -1.5 * radius, (height, top))
+    _motion(panel, (0, 1.08 * top), (0, 0.94 * top), f"{own['speed_m_s']:g} m/s")
+    return panel.figure
+
+
+def discharge(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """The funnel with its collar above and the lid below, which opens."""
+    own = section(config, "discharge")
+    inlet, outlet = own["inlet_diameter_mm"] / 2, own["outlet_diameter_mm"] / 2
+    tube, cone = own["tube_length_mm"], (inlet - outlet) * math.tan(math.radians(own["cone_angle_deg"]))
+    rim, top = tube + cone, tube + cone + own["collar_mm"]
+    panel = _panel((-2.2 * inlet, 2.2 * inlet), (-0.25 * top, 1.12 * top))
+    for side in (-1, 1):
+        panel.plot([side * outlet, side * outlet, side * inlet], [0, tube, rim], color=style.GREY, lw=2)
+        panel.plot([side * inlet] * 2, [rim, top], color=style.GREY, lw=0.8, ls="--")
+    panel.plot([-outlet, outlet], [0, 0], color=style.RED, lw=1.2, ls=":")
+    _motion(panel, (0, -0.03 * top), (0, -0.2 * top), f"lid opens at {own['open_from_s']:g} s")
+    over, under = 1.04 * top, 0.04 * top
+    dimension(panel, (-inlet, over), (inlet, over), f"{2 * inlet:g}", (0, 1.06 * top), ha="center")
+    dimension(panel, (-outlet, under), (outlet, under), f"{2 * outlet:g}", (0, 1.4 * under), ha="center")
+    for ends in ((0, tube), (tube, rim), (rim, top)):
+        if ends[1] > ends[0]:
+            _beside(panel, -1.4 * inlet, ends)
+    _words(panel, (1.15 * inlet, 0.5 * (tube + rim)), f"{own['cone_angle_deg']:g}°", ha="left")
+    return panel.figure
+
+
+def turning(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """The drum along its axis, its speeds, and the middle part of its bed through which the line goes."""
+    own = section(config, "turning")
+    outer = own["outer_diameter_mm"] / 2
+    inner = outer - own["wall_thickness_mm"]
+    panel = _panel((-1.5 * outer, 1.5 * outer), (-1.4 * outer, 1.4 * outer))
+    turn = np.linspace(0, 2 * math.pi, 200)
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    panel.fill(*(outer * circle), facecolor=style.GREY, lw=0)
+    panel.fill(*(inner * circle), facecolor="white", lw=0)
+    share = own["fit_share"] * inner
+    for side in (-1, 1):
+        panel.plot([side * share] * 2, [-inner, inner], style.GREY, ls="--", lw=0.8)
+    _words(panel, (0, 0.5 * inner), "fitted")
+    panel.plot(
+        [-0.12 * outer, 0.12 * outer, 0, 0, 0],
+        [0, 0, 0, -0.12 * outer, 0.12 * outer],
+        color=style.BLACK,
+        lw=0.6,
+    )
+    under, speeds = -1.2 * outer, np.atleast_1d(own["angular_velocity_rad_s"])
+    dimension(panel, (-inner, under), (inner, under), f"{2 * inner:g}", (0, under), ha="center", va="center")
+    arc = np.radians(np.linspace(15, 45, 30))
+    panel.plot(1.12 * outer * np.cos(arc), 1.12 * outer * np.sin(arc), color=style.RED, lw=1.2)
+    last = 1.12 * outer * np.array([np.cos(arc[-2:]), np.sin(arc[-2:])]).T
+    _motion(panel, tuple(last[0]), tuple(last[1]), "")
+    _words(panel, (1.05 * outer, 0.15 * outer), "\n".join(f"{speed:g} rad/s" for speed in speeds), ha="left")
+    tilt = own.get("tilt_deg", 0)
+    _words(
+        panel,
+        (0, -1.34 * outer),
+        f"length {own['length_mm']:g}" + (f", axis tilted {tilt:g}°" if tilt else ""),
+    )
+    return panel.figure
+
+
+def _vessel(panel: Axes, radius: float, height: float, collar: float) -> None:
+    """Walls of a cylinder, and dashed the collar above it."""
+    for side in (-1, 1):
+        _solid(panel, (side * radius, side * 1.03 * radius), (0, height), style.GREY)
+        panel.plot([side * radius] * 2, [height, height + collar], color=style.GREY, lw=0.8, ls="--")
+
+
+def _beside(panel: Axes, x: float, ends: tuple[float, float]) -> None:
+    """A height with its dimension at its left."""
+    text = f"{ends[1] - ends[0]:.4g}"
+    dimension(panel, (x, ends[0]), (x, ends[1]), text, (1.05 * x, sum(ends) / 2), ha="right")
+
+
 def _panel(across: Sequence[float], up: Sequence[float]) -> Axes:
     """A panel to scale, in mm."""
     wide, high = across[1] - across[0], up[1] - up[0]
