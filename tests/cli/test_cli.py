@@ -14,7 +14,7 @@ import pytest
 from shared import check_all
 
 from repose.__main__ import main
-from repose.cli import FAMILIES, GROUPS, STAGES, TYPED, VERBS, checking, parser
+from repose.cli import FAMILIES, GROUPS, STAGES, SUCCESSORS, TYPED, VERBS, checking, parser
 from repose.config.study import Study
 from repose.core import provenance
 from repose.core.parameters import PARAMETERS
@@ -88,6 +88,8 @@ def test_a_mistyped_verb_or_stage_is_guessed(capsys):
     assert "did you mean measure?" in error_of(capsys, "mesure")
     assert "did you mean dataset?" in error_of(capsys, "stage", "datset")
     assert "did you mean stage dataset?" in error_of(capsys, "datset")
+    for old, new in SUCCESSORS.items():
+        assert f"did you mean stage {new}?" in error_of(capsys, old)
     assert "did you mean" not in error_of(capsys, "xyzzy")
     assert "research/README.md" in error_of(capsys, "compare_search")
 

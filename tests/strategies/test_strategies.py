@@ -49,8 +49,8 @@ def walked(request, tmp_path_factory):
     return study, walk(study), file
 
 
-def test_the_four_strategies_are_known_by_name():
-    assert strategies.names() == ("published", "refined", "response_surface", "sequential")
+def test_strategies_are_known_by_name():
+    assert {"published", "refined", "response_surface", "sequential"} <= set(strategies.names())
     with pytest.raises(InputError, match="strategy is 'brute'; allowed: one of published, "):
         strategies.strategy("brute")
 

@@ -66,6 +66,12 @@ GROUPS = {
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
 STAGE = "stage"
+# Verbs of earlier versions whose names are no longer near those of today.
+SUCCESSORS = {
+    "measure_heap": "measure_runs",
+    **dict.fromkeys(("refine_data", "refine_search"), "refine_propose"),
+    **dict.fromkeys(("response_screening", "response_ascent", "response_surface"), "response_step"),
+}
 # Verbs up to version 0.2 whose studies are rules of research/Snakefile now.
 MOVED = ("compare", "joint_targets", "measurement_study", "pool", "profiles", "second_responses", "shape")
 
@@ -159,7 +165,8 @@ def _unknown(words):
             name[0],
             "no verb any more: the study is in `research/README.md` of a checkout",
         )
-    near = difflib.get_close_matches(name[0], (*known, *STAGES), 1)
+    near = [SUCCESSORS[name[0]]] if name[0] in SUCCESSORS else None
+    near = near or difflib.get_close_matches(name[0], (*known, *STAGES), 1)
     guess = near[0] if near and near[0] in known else f"{STAGE} {near[0]}" if near else ""
     meant = f"did you mean {guess}? " if near else ""
     listed = f"{PROGRAM} {STAGE} --help" if place == "stage" else f"{PROGRAM} --help"
