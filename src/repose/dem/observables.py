@@ -30,6 +30,8 @@ class WallLoad(NamedTuple):
 class Observables:
     """The readings of a `Simulation`, which holds the arrays."""
 
+    contact_law: Any
+    rolling_law: Any
     shapes: dict[str, Any]
     wall_set: Any
     bodies: Any
