@@ -57,6 +57,11 @@ def test_a_tube_that_cannot_be_filled_or_lifted_is_refused():
     assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
 
 
+def test_the_plate_has_its_diameter():
+    tube = lifted_cylinder.build(config(**TUBE, plate_diameter_mm=300.0), SET, SPHERE, BEAD)
+    assert tube.walls.planes[:, 6].tolist() == pytest.approx([0.15])
+
+
 def test_a_berry_has_to_fit():
     found = dict(lifted_cylinder.misfits(config(diameter_mm=20.0), (21.1, 11.4, 9.9)))
     assert list(found) == ["lifted_cylinder.diameter_mm"]

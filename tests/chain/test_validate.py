@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -6,6 +7,7 @@ import pytest
 import shared
 
 from repose.chain import validate
+from repose.cli import main
 from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
 from repose.core.parameter_space import ParameterSpace
@@ -235,3 +237,13 @@ def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_ou
     found = validate.run(study / "v/solutions.csv", paths, study / "published4.csv", TARGETS, study / "v")
     assert found["table4"]["gamma_gp"].tolist() == [0.02] * 6
     assert found["published"].empty
+
+
+def test_the_stage_lists_the_sets_of_a_kept_study(monkeypatch, tmp_path):
+    root = Path(__file__).parents[2]
+    monkeypatch.chdir(root)
+    kept = root / "results/published/recommended"
+    words = ("--config", str(kept / "config.json"), "--feasible", str(kept / "miga/feasible.csv"))
+    assert main(["stage", "solutions", *words, "--out", str(tmp_path)]) == 0
+    made, known = (pd.read_csv(folder / "solutions.csv") for folder in (tmp_path, kept / "validation"))
+    pd.testing.assert_frame_equal(made, known)

@@ -17,6 +17,12 @@ def folder(tmp_path):
     return tmp_path
 
 
+def test_it_knows_the_names_of_its_files(folder):
+    (folder / "somebodys.json").write_text("{}")
+    (folder / "b.json").unlink()
+    assert ledger.names(folder) == {"a.json", "b.json"}
+
+
 def test_files_that_hold_something_else_are_found_and_lost_ones_are_not(folder):
     assert ledger.changed(folder) == []
     content = bytearray((folder / "a.json").read_bytes())

@@ -4,12 +4,15 @@ import dataclasses
 import functools
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from repose import verification
 from repose.apparatus.settings import SimulationSettings
+from repose.verification import energy
 from repose.verification.case import KNOWN, Effort
+from repose.verification.machine import frictionless
 
 REDUCED = Effort(hits=200, berries=200)
 # The laws of a study that names none of its own.
@@ -80,3 +83,11 @@ def test_equal_spins_of_sliding_hits_lose_what_rigid_bodies_lose(laws):
     assert len(rows) == 6
     for found in rows.values():
         assert found == pytest.approx(0.12, rel=3e-3)
+
+
+def test_hits_of_soft_berries_lose_energy_at_a_low_restitution():
+    most, last = energy.pair_hits(np.random.default_rng(1), frictionless(0.3))
+    assert len(last) > 0.5 * energy.LANE**2
+    assert np.all(last <= most)
+    assert np.all(last < 1.0 + 1e-6)  # some miss; what turns freely keeps its energy to second order
+    assert last.mean() < 0.9
