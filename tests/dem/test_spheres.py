@@ -121,7 +121,7 @@ def test_they_obey_each_law(contact, rolling):
         walls={"floor": FLOOR},
         gravity=(0.0, 0.0, -9.81),
         dt=2e-6,
-        contact=Contact(0.3, 0.5, 0.05, **further.get(contact, {})),
+        contact=Contact(0.3, 0.5, 0.05, constants=further.get(contact, {})),
         contact_law=contact,
         rolling_law=rolling,
     )

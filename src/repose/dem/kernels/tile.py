@@ -211,6 +211,8 @@ def sphere_pair_geometry(t, c):
         c[N + 2 * L + k] = nz
         t[GAP + k] = gap
         t[RADIUS + k] = ra * rb / (ra + rb)
+        t[AREA_A + k] = ra * ra
+        t[AREA_B + k] = rb * rb
         reach = ra + 0.5 * gap
         t[RA + k] = reach * nx
         t[RA + L + k] = reach * ny
