@@ -1,11 +1,15 @@
 """Configuration files: how one is read, and which of several counts."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from repose.config import loader, reading
+from repose.config.loader import own_crop_under
+from repose.config.making import Making
 from repose.config.study import Study
+from repose.core import places
 from repose.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -111,3 +115,18 @@ def test_a_fault_names_the_file_it_came_from(tmp_path):
 def test_an_example_of_a_bench_test_goes_over_the_default(path):
     """With the files that it names: the goji berry's shape study has no responses of other bench tests."""
     assert Study.load(ROOT / "config/config.yaml", path).particle is not None
+
+
+def test_the_built_in_crop_stands_in_for_a_file_of_ones_own_alone(tmp_path, monkeypatch):
+    (tmp_path / "mine.yaml").write_text("label: mine\n")
+    monkeypatch.chdir(tmp_path)
+    own = places.root() / places.DEFAULT_CONFIG
+    assert own_crop_under("mine.yaml") == own
+    assert own_crop_under(str(own.parent / "quick.yaml")) is None
+
+
+def test_a_key_of_a_section_with_a_fault_is_not_used():
+    of_section, of_key = (SimpleNamespace(bad={bad}) for bad in ("funnel", "funnel.seeds"))
+    assert not Making._may_use(of_section, "funnel.seeds")
+    assert not Making._may_use(of_key, "funnel.seeds")
+    assert Making._may_use(of_key, "funnel.berries")

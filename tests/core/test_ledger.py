@@ -60,3 +60,7 @@ def test_a_full_disk_is_reported_with_the_file_that_did_not_fit(folder):
     with pytest.raises(OSError, match=r"No space left on device: '.*a\.json'"):
         ledger.write_whole(folder / "a.json", full)
     assert (folder / "a.json").read_bytes() == before
+
+
+def test_nobody_may_run_a_ledger(folder):
+    assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0

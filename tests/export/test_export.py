@@ -307,7 +307,8 @@ def test_rolling_laws_are_written_as_liggghts_names_them(config):
         job = job_of(config, THREE, "hertz_mindlin", law)
         deck = export.PROGRAMS["liggghts"](job)["in.pour"]
         assert len(re.findall(rf"rolling_friction {name} ", deck)) == 3
-        assert ("coefficientRollingViscousDamping" in deck) == (law == "epsd")
+        damping = re.findall(r"coefficientRollingViscousDamping peratomtypepair 2 (.*)", deck)
+        assert damping == (["0.3 0.3 0.3 0.3"] if law == "epsd" else [])
         assert ("two spheres, with a constant torque" in deck) == (law == "constant_torque")
         # the lever of two grains is half of one grain's, that on a wall is the same
         assert rolling_coefficient(job, job.grains) == 0.5 * rolling_coefficient(budget, budget.grains)

@@ -15,6 +15,7 @@ from repose.measure.pile import (
     measure_image,
     read_image,
 )
+from repose.measure.segmentation import plate_row
 
 MM = 0.25
 ANGLES = (15, 20, 25, 30, 35, 40, 45)
@@ -312,3 +313,13 @@ def test_wrong_arrays_are_refused():
 def test_pictures_without_a_flank_say_why(picture, reason):
     with pytest.raises(NoFlankError, match=reason):
         measure_image(picture, MM)
+
+
+def test_a_plate_above_which_the_mask_is_narrow_is_found():
+    """Four rows above its edge the mask is looked at; where those are not in the picture it is no plate."""
+    mask = np.zeros((30, 100), bool)
+    mask[:20, 40:60] = mask[20:] = True
+    mask[15, 3:97] = True
+    assert plate_row(mask) == 19.5
+    assert plate_row(mask[16:]) == 3.5
+    assert plate_row(mask[17:]) is None

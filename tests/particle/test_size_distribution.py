@@ -49,3 +49,9 @@ def test_a_pour_draws_from_its_seed():
     assert one == 1
     with pytest.raises(InputError, match="scale_sd"):
         size_distribution.of_pour("measured", {}, 7, 3)
+
+
+def test_the_largest_scale_is_that_of_the_upper_limit():
+    berry = {"scale_sd": 0.4, "scale_low": 0.3, "scale_high": 1.2}
+    scales, most = size_distribution.of_pour("measured", berry, 1, 20_000)
+    assert most - 1e-3 < scales.max() <= most

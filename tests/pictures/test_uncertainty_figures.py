@@ -154,6 +154,8 @@ def test_indices_and_main_effects(count, tmp_path):
     assert panels == count
     assert "first orders sum to 0.75" in texts
     inputs |= {"effects": write(tmp_path, "effects", effects), "dataset": write(tmp_path, "dataset", dataset)}
+    labels = [panel.get_ylabel() for panel in uncertainty.main_effects(inputs, config).axes]
+    assert [bool(label) for label in labels] == count * [True, False, False, False, False]
     panels, texts = drawn(uncertainty.main_effects, inputs, config)
     assert panels == 5 * count
     assert "slip (deg)" in texts
