@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from dem.common import BERRY, simulation
 
-from repose.dem import Contact, Plane, random_quaternion
+from repose.dem import Contact, Plane, Shape, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels.contact import solve_gap
+from repose.verification.machine import simulation_of
 
 
 def slow_contacts(s):
@@ -97,3 +98,12 @@ def test_bodies_meet_whatever_the_number_of_cells(cells, monkeypatch):
     monkeypatch.setattr(st, "CELLS_PER_BODY", 0)
     monkeypatch.setattr(st, "FEWEST_CELLS", cells)
     test_the_contact_list_is_that_of_all_pairs_at_every_moment(1)
+
+
+def test_a_dense_lattice_of_long_bodies_has_room_in_the_lists():
+    axes = np.array([0.004, 0.004, 0.01])
+    s = simulation_of(Shape.ellipsoid(axes, 800.0, "berry"), Contact(0.3, 0.5, 0.02), 1e-5, capacity=1000)
+    for place in np.indices((10, 10, 10)).reshape(3, -1).T:
+        s.add("body", 2.001 * axes * (place - 4.5))
+    s.run_steps(1)
+    assert s.counts[st.N_NEAR] > 6 * 1000

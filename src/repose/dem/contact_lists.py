@@ -7,7 +7,7 @@ from .kernels import clumps as cl
 from .kernels import state as st
 
 # Room for the lists of a simulation, per body; they grow when needed.
-CONTACTS_PER_BODY, NEAR_PER_BODY = 6, 6
+CONTACTS_PER_BODY, NEAR_PER_BODY = 6, 13  # of a lattice: all 26 neighbours, each pair once
 SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 
 
