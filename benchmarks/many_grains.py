@@ -393,8 +393,8 @@ def report(arguments, rows, drum, rate, loads):
     return f"""## Many grains in a turning drum
 
 Written by `python benchmarks/many_grains.py --grains {arguments.grains} --rounds {arguments.rounds}` on \
-{time.strftime("%Y-%m-%d")}: {peers.processor()}, {os.cpu_count()} cores, while others worked on the machine (load \
-{min(loads):.1f} to {max(loads):.1f}). Only the ratios count.
+{time.strftime("%Y-%m-%d")}: {peers.processor()}, {os.cpu_count()} cores of a shared machine, load \
+{min(loads):.1f} to {max(loads):.1f}. Only the ratios count.
 
 {arguments.grains} grains flow in a drum of {drum.radius_m:.3f} m radius and as long, at {rate:.2f} rad/s; sizes from \
 {SCALES[0]} to {SCALES[1]} of the largest, time step {TIME_STEP_S:g} s. Medians of {arguments.rounds} rounds, of every \
