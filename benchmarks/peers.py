@@ -40,6 +40,13 @@ RADIUS_M = float(np.prod(SEMI_AXES_M) ** (1 / 3))
 BERRY_SEMI_AXES_M = 1e-3 * np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]])
 BERRY_VOLUME_M3 = 1.48727e-6
 BERRY_INERTIA_KG_M2 = (1.5512e-8, 4.0834e-8, 4.3092e-8)
+SHAPES = {
+    "sphere": Shape.sphere(RADIUS_M, DENSITY_KG_M3, "berry"),
+    "ellipsoid": Shape.ellipsoid(SEMI_AXES_M, DENSITY_KG_M3, "berry"),
+    "two-ellipsoid berry": Shape(
+        BERRY_SEMI_AXES_M, DENSITY_KG_M3 * BERRY_VOLUME_M3, BERRY_INERTIA_KG_M2, "berry"
+    ),
+}
 OUR_SETTLE_STEPS, PEER_SETTLE_STEPS = 30_000, 10_000
 BLOCKS = 5
 # A block lasts about 0.2 s in each engine.
@@ -67,14 +74,7 @@ class Row:
 
 def our_piles():
     """Our simulations at rest, by particle."""
-    shapes = {
-        "sphere": Shape.sphere(RADIUS_M, DENSITY_KG_M3, "berry"),
-        "ellipsoid": Shape.ellipsoid(SEMI_AXES_M, DENSITY_KG_M3, "berry"),
-        "two-ellipsoid berry": Shape(
-            BERRY_SEMI_AXES_M, DENSITY_KG_M3 * BERRY_VOLUME_M3, BERRY_INERTIA_KG_M2, "berry"
-        ),
-    }
-    return {name: bed(shape, COUNT, TIME_STEP_S, OUR_SETTLE_STEPS) for name, shape in shapes.items()}
+    return {name: bed(shape, COUNT, TIME_STEP_S, OUR_SETTLE_STEPS) for name, shape in SHAPES.items()}
 
 
 def fastest_us(function, calls):
