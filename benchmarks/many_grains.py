@@ -399,8 +399,8 @@ Written by `python benchmarks/many_grains.py --grains {arguments.grains} --round
 {arguments.grains} grains flow in a drum of {drum.radius_m:.3f} m radius and as long, at {rate:.2f} rad/s; sizes from \
 {SCALES[0]} to {SCALES[1]} of the largest, time step {TIME_STEP_S:g} s. Medians of {arguments.rounds} rounds, of every \
 run the fastest of {BLOCKS} blocks of {BLOCK_STEPS} steps (YADE: {SLOW_BLOCK_STEPS}). A round times each row just \
-after our spheres on as many cores: on one core by processor time, on two by the clock, which other work slows. So rows \
-of one and of two cores cannot be compared with each other.
+after our spheres on as many cores: on one core by processor time, on two by the clock, which other work slows. So \
+rows of one and of two cores cannot be compared with each other.
 
 {table(rows, arguments.grains)}
 
