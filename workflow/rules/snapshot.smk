@@ -10,7 +10,7 @@ rule snapshot:
     log:
         f"{RESULTS}/logs/snapshot.log",
     resources:
-        **needs(150),
+        **needs(250),
     params:
         results=lambda wildcards, input: os.path.dirname(input.card),
         folder=f"results/published/{config['label']}",

@@ -10,7 +10,7 @@ rule berry:
         f"{RESULTS}/logs/berry.log",
     priority: 1
     resources:
-        **needs(150),
+        **needs(250),
     params:
         **of_stage("berry"),
     message:

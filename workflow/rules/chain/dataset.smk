@@ -12,7 +12,7 @@ rule dataset:
         f"{RESULTS}/logs/dataset.log",
     priority: 1
     resources:
-        **needs(150),
+        **needs(250),
     params:
         **of_stage("dataset"),
         jobs=folders_of_jobs,

@@ -6,7 +6,7 @@ rule design:
         f"{RESULTS}/logs/design.log",
     priority: 1
     resources:
-        **needs(400, minutes=60),
+        **needs(600, minutes=60),
     params:
         **of_stage("design"),
     message:

@@ -24,7 +24,7 @@ rule solutions:
         f"{RESULTS}/logs/solutions.log",
     priority: 1
     resources:
-        **needs(150),
+        **needs(250),
     params:
         **of_stage("solutions"),
     message:
@@ -43,7 +43,7 @@ rule published_solutions:
     log:
         f"{RESULTS}/logs/published_solutions.log",
     resources:
-        **needs(150),
+        **needs(250),
     params:
         **of_stage("published_solutions"),
     message:
@@ -97,7 +97,7 @@ rule validate:
     log:
         f"{RESULTS}/logs/validate.log",
     resources:
-        **needs(150),
+        **needs(250),
     params:
         **of_stage("validate"),
     message:

@@ -10,7 +10,7 @@ rule plausible:
     log:
         f"{RESULTS}/logs/next/samples.log",
     resources:
-        **needs(150),
+        **needs(250),
     params:
         **of_stage("plausible"),
     message:
