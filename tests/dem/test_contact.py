@@ -12,7 +12,7 @@ from repose.dem.kernels.contact import solve_gap
 from repose.dem.kernels.damped_mass import mobility
 from repose.dem.kernels.forces import gather, scatter
 from repose.dem.kernels.jit import kernel
-from repose.dem.kernels.simd import rsqrt
+from repose.dem.kernels.simd import root_of_bits, root_of_processor
 from repose.dem.laws import hertz_mindlin
 from repose.dem.laws import rolling as rolling_budget
 from repose.dem.laws.hertz_mindlin import damping_ratio
@@ -49,8 +49,13 @@ def give_constants(t, at, constants):
 
 
 @kernel
-def reciprocal_root(x):
-    return rsqrt(x)
+def by_bits(x):
+    return root_of_bits(x)
+
+
+@kernel
+def by_processor(x):
+    return root_of_processor(x)
 
 
 def parts_of(axes):
@@ -99,7 +104,8 @@ def at_gap(bodies, axes, direction, target):
     return gap, normal
 
 
-def test_reciprocal_root():
+@pytest.mark.parametrize("reciprocal_root", [by_bits, by_processor])
+def test_reciprocal_root(reciprocal_root):
     for x in 10.0 ** np.random.default_rng(1).uniform(-120.0, 120.0, 2000):
         assert reciprocal_root(x) * np.sqrt(x) == pytest.approx(1.0, abs=1e-15)
     assert 0.0 * reciprocal_root(0.0) == 0.0
