@@ -108,7 +108,7 @@ def drawn(one: Scene, path: Path, focal_stated: bool = False) -> Path:
     if not path.exists():
         about = Image.Exif()
         if focal_stated:
-            about.get_ifd(0x8769)[0xA405] = round(36 * one.focal / max(one.size))
+            about[0x8769] = {0xA405: round(36 * one.focal / max(one.size))}
         picture = photograph(one, sheet.drawing()[0], sheet.size_mm())
         Image.fromarray(picture[..., ::-1]).save(path, exif=about)
     return path
