@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from PIL import Image
 from pinhole import Heap, Scene, Truth, photograph, truth
 
 from repose.measure import photographs, sheet
@@ -102,10 +103,14 @@ def plain(one: Scene) -> bool:
     return bool(min(np.linalg.norm(grain - other) for other in behind) > SEEN)
 
 
-def drawn(one: Scene, path: Path) -> Path:
-    """The file of the photograph, drawn if it is not there."""
+def drawn(one: Scene, path: Path, focal_stated: bool = False) -> Path:
+    """The file of the photograph, drawn if it is not there; its EXIF entry may state the focal length, as a phone's."""
     if not path.exists():
-        cv2.imwrite(str(path), photograph(one, sheet.drawing()[0], sheet.size_mm()))
+        about = Image.Exif()
+        if focal_stated:
+            about[0x8769] = {0xA405: round(36 * one.focal / max(one.size))}
+        picture = photograph(one, sheet.drawing()[0], sheet.size_mm())
+        Image.fromarray(picture[..., ::-1]).save(path, exif=about)
     return path
 
 

@@ -1,5 +1,6 @@
 """Photographs by a renderer that shares no code with the measurement: heaps, and what is none."""
 
+import coarse
 import cv2
 import numpy as np
 import pytest
@@ -33,17 +34,29 @@ def test_all_sixty(tmp_path):
 
 
 @pytest.mark.slow
-def test_distance_changes_neither_angle_nor_height(tmp_path):
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_distance_changes_neither_angle_nor_height(tmp_path, seed):
     """Height: the highest grain lies up to 5 mm beside the axis, which moves it by 0.2 mm; a pixel has 0.33 mm."""
     off = []
     for away in (400.0, 1000.0, 5000.0):
-        one = sixty.from_a_distance(away)
-        path = sixty.drawn(one, tmp_path / f"{away:g}.png")
+        one = sixty.from_a_distance(away, seed=seed)
+        path = sixty.drawn(one, tmp_path / f"{away:g}.png", focal_stated=True)
         how = MeasureSettings(berry_height_mm=one.grain_mm)
         seen = photographs.measure_all([path], how, photographs.Scale())[0].measurement
         true = sixty.truth(one)
         off.append((seen.aor_deg - true.angle, seen.height_mm - true.height))
     assert (np.abs(off).max(axis=0) < [0.2, 0.53]).all()
+    assert (np.ptp(off, axis=0) < [0.2, 0.53]).all()
+
+
+def test_a_coarse_photograph_is_doubtful(tmp_path):
+    coarse_one, fine_one = (coarse.measured(7, high, tmp_path) for high in (50, 100))
+    assert "too coarse" in coarse_one.remarks
+    # A pixel at either end of a flank of 34 degrees: sin(2 * 34) / (0.7 * 50).
+    assert "the angle may be off by 1.5 degrees" in coarse_one.remarks
+    true = sixty.truth(coarse.scene(7, 50))
+    assert coarse_one.measurement.aor_deg == pytest.approx(true.angle, abs=1.5)
+    assert "too coarse" not in fine_one.remarks
 
 
 def test_one_sheet_gives_the_camera_of_a_zoom():

@@ -91,8 +91,8 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
                 "lens not corrected: the sheet is seen in too few places" if fixed & cv2.CALIB_FIX_K1 else ""
             )
             return Camera(matrix, lens.ravel()[:5], note)
-    how = "focal length assumed" if found == assumed else "focal length uncertain"
-    note = f"lens not corrected, {how}: the sheet is seen in too few places"
+    how = "uncertain" if found != assumed else "as the camera states it" if focal_px else "assumed"
+    note = f"lens not corrected, focal length {how}: the sheet is seen in too few places"
     return Camera(guess, np.zeros(5), note)
 
 

@@ -25,6 +25,7 @@ FAINT_SHARE = 0.2
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
 USUAL_GRAINS = 8  # in the height of a pile, if the height of a grain is not known
 DOUBT = "doubtful"  # begins a doubt
+LEAST_PX = 80  # pixels in the height of a pile: with fewer its angle changes by up to 1.5 degrees
 LOWEST_PILE = 1.5  # of a grain's height: below it is a layer
 LARGEST_RISE = 1.5, 0.12  # of a grain's and of the pile's height: of the outline, away from the crest
 MEETING = 0.7, 1.3  # of the pile's height: where the lines of a cone's two flanks meet
@@ -155,6 +156,7 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
     _require_whole(photograph.pile.mask, hidden)
     photograph.measurement = seen_level(_measured(photograph, how), look_down)
     doubts = _doubts(photograph.pile, photograph.measurement, grain, fine.mm_per_pixel)
+    doubts += _coarse(photograph.measurement, fine.mm_per_pixel)
     faint = finding.faint_share(fine.image, hidden, photograph.pile, 0.25 * berry_px)
     if faint > FAINT_SHARE:
         photograph.measurement = None
@@ -216,6 +218,19 @@ def _doubts(pile, measurement, grain_mm, mm_per_pixel):
         where = f"{meeting:.0f} mm over the plate, its top lies at {high:.0f} mm"
         doubts.append(f"{DOUBT}: the lines of its flanks meet {where}: {why}")
     return doubts
+
+
+def _coarse(measurement, mm_per_pixel):
+    """Sentence about a pile of few pixels: what its boundary, a pixel off at either end of a flank, changes."""
+    high = math.floor(measurement.height_mm / mm_per_pixel)
+    if high >= LEAST_PX:
+        return []
+    (_, low), (_, top) = measurement.angles[measurement.response].lines[0]
+    angle = math.degrees(math.sin(2 * math.radians(measurement.aor_deg)) / abs(low - top))
+    return [
+        f"{DOUBT}: the photograph is too coarse: the pile is {high} pixels high, {LEAST_PX} are needed; "
+        f"the angle may be off by {angle:.1f} degrees, the Height by {2 * mm_per_pixel:.1f} mm"
+    ]
 
 
 def _meeting(lines, base_row):

@@ -1,0 +1,74 @@
+"""Heaps of the sixty from 0.7 m, at several resolutions: what the angle loses in a coarse photograph.
+
+`python tests/measure/coarse.py` prints the table of docs/photographs.md.
+"""
+
+import argparse
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import sixty
+from pinhole import Scene
+
+from repose.measure import photographs
+from repose.measure.settings import MeasureSettings
+
+AWAY = 700.0  # mm
+HIGH = 40, 50, 60, 80, 100, 140, 200  # pixels in the height of a heap
+COUNT = 24  # heaps
+
+
+def scene(number: int, high_px: float) -> Scene:
+    """A heap of the sixty, so many pixels high, by a camera of the height of its crest."""
+    one = sixty.scene(number)
+    high = one.heaps[0].height
+    focal = high_px * AWAY / high
+    width = 8 * round(one.size[0] * focal / one.focal * -one.eye[1] / AWAY / 8)
+    return replace(one, eye=(0.0, -AWAY, 0.9 * high), focal=focal, size=(width, 3 * width // 4))
+
+
+def measured(number: int, high_px: float, folder: Path) -> photographs.Photograph:
+    """The photograph of such a heap, measured; its EXIF entry states the focal length."""
+    one = scene(number, high_px)
+    path = sixty.drawn(one, folder / f"{number}_{high_px}.png", focal_stated=True)
+    how = MeasureSettings(berry_height_mm=one.grain_mm)
+    return photographs.measure_all([path], how, photographs.Scale())[0]
+
+
+def rows(numbers: list[int], folder: Path) -> list[str]:
+    """A table row for each resolution: number measured, and what differs from the finest photograph of the heap."""
+    lines = []
+    finest = {number: measured(number, HIGH[-1], folder).measurement for number in numbers}
+    for high in HIGH[:-1]:
+        found = {number: measured(number, high, folder) for number in numbers}
+        seen = {number: one.measurement for number, one in found.items() if one.measurement}
+        colours = [
+            number for number in seen if any("hardly differs" in doubt for doubt in found[number].doubts)
+        ]
+        off = np.array(
+            [
+                (seen[number].aor_deg - fine.aor_deg, seen[number].height_mm - fine.height_mm)
+                for number, fine in finest.items()
+                if fine and number in seen and number not in colours
+            ]
+        )
+        most = np.abs(off).max(axis=0)
+        lines.append(
+            f"| {high} | {len(seen)} | {len(colours)} | {off[:, 0].mean():+.2f} | {most[0]:.2f} | "
+            f"{off[:, 1].mean():+.2f} | {most[1]:.2f} |"
+        )
+    return lines
+
+
+def main() -> None:
+    """Print the table."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    numbers = [n for n in range(sixty.NUMBER) if not sixty.trouble(n) and sixty.plain(sixty.scene(n))][:COUNT]
+    with tempfile.TemporaryDirectory() as folder:
+        print(*rows(numbers, Path(folder)), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
