@@ -41,8 +41,8 @@ TARGETS = {
     }
     for rpm in RPM
 }
-# A drum is two runs, one at each speed: 36, where at most 60 are allowed.
-SEQUENTIAL = {"start_samples": 14, "seeds": 1, "batch": 4, "most_runs": 18}
+# A drum is two runs, one at each speed: 44, where at most 60 are allowed.
+SEQUENTIAL = {"start_samples": 14, "seeds": 1, "batch": 4, "most_runs": 22}
 # Within 6 % of the height, 0.7 and 0.9 mm, the strategy asks for more runs about its best point until the budget ends.
 SEQUENTIAL |= {"tolerance_percent": 6.0, "probability": 0.9}
 CHECKS, DRAWS = range(1001, 1005), range(2001, 2005)  # seeds of the answer, and of draws of the posterior
