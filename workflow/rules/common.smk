@@ -133,7 +133,7 @@ def of_stage(name, folder=folder):
 def needs(mem_mb, minutes=10):
     """Resources of a rule, once more with each attempt that failed: `--retries 2` tries again with more.
 
-    Memory is the measured use with config/config.yaml and a fifth more; a test compares it with the benchmarks of a
+    Memory is the measured use with config/config.yaml and at least a fifth more; a test compares it with the benchmarks of a
     run of config/quick.yaml.
     """
     return {"mem_mb": growing(mem_mb), "runtime": growing(minutes)}
