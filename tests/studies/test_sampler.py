@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.special import logsumexp
 
 from repose.studies import sampler
 from repose.studies.likelihood import log_likelihood
@@ -56,6 +57,33 @@ def test_prior_ends_at_its_bounds():
     assert chains.min() >= 0
     assert chains.max() <= 1
     assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
+
+
+def test_a_mode_of_no_weight_holds_no_walkers():
+    """A normal of sd 0.01 beside one of sd 0.05 that lies lower: it holds 5e-4 of the draws.
+
+    Walkers that start anywhere stay on the lower hill: a fifth of the draws.
+    """
+    heights, sds = np.array([0.0, -12.0]), np.array([0.01, 0.05])
+    centres = np.array([[0.2, 0.3, 0.3], [0.75, 0.7, 0.6]])
+
+    def log_density(theta):
+        distance = ((theta[:, None] - centres) ** 2).sum(axis=2)
+        return logsumexp(heights - 0.5 * distance / sds**2, axis=1)
+
+    mass = np.exp(heights) * sds**3
+    chains = sampler.sample(log_density, 3, 32, 1500, 5)
+    draws = chains.points.reshape(-1, 3)
+    assert mass[1] / mass.sum() < 1e-3
+    assert (draws[:, 0] > 0.5).mean() < 0.02
+    assert draws.std(axis=0) == pytest.approx(0.01, rel=0.1)
+
+
+def test_what_never_changes_has_a_time_of_all_steps():
+    """A flat density: its autocorrelation is 0 / 0, as that of a walker which never moves."""
+    chains = sampler.sample(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
+    assert chains.density_time == 50
+    assert np.isfinite(chains.times).all()
 
 
 def test_same_seed_same_draws():

@@ -9,12 +9,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import optimize, stats
 
 ENSEMBLES = 4
 BURN_IN = 0.5  # share of the steps that is dropped
 BINS = 40
 PRIOR_DRAWS = 2**15
+POPULATION, MOVES = 2048, 8  # of `_start`: points, and steps at each temperature
 
 Density = Callable[[np.ndarray], np.ndarray]
 
@@ -34,7 +35,10 @@ class Chains(NamedTuple):
 def sample(
     log_density: Density, dimensions: int, walkers: int, steps: int, seed: int, ensembles: int = ENSEMBLES
 ) -> Chains:
-    """Draw from a density in the unit cube."""
+    """Draw from a density in the unit cube.
+
+    Walkers start at draws of a tempered population: from anywhere, some would never leave a mode of no weight.
+    """
     import emcee
 
     def inside(points):
@@ -47,18 +51,53 @@ def sample(
     chains, densities, times = [], [], []
     for k in range(ensembles):
         random = np.random.RandomState([seed, k])
-        # not the snooker move: as of emcee 3.1.6 its acceptance has half the exponent, and draws are too narrow
-        moves = [(emcee.moves.DEMove(), 0.5), (emcee.moves.StretchMove(), 0.5)]
-        sampler = emcee.EnsembleSampler(walkers, dimensions, inside, moves=moves, vectorize=True)
-        sampler.random_state = random.get_state()
-        sampler.run_mcmc(random.uniform(size=(walkers, dimensions)), steps)
+        first = _start(inside, dimensions, random)[:walkers]
+        sampler = _ensemble(len(first), dimensions, inside, random)
+        sampler.run_mcmc(first, steps)
         chain = sampler.get_chain(discard=int(BURN_IN * steps))
         density = sampler.get_log_prob(discard=int(BURN_IN * steps))
-        times.append(emcee.autocorr.integrated_time(np.dstack([chain, density]), tol=0))
+        with np.errstate(invalid="ignore"):
+            time = emcee.autocorr.integrated_time(np.dstack([chain, density]), tol=0)
+        times.append(np.nan_to_num(time, nan=steps))  # not a number if a walker never moved
         chains.append(chain.reshape(-1, dimensions))
         densities.append(density.ravel())
     time = np.mean(times, axis=0)
     return Chains(np.array(chains), np.array(densities), time[:-1], float(time[-1]))
+
+
+def _ensemble(walkers, dimensions, log_density, random):
+    """An ensemble of walkers, drawn with the state of a random generator."""
+    import emcee
+
+    # not the snooker move: as of emcee 3.1.6 its acceptance has half the exponent, and draws are too narrow
+    moves = [(emcee.moves.DEMove(), 0.5), (emcee.moves.StretchMove(), 0.5)]
+    sampler = emcee.EnsembleSampler(walkers, dimensions, log_density, moves=moves, vectorize=True)
+    sampler.random_state = random.get_state()
+    return sampler
+
+
+def _start(log_density, dimensions, random):
+    """Draws (POPULATION, d) of a density, about (Del Moral et al. 2006, J. R. Stat. Soc. B 68, 411).
+
+    Powers of the density lead from the cube to the whole density; each halves the effective number of points.
+    """
+    points, power = random.uniform(size=(POPULATION, dimensions)), 0.0
+    value = log_density(points)
+    while power < 1.0:
+
+        def kept(step, value=value):
+            weight = np.exp(step * (value - value.max()))
+            return weight.sum() ** 2 / (weight**2).sum() / POPULATION - 0.5
+
+        rest = 1.0 - power
+        step = rest if kept(rest) >= 0.0 else optimize.brentq(kept, 0.0, rest)
+        weight = np.exp(step * (value - value.max()))
+        power += step
+        points = points[random.choice(POPULATION, POPULATION, p=weight / weight.sum())]
+        sampler = _ensemble(POPULATION, dimensions, lambda u, power=power: power * log_density(u), random)
+        last = sampler.run_mcmc(points, MOVES, skip_initial_state_check=True)
+        points, value = last.coords, last.log_prob / power
+    return points[random.permutation(POPULATION)]
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
