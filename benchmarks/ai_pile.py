@@ -11,6 +11,7 @@ choice, 0.1 m wide and 0.3 m above the floor. 5e9 steps of bodies to 48 s, some 
 import argparse
 
 import numpy as np
+import viscous  # noqa: F401  registers the law `viscous`
 
 from repose.dem import Contact, Material, Mesh, Motion, Plane, Shape, Simulation
 from repose.dem.laws import ROLLING_LAWS
