@@ -55,12 +55,13 @@ def turned(
     name: str, parameters: dict[str, float], seed: int, rpm: tuple, young_pa: float = YOUNG_PA
 ) -> dict:
     """Mean surfaces of one drum by speed; a file keeps them, so that a drum is turned once."""
-    path, before = OUT / "drums" / f"{name}.json", TURNED / f"{name}.json"
-    if not path.exists() and before.exists():
-        known = read_json(before)
-        if (known["parameters"], known["seed"]) == (parameters, seed):
+    path = OUT / "drums" / f"{name}.json"
+    for kept in (path, TURNED / f"{name}.json"):
+        known = read_json(kept) if kept.exists() else {}
+        if (known.get("parameters"), known.get("seed")) == (parameters, seed):
             write_json(path, known)
-    if not path.exists():
+            break
+    else:
         began = time.process_time()
         found = surfaces(drum(**parameters, seed=seed, young_pa=young_pa), rpm, X_MM)
         heights = {str(speed): line.tolist() for speed, line in zip(rpm, found, strict=True)}

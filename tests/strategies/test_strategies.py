@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import repose
 from repose import strategies
@@ -83,6 +84,18 @@ def test_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
         again.tell(simulate(table).sample(frac=1, random_state=1))
     assert repose.Study.resume(other).done
     assert other.read_bytes() == file.read_bytes()
+
+
+def test_an_answer_takes_one_thread(tmp_path, monkeypatch):
+    seen = set()
+
+    def calibrate(*_):
+        seen.update(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+
+    monkeypatch.setattr("repose.studies.calibration.calibrate", calibrate)
+    with threadpool_limits(limits=2, user_api="blas"):
+        repose.Study(**STUDY, file=tmp_path / "study.csv").answer()
+    assert seen == {1}
 
 
 def test_returned_runs_must_be_those_of_ask(tmp_path):

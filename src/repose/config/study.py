@@ -8,6 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from threadpoolctl import threadpool_limits
+
 from repose.apparatus import bench_tests
 from repose.config import loader
 from repose.config.making import Making
@@ -344,7 +346,8 @@ class Study:
     @property
     def proposal(self) -> "Batch | Answer":
         """The strategy's proposal after these runs: the next samples, or the answer."""
-        return self._record.proposal
+        with _one_thread():
+            return self._record.proposal
 
     @property
     def done(self) -> bool:
@@ -369,7 +372,8 @@ class Study:
         InputError
             If the runs so far do not determine the model of the strategy.
         """
-        return self._record.asked
+        with _one_thread():
+            return self._record.asked
 
     def tell(self, runs: "pd.DataFrame") -> None:
         """Add the results of the runs that `ask` gave; with a file they are on the disk afterwards.
@@ -404,7 +408,13 @@ class Study:
         """
         from repose.studies.calibration import calibrate
 
-        return calibrate(self, self.runs, self.proposal)
+        with _one_thread():
+            return calibrate(self, self.runs, self.proposal)
+
+
+def _one_thread():
+    """Small matrices are slower on several threads, and end in other bits than the command line's."""
+    return threadpool_limits(limits=1, user_api="blas")
 
 
 def _listed(given):
