@@ -21,8 +21,9 @@ HALF_WIDTH_M, HALF_SLOT_M, DEPTH_M = 0.06272, 0.012544, 0.0056
 SPHERES, TIMES_DEEP = 6790, 6
 TORQUE_M = 1e-4
 SETTLED_S, FIRST_S, LAST_S, EVERY_S = 1.5, 0.25, 0.75, 0.05
-GLASS = Contact(0.94, 0.2, 2 * TORQUE_M / RADIUS_M)  # the law takes R*, half the radius between equal spheres
-WALL = Contact(0.90, 0.2, TORQUE_M / RADIUS_M)
+# The law takes R*, between equal spheres half the radius.
+GLASS = Contact(0.94, 0.2, 2 * TORQUE_M / RADIUS_M, twisting_friction=0.0)
+WALL = Contact(0.90, 0.2, TORQUE_M / RADIUS_M, twisting_friction=0.0)
 SMOOTH = Contact(0.90, 0.0, 0.0)
 
 
@@ -41,7 +42,7 @@ def scene(seed, deep):
         {"sphere": Shape.sphere(RADIUS_M, DENSITY_KG_M3, "glass")},
         {"glass": material, "wall": material, "side": material},
         {("glass", "glass"): GLASS, ("glass", "wall"): WALL, ("glass", "side"): WALL if deep else SMOOTH},
-        1e-5,
+        3e-5,
         capacity=count,
         lower=(-HALF_WIDTH_M, 0.0, below),
         upper=(HALF_WIDTH_M, depth, 0.5),

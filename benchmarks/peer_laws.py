@@ -8,7 +8,6 @@ import math
 from collections import namedtuple
 
 import numpy as np
-import peer_cache  # noqa: F401
 
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl

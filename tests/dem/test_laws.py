@@ -1,4 +1,6 @@
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -122,3 +124,32 @@ def test_hertz_impact_lasts_as_long_as_the_integral_of_its_energy_says():
     angle = (np.arange(200000) + 0.5) * (0.5 * math.pi / 200000)
     duration = 2.0 * deepest / speed * 0.8 * np.sum(np.sin(angle) ** -0.2) * (angle[1] - angle[0])
     assert hertz_mindlin.contact_time(GOJI, GOJI, mass, radius, speed) == pytest.approx(duration, rel=1e-3)
+
+
+OUTSIDE = """
+from collections import namedtuple
+from repose.dem.kernels import parallel
+from repose.dem.laws.law import Law
+
+def folder():
+    return parallel.advance_shared.stats.cache_path
+
+def kernel(law, t, c, at, dt):
+    pass
+
+before = folder()
+Law("own", namedtuple("Own", "tension"), None, 0, 0, 0, kernel, {})
+print(before, folder())
+"""
+
+
+def test_a_law_from_outside_has_compiled_code_of_its_own(tmp_path):
+    """Numba's index names the module of each law, so what is compiled with it is of no use to other programs."""
+    script = tmp_path / "own_law.py"
+    folders = []
+    for edit in ("", "\n# another kernel\n"):
+        script.write_text(OUTSIDE + edit)
+        run = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+        folders += [run.stdout.split()]
+    assert folders[0][0] == folders[1][0]
+    assert len({*folders[0], *folders[1]}) == 3

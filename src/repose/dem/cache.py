@@ -1,22 +1,30 @@
 """Where numba keeps compiled kernels.
 
 numba's own cache looks at a kernel's file only, not at the files of the kernels it calls. The cache folder is
-therefore named after a hash of every source file of this package: an edit anywhere compiles everything anew, and
-two versions of the project never share machine code.
+therefore named after a hash of every source file of this package, and of each law from outside: an edit anywhere
+compiles everything anew, and two versions of the project never share machine code.
 """
 
 import hashlib
+import inspect
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+HOME = Path(__file__).parent
+_outside: dict[str, str] = {}  # source of laws from other packages by the name of their module
 
 
 def source_hash() -> str:
-    """A short hash of the sources of `repose.dem`: 16 hexadecimal digits."""
+    """A short hash of the sources of `repose.dem` and of laws from outside: 16 hexadecimal digits."""
     digest = hashlib.sha256()
-    home = Path(__file__).parent
-    for path in sorted(home.rglob("*.py")):
-        digest.update(path.relative_to(home).as_posix().encode())
+    for path in sorted(HOME.rglob("*.py")):
+        digest.update(path.relative_to(HOME).as_posix().encode())
         digest.update(path.read_bytes())
+    for name, source in sorted(_outside.items()):
+        digest.update(f"{name}\n{source}".encode())
     return digest.hexdigest()[:16]
 
 
@@ -34,6 +42,24 @@ def use_cache() -> None:
 
     # numba makes its settings when it is imported, so their types are not seen.
     setattr(numba.config, "CACHE_DIR", folder())  # noqa: B010
+
+
+def add_source(kernel: Callable[..., Any]) -> None:
+    """Compile with the kernel of a law: one from outside moves the cache folder of all kernels."""
+    if kernel.__module__.startswith(f"{__package__}."):
+        return
+    from numba.core.registry import CPUDispatcher
+
+    module = sys.modules[kernel.__module__]
+    try:
+        _outside[kernel.__module__] = inspect.getsource(module)
+    except (OSError, TypeError):  # of a notebook
+        _outside[kernel.__module__] = inspect.getsource(kernel)
+    use_cache()
+    for name in [name for name in sys.modules if name.startswith(f"{__package__}.")]:
+        for value in list(vars(sys.modules[name]).values()):
+            if isinstance(value, CPUDispatcher) and value.targetoptions.get("cache", True):
+                value.enable_caching()
 
 
 use_cache()

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
+from .. import cache
 from ..constants import Constant
 from ..kernels.jit import INLINED
 
@@ -94,6 +95,7 @@ class Law:
     geometry: Callable[..., None] | None = None
 
     def __post_init__(self) -> None:
+        cache.add_source(self.kernel)
         _KERNELS[self.options] = self.kernel
         if self.reach is not None:
             _REACHES[self.options] = self.reach
