@@ -6,7 +6,7 @@ from this registry by its name.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -90,6 +90,8 @@ class BenchTest:
     family : function or None
         ``family(name)`` is a further response by its name, or None: for scores of a profile, or for each of any number
         of speeds.
+    photographed : mapping
+        Of a bench test that leaves a pile, its responses by the numbers of a photograph, ``aor_deg`` and ``height_mm``.
     """
 
     name: str
@@ -108,6 +110,7 @@ class BenchTest:
     kept: tuple[str, ...] = ()
     in_words: str = ""
     family: core.Family | None = None
+    photographed: Mapping[str, str] = field(default_factory=dict)
 
     def target_responses(self, config: Config) -> tuple[Response, ...]:
         """Responses of the bench test that are targets of a configuration.

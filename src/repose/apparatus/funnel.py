@@ -630,6 +630,7 @@ BENCH = register(
         misfits=misfits,
         advice=advice,
         kept=("position", "quaternion", "in_pile"),
+        photographed={"aor_deg": "aor_deg", "height_mm": "height_mm"},
         in_words="angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, "
         "{berries_on_plate} berries on the plate",
     )

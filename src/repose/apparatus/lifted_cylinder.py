@@ -316,6 +316,7 @@ BENCH = register(
         contradictions=contradictions,
         misfits=misfits,
         kept=("position", "quaternion", "in_pile"),
+        photographed={"aor_deg": "lifted_aor_deg", "height_mm": "lifted_height_mm"},
         in_words="angle of repose {lifted_aor_deg:.2f} deg, Height {lifted_height_mm:.1f} mm, "
         "foot radius {lifted_foot_mm:.1f} mm, {lifted_loose_percent:.1f} % loose",
     )

@@ -24,7 +24,7 @@ family = Family()
 
 
 @family.verb(
-    "measure angle of repose and Height of the piles in photographs",
+    "measure the piles, the drum or the box in photographs",
     example="*.jpg --square-mm 20 --out measured",
     out="measured",
     config=False,
@@ -52,15 +52,33 @@ family = Family()
             "--config",
             help="the study that the photographs are for; its definition of the angle (default: the line fit)",
         ),
+        Option(
+            "--bench",
+            default="funnel",
+            help="bench test: funnel or lifted_cylinder, which leave a pile, turning or drawdown (funnel)",
+        ),
+        Option(
+            "--points",
+            nargs="+",
+            type=float,
+            metavar="PX",
+            help="column and row of three points of the drum's inner rim, or of the box's two lower inner corners",
+        ),
         JSON.but(help="print every number as JSON"),
     ],
 )
 def measure(args: argparse.Namespace) -> None:
+    from repose.apparatus import bench_tests
+    from repose.apparatus import photographs as of_apparatus
     from repose.core.files import write_image
     from repose.core.ledger import check_replaceable
     from repose.measure import drawing, photographs
     from repose.measure.photograph_tables import as_record, describe, tables, write_tables
 
+    of_pile = {bench.name: bench.photographed for bench in bench_tests() if bench.photographed}
+    if args.bench not in (*of_pile, *of_apparatus.RESPONSES):
+        allowed = "one of " + ", ".join((*of_pile, *of_apparatus.RESPONSES))
+        raise InputError("command line", "--bench", args.bench, allowed)
     pictures = [Path(name) for name in args.pictures]
     out = Path(args.out)
     overlays = [out / f"{path.stem}.png" for path in pictures]
@@ -71,6 +89,9 @@ def measure(args: argparse.Namespace) -> None:
         if overlay.resolve() == path.resolve():
             raise InputError("command line", "--out", args.out, "another folder than that of the photographs")
     scale, how = _scale(args), _settings(args)
+    if args.bench not in of_pile:
+        _measure_apparatus(args, pictures, overlays, how)
+        return
     results = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
     for photograph, overlay in zip(results, overlays, strict=True):
         if photograph.measurement is not None:
@@ -85,8 +106,36 @@ def measure(args: argparse.Namespace) -> None:
             for photograph, overlay in zip(results, overlays, strict=True)
         )
     made = tables(results, how)
-    write_tables(made, how, out)
+    write_tables(made, how, out, args.bench, of_pile[args.bench])
     print(json_text(as_record(made)) if args.json else describe(results, made, how, out))
+
+
+def _measure_apparatus(args, pictures, overlays, how):
+    """Measure photographs of a drum or of a box."""
+    from repose.apparatus import photographs
+    from repose.core.files import write_image, write_table
+    from repose.measure.photograph_tables import as_record, write_tables
+
+    if args.config is None:
+        raise InputError(
+            "command line", "--config", None, f"a study, whose section {args.bench} has the measures"
+        )
+    config, out = load(args).config, Path(args.out)
+    results = photographs.measure_all(pictures, args.points or (), config, args.bench, how)
+    for seen, overlay in zip(results, overlays, strict=True):
+        write_image(overlay, photographs.stacked(seen.views))
+    if all(seen.refused for seen in results):
+        raise_together(
+            InputError(
+                seen.path, args.bench, seen.refused, "a bed with a surface that differs from its background"
+            )
+            for seen in results
+        )
+    made = photographs.tables(results, args.bench)
+    write_tables(made, how, out, args.bench, {name: name for name in photographs.RESPONSES[args.bench]})
+    if args.bench == "turning":
+        write_table(out / "profile.csv", photographs.profile(results, config["turning"]))
+    print(json_text(as_record(made)) if args.json else photographs.describe(results, made, out))
 
 
 def _scale(args: argparse.Namespace) -> "Scale":

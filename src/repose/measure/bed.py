@@ -44,12 +44,17 @@ def measure_surface(
     fit_share: float,
     scales: np.ndarray | None = None,
 ) -> Surface:
-    """Surface of berries in a drum of inner radius `radius_m`, by the upper edge of their silhouette.
+    """Surface of berries in a drum of inner radius `radius_m`, by the upper edge of their silhouette."""
+    filled = _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales)
+    return surface_of(filled, radius_m, mm_per_pixel, fit_share)
+
+
+def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_share: float) -> Surface:
+    """Surface of a bed that covers pixels (H, W) of the drum's cross-section.
 
     The line goes through the middle `fit_share` of the edge's width, so that berries lifted along the wall do not
     count.
     """
-    filled = _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales)
     columns = np.flatnonzero(filled.any(axis=0))
     pixel_m = 1e-3 * mm_per_pixel
     x = (columns + 0.5) * pixel_m - radius_m

@@ -1,7 +1,7 @@
 """Results of photographs as tables: each photograph, the mean of all, and the targets of a configuration."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs import Photograph, mean_of
 from repose.measure.settings import MeasureSettings
 
-MEANT = ("aor_deg", "height_mm")  # responses that become targets
+FUNNEL = {"aor_deg": "aor_deg", "height_mm": "height_mm"}  # targets by what is measured
 
 
 class Tables(NamedTuple):
@@ -36,25 +36,41 @@ def tables(measured: Sequence[Photograph], how: MeasureSettings) -> Tables:
             {"photograph": photograph.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words
         )
     photographs = pd.DataFrame(rows)
+    return Tables(photographs, mean_rows(photographs, (*FUNNEL, *MEAN_KEYS.values())))
+
+
+def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+    """The summary of the columns that were measured."""
     means = []
-    for column in (*MEANT, *MEAN_KEYS.values()):
+    for column in columns:
         values = photographs[column].dropna().tolist()
         if values:
             mean, sd, number = mean_of(values)
             means.append(
                 {"response": column, "value": round(mean, 3), "sd": round(sd, 3), "repetitions": number}
             )
-    return Tables(photographs, pd.DataFrame(means))
+    return pd.DataFrame(means)
 
 
-def write_tables(made: Tables, how: MeasureSettings, out: Path) -> None:
-    """Write photographs.csv, summary.csv and targets.yaml into the folder `out`."""
+def write_tables(
+    made: Tables,
+    how: MeasureSettings,
+    out: Path,
+    bench: str = "funnel",
+    responses: Mapping[str, str] = FUNNEL,
+) -> None:
+    """Write photographs.csv, summary.csv and targets.yaml into the folder `out`.
+
+    `responses` has the bench test's response for each number of the summary that becomes a target.
+    """
     write_table(out / "photographs.csv", made.photographs)
     write_table(out / "summary.csv", made.summary)
-    write_text(out / "targets.yaml", targets(made, how))
+    write_text(out / "targets.yaml", targets(made, how, bench, responses))
 
 
-def targets(made: Tables, how: MeasureSettings) -> str:
+def targets(
+    made: Tables, how: MeasureSettings, bench: str = "funnel", responses: Mapping[str, str] = FUNNEL
+) -> str:
     """The measured responses as YAML, an overlay for the configuration of a study.
 
     The range is the mean and its standard error to each side, at least 1 % of the mean. One pile shows no scatter:
@@ -66,12 +82,12 @@ def targets(made: Tables, how: MeasureSettings) -> str:
         f"measure: {{response: {how.response}{grain}}}",
     ]
     lines.append("targets:")
-    for row in made.summary[made.summary["response"].isin(MEANT)].itertuples():
+    for row in made.summary[made.summary["response"].isin(list(responses))].itertuples():
         single = math.isnan(row.sd)
         low, high = range_about(row.value, row.sd, row.repetitions)
         lines += [
-            f"  - response: {row.response}",
-            "    apparatus: funnel",
+            f"  - response: {responses[row.response]}",
+            f"    apparatus: {bench}",
             f"    value: {row.value:.3f}",
             "    sd: null # one pile gives no scatter" if single else f"    sd: {row.sd:.3f}",
             f"    repetitions: {row.repetitions}",
