@@ -70,6 +70,34 @@ def test_the_other_surface_is_of_the_berries_own_material():
     assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.1)), abs=0.1)
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
+def test_a_sphere_leaves_its_pocket_in_a_glued_layer_over_the_saddle(friction, monkeypatch):
+    """A sphere on three: over the saddle between two of them at 19.471 degrees + atan(2 mu / sqrt 3)."""
+    monkeypatch.setattr(inclined_plane, "azimuth_of", lambda seed: math.radians(90.0))
+    values = named((0.2, friction, 0.0, 0.2, 0.9, 0.9))
+    own = config(surface="glued", tilting_deg_s=2.0)
+    found = run_once(bench("inclined_plane"), own, values, 1, SPHERE, BEAD)[0]
+    known = 19.4712 + math.degrees(math.atan(2.0 * friction / math.sqrt(3.0)))
+    assert found["slip_deg"] == pytest.approx(known, abs=0.3)
+
+
+def test_a_glued_layer_touches_and_does_not_overlap():
+    for particle in (SPHERE, PARTICLE):
+        places, _, half = inclined_plane.layer(particle)
+        apart = np.sort(
+            np.linalg.norm(places[:, None] - places, axis=2) + 1e9 * np.eye(len(places)), axis=None
+        )
+        wide = 2.0 * sorted(particle.dem_shape("berry").half_extents_m)[1]
+        assert apart[0] == pytest.approx(wide * 1.0001 if particle is SPHERE else apart[0])
+        own = config(surface="glued")
+        values = named((0.2, 0.3, 0.0, 0.2, 0.9, 0.9))
+        simulation = inclined_plane.build(own, values, particle, BEAD, azimuth=0.4)
+        simulation.run_steps(50)
+        assert len(simulation.contacts()) == 0
+        assert np.ptp(simulation.positions[:, 2]) == 0.0 == np.abs(simulation.velocities).max()
+        assert half > 0.0
+
+
 @pytest.mark.slow
 def test_the_resistance_against_the_other_body_rolls_at_the_same_angle():
     own = config()
@@ -123,7 +151,7 @@ def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
 def test_a_plane_that_tilts_too_fast_is_refused():
     cases = [
         ({"tilting_deg_s": 20.0, "steepest_deg": 5.0}, r"tilting_deg_s.*at most 10"),
-        ({"surface": "glass"}, r"surface.*wall.*berry"),
+        ({"surface": "glass"}, r"surface.*wall.*berry.*glued"),
         ({"steepest_deg": 90.0}, r"steepest_deg.*1 to 89"),
     ]
     wrong = [(keys, rf"inclined_plane\.{allowed}") for keys, allowed in cases]

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from dem.common import BARREL, BERRY, GOJI, random_direction
+from dem.common import BARREL, BERRY, GOJI, random_direction, simulation
 from oracles import gap as slow_gap
 from oracles import hertz_mindlin as slow_hertz_mindlin
 from oracles import mass_at_contact, support_point
@@ -240,3 +240,16 @@ def test_effective_radius_of_spheres_is_that_of_hertz():
     pair_tile(t, contacts, rows, first, first + np.uint32(1), 1, 2e-4, *laws, load)
     assert np.allclose(lanes[tl.RADIUS // LANES], radius / 2.0, rtol=1e-12)
     assert np.allclose(lanes[tl.GAP // LANES], -0.01 * radius, rtol=1e-9)
+
+
+def test_a_glued_body_carries_another_and_stays():
+    gravity = (0.0, 0.0, -9.81)
+    s = simulation(np.full((1, 3), 0.006), Contact(0.3, 0.5, 0.1), dt=4e-5, gravity_m_s2=gravity)
+    s.glue(s.add((0.0, 0.0, 0.0)))
+    s.add((0.0, 0.0, 0.0121))
+    s.run_steps(5_000)
+    assert np.array_equal(s.positions[0], np.zeros(3))
+    assert s.positions[1, 2] == pytest.approx(0.012, abs=3e-4)
+    assert s.masses_kg[0] == 0.0
+    with pytest.raises(ValueError, match="body is 2; allowed: an index below 2"):
+        s.glue(2)

@@ -21,12 +21,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
+from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -41,6 +42,8 @@ SLED, SINGLE = "sled", "berry"  # what lies on the plane
 LOOK_S = 0.005  # simulated time between two looks at the berry
 FAR = 0.25  # the berry has moved when it is this share of its shortest axis away
 FROM_SHARE = 0.3  # the line goes through speeds above this share of the last one
+APART = 1.0001  # of the berries of a glued layer, over their touching
+REACHES = 3.5  # radius of a glued layer in bounding radii
 SLIDING = 0.5  # of the speed: a berry whose lowest point is faster than this slides, and does not roll
 
 # --- responses ------------------------------------------------------------------------------------
@@ -60,7 +63,7 @@ RECORDED = Recorded(means=MEASURED, single=MEASURED)
 class Settings(Section):
     """The section `inclined_plane` of the configuration; config/README.md explains its keys."""
 
-    surface: Literal["wall", "berry"]
+    surface: Literal["wall", "berry", "glued"]
     tilting_deg_s: float = Field(ge=0.01, le=20)
     steepest_deg: float = Field(ge=1, le=89)
     settle_s: float = Field(ge=0.01, le=100)
@@ -84,26 +87,56 @@ def build(
     particle: "Particle",
     berry: Mapping[str, Any],
     largest_scale: float = 1.0,
+    azimuth: float = 0.0,
 ) -> "dem.Simulation":
-    """The plane without a berry, level."""
-    reach = largest_scale * particle.bounding_radius_m
-    return berry_simulation(
+    """The plane without a berry, level; a glued layer of berries on it has its centres at height 0.
+
+    `azimuth` [rad] turns the layer.
+    """
+    reach, glued = largest_scale * particle.bounding_radius_m, config[NAME]["surface"] == "glued"
+    places, turn, depth = (
+        layer(particle, azimuth) if glued else (np.empty((0, 3)), np.array([1.0, 0, 0, 0]), 0.0)
+    )
+    material = "berry" if config[NAME]["surface"] == "berry" else "wall"
+    simulation = berry_simulation(
         config,
         parameters,
         particle,
         berry,
-        capacity=1,
-        walls={"plane": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), config[NAME]["surface"])},
+        capacity=len(places) + 1,
+        walls={"plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)},
         # pictures draw the plane as far as the box reaches, also when it is tilted
         lower=(-4.0 * reach, -4.0 * reach, -4.0 * reach),
         upper=(4.0 * reach, 4.0 * reach, 4.0 * reach),
         largest_scale=largest_scale,
     )
+    for place in places:
+        simulation.glue(simulation.add("berry", place, turn))
+    return simulation
+
+
+def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
+    """A close layer of berries that lie flat: centres (N, 3) about a pocket, their orientation, half their height.
+
+    It is the close layer of spheres, stretched as the berry is.
+    """
+    half = particle.dem_shape("berry").half_extents_m
+    axes = np.argsort(half)[::-1]  # of the body: the longest along x, the shortest up
+    rows = np.eye(3)[axes]
+    rows[2] *= np.linalg.det(rows)
+    n = math.ceil(REACHES)
+    i, j = (part.ravel() for part in np.meshgrid(*2 * [np.arange(-2 * n, 2 * n + 1)]))
+    unit = np.column_stack([2.0 * i + j - 1.0, math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0), 0.0 * i])
+    places = APART * unit * (*half[axes][:2], 0.0)
+    near = np.hypot(*places[:, :2].T) < REACHES * particle.bounding_radius_m
+    turn = Rotation.from_euler("z", azimuth)
+    quaternion = (turn * Rotation.from_matrix(rows)).as_quat(scalar_first=True)
+    return turn.apply(places[near]), quaternion, float(half[axes][2])
 
 
 def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
     """The parameters of a sled: it would roll at twice the slope at which it slides."""
-    pair = "gg" if surface == "berry" else "gp"
+    pair = "gp" if surface == "wall" else "gg"
     rolling = max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])
     return {**parameters, f"mur_{pair}": rolling}
 
@@ -127,13 +160,14 @@ def run(
     arrays: dict[str, np.ndarray] = {}
     frames = None
     for what, values in ((SLED, held(parameters, section["surface"])), (SINGLE, parameters)):
-        simulation, scales, reach = sized_simulation(build, config, values, seed, particle, berry, 1)
+        turned = partial(build, azimuth=azimuth_of(seed))
+        simulation, scales, reach = sized_simulation(turned, config, values, seed, particle, berry, 1)
         bounded = Bounded(simulation, 4.0 * reach)
         filmed = Filmed(bounded, interval_s if what == SINGLE else None, progress)
         rows: list[tuple[float, float, float]] = []
         with bounded.guard():
             _lay_down(simulation, config, seed, particle, float(scales[0]), filmed)
-            rows = _tilt(simulation, config, particle, filmed)
+            rows = _tilt(simulation, config, filmed)
         if bounded.broken:
             record |= {"status": "unstable", "reason": f"{what}: {bounded.broken}"}
         elif not rows:
@@ -152,29 +186,40 @@ COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
 
 def _lay_down(simulation, config, seed, particle, scale, filmed):
     """Lay a berry on the level plane, its long axis level in a random direction, and let it rest."""
-    settings = SimulationSettings.of(config)
-    add_above(simulation, particle, "lying", seed, scale)
+    settings, glued = SimulationSettings.of(config), config[NAME]["surface"] == "glued"
+    height = layer(particle)[2] if glued else 0.0
+    add_above(simulation, particle, "lying", seed, scale, height)
     every, last = settings.steps(0.01), settings.steps(config[NAME]["settle_s"])
     filmed.run_to(every)
-    filmed.wait(partial(at_rest, simulation, settings.rest_energy_j), last, every)
+    filmed.wait(partial(_rests, simulation, settings.rest_energy_j), last, every)
 
 
-def _tilt(simulation, config, particle, filmed):
+def _rests(simulation, energy_j):
+    """Whether the free berry, the last one, rests."""
+    return not simulation.kinetic_energies()[-1] > energy_j
+
+
+def azimuth_of(seed: int) -> float:
+    """Random azimuth of a glued layer [rad]."""
+    return float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * math.pi))
+
+
+def _tilt(simulation, config, filmed):
     """Turn gravity until the berry has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
     section, settings = config[NAME], SimulationSettings.of(config)
-    if not at_rest(simulation, settings.rest_energy_j):
+    if not _rests(simulation, settings.rest_energy_j):
         return []
-    rows, began = [], simulation.positions[0].copy()
-    far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[0]
+    rows, began = [], simulation.positions[-1].copy()
+    far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[-1]
     every, start = max(1, settings.steps(LOOK_S)), simulation.steps
     while True:
         angle_deg = section["tilting_deg_s"] * (simulation.steps - start) * settings.time_step_s
         angle = math.radians(angle_deg)
-        height = simulation.positions[0, 2]
-        speed, spin = simulation.velocities[0], simulation.angular_velocities[0]
-        lowest = speed + np.cross(spin, (0.0, 0.0, -height))
-        rows.append((angle_deg, float(np.hypot(*speed[:2])), float(np.hypot(*lowest[:2]))))
-        if np.hypot(*(simulation.positions[0] - began)[:2]) > far or angle_deg >= section["steepest_deg"]:
+        place, speed = simulation.positions[-1], simulation.velocities[-1]
+        lowest = speed + np.cross(simulation.angular_velocities[-1], (0.0, 0.0, -place[2]))
+        slide = 0.0 if section["surface"] == "glued" else float(np.hypot(*lowest[:2]))
+        rows.append((angle_deg, float(np.linalg.norm(speed)), slide))
+        if np.hypot(*(place - began)[:2]) > far or angle_deg >= section["steepest_deg"]:
             return rows
         simulation.physics.gravity[:] = (
             settings.gravity_m_s2 * math.sin(angle),

@@ -333,6 +333,30 @@ class Simulation(Observables):
         self.counts[st.N_MOVED] += 1
         return i
 
+    def glue(self, body: int) -> None:
+        """Hold a body: no force moves or turns it any more, and others meet it as before.
+
+        It keeps the velocity that it has, and its mass counts as 0, as of a body that is gone. Glued bodies must not
+        overlap each other.
+
+        Parameters
+        ----------
+        body : int
+            Its index.
+
+        Raises
+        ------
+        ValueError
+            If there is no such body.
+        """
+        number(
+            "body", body, f"an index below {self.n_bodies}", lambda k: 0 <= k < self.n_bodies and k == int(k)
+        )
+        inner = self._inner[body] if self._shared else body
+        self.bodies.rows[inner, st.INVERSE_MASS] = 0.0
+        lanes = self.bodies.motion[inner // st.LANES, inner % st.LANES :: st.LANES]
+        lanes[st.INVERSE_MOMENTS // st.LANES : st.INVERSE_MOMENTS // st.LANES + 3] = 0.0
+
     def run_steps(self, steps: int) -> None:
         """Advance by a number of time steps.
 
