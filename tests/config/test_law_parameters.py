@@ -90,6 +90,20 @@ def test_a_rolling_law_that_takes_the_circle_of_hertz_does_not_go_with_jkr():
         Study.load(ROOT / "config/config.yaml", overrides=overrides)
 
 
+def test_twisting_friction_is_a_parameter_of_the_laws_that_resist_it():
+    overrides = {"simulation": {"rolling_law": "epsd"}, "parameters": {"mut_gp": [0.0, 0.5]}}
+    space = Study.load(ROOT / "config/config.yaml", overrides=overrides).parameters
+    assert space.free == (*PARAMETERS, "mut_gp")
+    contacts = _contacts(space.centre)
+    assert contacts["berry", "berry"].twisting_friction is None
+    assert contacts["berry", "wall"].twisting_friction == 0.25
+    assert LABELS["mut_gp"] == "twisting friction, grain-wall"
+    with pytest.raises(
+        InputError, match=r"mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"
+    ):
+        study("hertz_mindlin", mut_gp=[0.0, 0.5])
+
+
 def test_tables_of_the_six_stay_as_they_were():
     assert named(pd.DataFrame(columns=["sample", *PARAMETERS, "aor_deg"])) == PARAMETERS
     assert of_law("hertz_mindlin_rescaled") == ()

@@ -10,6 +10,7 @@ from repose.apparatus.bounds import Bounded
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
 from repose.core.parameters import FURTHER
+from repose.dem.constants import TWISTING
 
 if TYPE_CHECKING:
     from repose.dem import time_steps
@@ -112,12 +113,13 @@ def _contacts(parameters):
     contacts = {}
     for pair, names in (("gg", ("berry", "berry")), ("gp", ("berry", "wall"))):
         further = {
-            constant.name: parameters[name]
-            for name, (_, constant, of) in FURTHER.items()
-            if of == pair and name in parameters
+            of.constant.name: parameters[name]
+            for name, of in FURTHER.items()
+            if of.pair == pair and name in parameters
         }
         six = (parameters[f"{kind}_{pair}"] for kind in ("e", "mus", "mur"))
-        contacts[names] = dem.Contact(*six, constants=further)
+        twisting = further.pop(TWISTING.name, None)
+        contacts[names] = dem.Contact(*six, twisting_friction=twisting, constants=further)
     return contacts
 
 

@@ -66,11 +66,11 @@ def _of_the_contact_law(config):
     if missing:
         yield "simulation.contact_law", f"{law} with {' and '.join(missing)}, each a range or a fixed value"
     for name in named(config["parameters"])[len(PARAMETERS) :]:
-        if name not in needed:
-            yield (
-                f"parameters.{name}",
-                f"absent: it belongs to simulation.contact_law {FURTHER[name][0]}, not {law}",
-            )
+        of = FURTHER[name]
+        if not {law, rolling} & set(of.laws):
+            key, own = ("contact_law", law) if of.needed else ("rolling_law", rolling)
+            belongs = " or ".join(of.laws)
+            yield f"parameters.{name}", f"absent: it belongs to simulation.{key} {belongs}, not {own}"
 
 
 def _of_the_strategy(config):

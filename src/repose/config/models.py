@@ -205,7 +205,7 @@ def _of_the_law(constant):
 
 
 _further: dict[str, Any] = {
-    name: (_of_the_law(constant), ABSENT) for name, (_, constant, _) in FURTHER.items()
+    name: (_of_the_law(further.constant), ABSENT) for name, further in FURTHER.items()
 }
 Parameters = create_model("Parameters", __base__=_SixParameters, **_further)
 

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from repose.core.errors import InputError
-from repose.dem.constants import OF_LAWS
+from repose.dem.constants import OF_LAWS, TWISTED_BY, TWISTING, Constant
 
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 
@@ -30,22 +31,36 @@ SYMBOLS = {
 PHYSICAL_LIMITS = {name: (0.01, 1.0) if name.startswith("e_") else (0.0, math.inf) for name in PARAMETERS}
 
 PAIRS = {"gg": "grain-grain", "gp": "grain-wall"}
-# The further parameters that a contact law adds, such as gamma_gg of the law jkr: law, constant and pair by name.
-FURTHER = {
-    f"{constant.short}_{pair}": (law, constant, pair)
-    for law, constants in OF_LAWS.items()
-    for constant in constants
-    for pair in PAIRS
-}
-for _name, (_law, _constant, _pair) in FURTHER.items():
-    LABELS[_name] = f"{_constant.words} ({_constant.unit}), {PAIRS[_pair]}"
-    SYMBOLS[_name] = rf"${_constant.symbol}_{{{_pair}}}$"
-    PHYSICAL_LIMITS[_name] = (_constant.least, _constant.most)
 
 
-def of_law(contact_law: str) -> tuple[str, ...]:
-    """The further parameters of a contact law, by its name."""
-    return tuple(name for name, (law, _, _) in FURTHER.items() if law == contact_law)
+class Further(NamedTuple):
+    """A parameter that some force laws add to the six."""
+
+    laws: tuple[str, ...]
+    constant: Constant
+    pair: str  # of `PAIRS`
+    needed: bool  # whether each of these laws needs it
+
+
+def _further(constant, needed, *laws):
+    """The parameters of a constant by name, one for each pair."""
+    return {f"{constant.short}_{pair}": Further(laws, constant, pair, needed) for pair in PAIRS}
+
+
+FURTHER: dict[str, Further] = {}
+for _constant in dict.fromkeys(constant for constants in OF_LAWS.values() for constant in constants):
+    FURTHER |= _further(_constant, True, *(law for law, asks in OF_LAWS.items() if _constant in asks))
+FURTHER |= _further(TWISTING, False, *TWISTED_BY)
+for _name, _of in FURTHER.items():
+    _unit = f" ({_of.constant.unit})" if _of.constant.unit else ""
+    LABELS[_name] = f"{_of.constant.words}{_unit}, {PAIRS[_of.pair]}"
+    SYMBOLS[_name] = rf"${_of.constant.symbol}_{{{_of.pair}}}$"
+    PHYSICAL_LIMITS[_name] = (_of.constant.least, _of.constant.most)
+
+
+def of_law(law: str) -> tuple[str, ...]:
+    """The further parameters that a force law needs, by its name."""
+    return tuple(name for name, further in FURTHER.items() if further.needed and law in further.laws)
 
 
 def named(names: Iterable[str]) -> tuple[str, ...]:

@@ -43,6 +43,9 @@ SURFACE_ENERGY = Constant("surface_energy_j_m2", "gamma", r"\gamma", "J/m2", "su
 COHESION_ENERGY_DENSITY = Constant(
     "cohesion_energy_density_j_m3", "k", "k", "J/m3", "cohesion energy density"
 )
+# Of the rolling laws that resist spin about the normal; without it mu_t is 3 pi / 16 mu_s.
+TWISTING = Constant("twisting_friction", "mut", r"{\mu_t}", "", "twisting friction")
+TWISTED_BY = ("constant_torque", "epsd", "epsd2")
 
 # The constants that each contact law needs; a law without any is not named.
 OF_LAWS: dict[str, tuple[Constant, ...]] = {

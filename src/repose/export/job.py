@@ -139,9 +139,9 @@ def make(
             *effective_moduli(materials["berry"], materials[other]),
             effective_radius,
             {
-                c.name: parameters[name]
-                for name, (_, c, of) in FURTHER.items()
-                if of == suffix and name in parameters
+                of.constant.name: parameters[name]
+                for name, of in FURTHER.items()
+                if of.pair == suffix and name in parameters
             },
         )
 

@@ -70,7 +70,7 @@ LAW = Law(
     kernel=kernel,
     words={
         "rolling": "constant torque against the rotation of one body relative to the other (model A of Ai et al. "
-        "2011), mu_r times {limit} times the reduced lever; spin about the normal is resisted by 3 pi / 16 mu_s times "
-        "{limit} times the radius of the contact circle"
+        "2011), mu_r times {limit} times the reduced lever; spin about the normal is resisted by mu_t (3 pi / 16 "
+        "mu_s unless it is set) times {limit} times the radius of the contact circle"
     },
 )

@@ -102,7 +102,7 @@ def response_label(response: Response, before: str = "") -> str:
 
 def parameter_label(name: str) -> str:
     """Label of an axis of a parameter: its symbol and its unit, a dash for a number."""
-    return f"{SYMBOLS[name]} ({FURTHER[name][1].unit if name in FURTHER else '–'})"
+    return f"{SYMBOLS[name]} ({(FURTHER[name].constant.unit if name in FURTHER else '') or '–'})"
 
 
 def letter(k: int) -> str:
