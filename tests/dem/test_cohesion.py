@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 from dem.common import DENSITY, GOJI, PVC, simulation
+from dem.test_epsd import GRAVITY, angular_momentum, on_floor, smooth
+from dem.test_epsd import scene as rolling_scene
 from oracles import jkr_force
 from scipy.optimize import brentq
 
@@ -25,7 +27,7 @@ from repose.dem.constants import COHESION_ENERGY_DENSITY, OF_LAWS, SURFACE_ENERG
 from repose.dem.kernels import clump_tile as ct
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
-from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, jkr
+from repose.dem.laws import CONTACT_LAWS, jkr
 from repose.dem.materials import effective_moduli
 from repose.verification.machine import smooth as smooth_body
 
@@ -173,11 +175,51 @@ def test_a_contact_names_the_constants_that_its_law_needs():
         Contact(0.3, 0.5, 0.0, constants=[])
 
 
-def test_jkr_goes_with_the_rolling_law_that_needs_no_circle_of_hertz():
-    for rolling in sorted({*ROLLING_LAWS} - {"budget"}):
-        with pytest.raises(ValueError, match=f"rolling_law is '{rolling}'; allowed: .* 'jkr' 'budget'"):
-            simulation(contact=coherent(0.1), contact_law="jkr", rolling_law=rolling)
-    simulation(contact=coherent(0.1), contact_law="jkr", rolling_law="budget")
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["constant_torque", "epsd", "epsd2"])
+def test_spin_on_a_sticky_floor_is_slowed_by_load_and_adhesion(law):
+    """By mu_t (m g + 3 pi w R) a0 over 0.4 m R^2: the limit holds twice the pull-off force, and the circle is JKR's."""
+    gamma, twisting = 0.05, 0.5
+    contact = Contact(0.2, 0.4, 0.1, twisting, constants={SURFACE_ENERGY.name: gamma})
+    keywords = {
+        "contact_law": "jkr",
+        "rolling_law": law,
+        "spin": (0.0, 0.0, 150.0),
+        "material": GOJI,
+        "dt": 2e-5,
+    }
+    s = on_floor(smooth(), contact, **keywords)
+    s.run_steps(4000)
+    radius, mass = s.radius, s.shapes["body"].mass_kg
+    overlap = radius - s.positions[0, 2]
+    circle = jkr.circle_radius(GOJI, PVC, contact, radius, overlap)
+    before = s.angular_velocities[0, 2]
+    s.run_steps(2000)
+    limit = mass * GRAVITY + 3.0 * math.pi * 2.0 * gamma * radius
+    slowed = twisting * limit * circle / (0.4 * mass * radius**2) * 2000 * s.time_step_s
+    assert before - s.angular_velocities[0, 2] == pytest.approx(slowed, rel=5e-3)
+    assert before > 2.0 * slowed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["constant_torque", "epsd", "epsd2"])
+def test_two_that_part_across_a_gap_keep_their_angular_momentum(law):
+    """Drawn apart while they spin: the rolling law acts up to the end of the attraction."""
+    contact = Contact(0.5, 0.5, 0.3, constants={SURFACE_ENERGY.name: 1.0})
+    s = rolling_scene(smooth(), contact, dt=2e-6, gravity=(0.0, 0.0, 0.0), contact_law="jkr", rolling_law=law)
+    s.add("body", (0.0, 0.0, 0.0), angular_velocity_rad_s=(3.0, 1.0, 2.0))
+    s.add("body", (0.0, 0.0, 2.0 * s.radius - 1e-5), (1, 0, 0, 0), (0.0, 0.02, 2.0), (-2.0, 1.0, -3.0))
+    before, gaps, spins = angular_momentum(s), [], []
+    for _ in range(400):
+        s.run_steps(2)
+        gaps.append(np.linalg.norm(s.positions[1] - s.positions[0]) - 2.0 * s.radius)
+        spins.append(s.angular_velocities[0, 2])
+        if not len(s.contacts()):
+            break
+    apart = np.array(gaps) > 0.0
+    assert np.abs(angular_momentum(s) - before).max() < 1e-9 * np.abs(before).max()
+    assert apart.sum() > 3
+    assert np.ptp(np.array(spins)[apart]) > 0.0, "resisted across the gap"
 
 
 KINDS = ("sphere", "smooth", "clump")

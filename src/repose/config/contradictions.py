@@ -11,7 +11,6 @@ from repose.apparatus.bench_test import BenchTest
 from repose.apparatus.settings import SimulationSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
-from repose.dem.constants import ROLLING_WITH
 
 Pairs = Iterator[tuple[str, str]]
 
@@ -55,13 +54,11 @@ def _of_the_surrogate(config):
 
 
 def _of_the_contact_law(config):
-    """A rolling law that does not go with the contact law; parameters that this lacks, or that are of another law."""
+    """Parameters that the force laws lack, or that are of another law."""
     simulation = config["simulation"]
     law = simulation.get("contact_law", SimulationSettings.contact_law)
     needed = of_law(law)
     rolling = simulation.get("rolling_law", SimulationSettings.rolling_law)
-    if rolling not in ROLLING_WITH.get(law, (rolling,)):
-        yield "simulation.rolling_law", f"{' or '.join(ROLLING_WITH[law])} with simulation.contact_law {law}"
     missing = [f"parameters.{name} ({LABELS[name]})" for name in needed if name not in config["parameters"]]
     if missing:
         yield "simulation.contact_law", f"{law} with {' and '.join(missing)}, each a range or a fixed value"

@@ -52,7 +52,3 @@ OF_LAWS: dict[str, tuple[Constant, ...]] = {
     "jkr": (SURFACE_ENERGY,),
     "sjkr": (COHESION_ENERGY_DENSITY,),
 }
-
-# The rolling laws that go with a contact law; a law that is not named goes with all. The others take the contact circle
-# sqrt(R* delta), which that of jkr is not, and lose their springs across a gap.
-ROLLING_WITH: dict[str, tuple[str, ...]] = {"jkr": ("budget",)}

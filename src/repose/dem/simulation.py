@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from . import contact_lists, time_steps
 from .body_rows import checked_body, write_body
 from .checks import box, chosen, height, mapping, not_negative, number, positive, vector, whole_number
-from .constants import ROLLING_WITH
 from .contact_table import check_constants, fields_of_laws, number_materials, pairs_of
 from .io import checkpoint as checkpoints
 from .io.progress import display
@@ -76,7 +75,7 @@ class Simulation(Observables):
         Names of force laws, see `repose.dem.laws`. "budget" resists each body's angular velocity in space by
         mu_r F_n R, R the distance of the contact from the centre of mass, spin about the normal included; so angular
         momentum is not kept, and where walls turn `rolling_frame_rad_s` must be set. "epsd" resists the rotation of
-        one body against the other and keeps it. "jkr" goes with "budget" alone.
+        one body against the other and keeps it.
     largest_scale : float
         The largest scale that `add` will be given.
     threads : int
@@ -166,10 +165,6 @@ class Simulation(Observables):
         self.tension, self.friction_limit = tension, friction_limit
         self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)
         self.rolling_law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
-        fitting = ROLLING_WITH.get(contact_law, ROLLING_LAWS)
-        if rolling_law not in fitting:
-            allowed = f"with contact_law {contact_law!r} {' or '.join(map(repr, fitting))}"
-            raise ValueError(f"rolling_law is {rolling_law!r}; allowed: {allowed}")
 
     def _make_arrays(self, parts: int) -> None:
         """Make the arrays of bodies, walls and contacts, all of them empty; parts: see `shapes.parts_of`."""

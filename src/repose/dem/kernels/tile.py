@@ -35,6 +35,7 @@ RA, RB = _rows.take(3), _rows.take(3)  # contact point relative to each centre
 # As the columns of `load`: force and torque on each body and the budget of the rolling torque.
 TO_A, TO_B = _rows.take(LOAD_COLUMNS), _rows.take(LOAD_COLUMNS)
 PUSH = _rows.take()  # normal force that limits friction and rolling
+CIRCLE = _rows.take()  # radius of the contact circle, written by the contact law; 0 where nothing touches
 STEP = _rows.take(3)  # how far the normal turns
 V = _rows.take(3)  # tangential velocity of A against B
 VN = _rows.take()  # normal velocity

@@ -47,14 +47,12 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """The torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
     for k in range(L):
         nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
-        gap = t[tl.GAP + k]
-        overlap = -gap if gap < 0.0 else 0.0
         inverse_arm, mobility = levers(t, k)
         spin, wx, wy, wz = turning(t, k, nx, ny, nz)
         most = t[ROLLING_FRICTION + k] * t[tl.PUSH + k] / inverse_arm
         stopping = SPUN / (dt * mobility + TINY)
         held = min(stopping, most / (math.sqrt(wx * wx + wy * wy + wz * wz) + TINY))
-        limit = t[TWISTING_FRICTION + k] * t[tl.PUSH + k] * math.sqrt(t[tl.RADIUS + k] * overlap)
+        limit = t[TWISTING_FRICTION + k] * t[tl.PUSH + k] * t[tl.CIRCLE + k]
         twist = max(-limit, min(limit, stopping * spin))
         x, y, z = held * wx + twist * nx, held * wy + twist * ny, held * wz + twist * nz
         oppose(t, k, x, y, z)

@@ -104,9 +104,8 @@ def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, et
     """The torques of each lane on both bodies; of_tangent: k_r from the tangential stiffness, see `epsd2`."""
     for k in range(L):
         nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
-        gap = t[tl.GAP + k]
-        touching, overlap = (1.0, -gap) if gap < 0.0 else (0.0, 0.0)
-        circle = math.sqrt(t[tl.RADIUS + k] * overlap)
+        circle = t[tl.CIRCLE + k]
+        touching = 1.0 if circle > 0.0 else 0.0
         push, friction = t[tl.PUSH + k], t[ROLLING_FRICTION + k]
         inverse_arm, mobility = levers(t, k)
         arm = 1.0 / inverse_arm

@@ -44,7 +44,6 @@ HertzMindlin = namedtuple("HertzMindlin", "tension friction_limit")
 _rows = Rows(tl.LAW)
 # Constants of two materials: 4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*).
 NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = _rows.take_each(5)
-CIRCLE = _rows.take()  # radius of the contact circle, sqrt(R* delta)
 VISCOUS = _rows.take()  # sqrt(that radius times m)
 
 _state = Rows()
@@ -180,14 +179,14 @@ def contact_sizes(t: np.ndarray) -> None:
     Parameters
     ----------
     t : numpy.ndarray
-        Tile of 32 contacts; its rows `CIRCLE` and `VISCOUS` are written.
+        Tile of 32 contacts; its rows `tl.CIRCLE` and `VISCOUS` are written.
     """
     for k in range(L):
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
         square = t[tl.RADIUS + k] * overlap
         circle = square * rsqrt(square)
-        t[CIRCLE + k] = circle
+        t[tl.CIRCLE + k] = circle
         t[VISCOUS + k] = circle * rsqrt(circle * t[tl.INVERSE_MASS + k])
 
 
@@ -209,7 +208,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
     for k in range(L):
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
-        circle = t[CIRCLE + k]
+        circle = t[tl.CIRCLE + k]
         viscous = t[VISCOUS + k]
         elastic = t[NORMAL_STIFFNESS + k] * circle * overlap
         damped = elastic + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]

@@ -21,10 +21,11 @@ from typing import Any
 import numpy as np
 
 from ..kernels import state as st
+from ..kernels import tile as tl
 from ..kernels.jit import inlined
 from ..kernels.rows import Rows
-from .hertz_mindlin import CIRCLE, constants, contact_sizes, contact_time, oscillator, push
 from .hertz_mindlin import LAW as HERTZ_MINDLIN
+from .hertz_mindlin import constants, contact_sizes, contact_time, oscillator, push
 from .law import Law
 from .tangential import slip
 
@@ -38,10 +39,10 @@ LAST_CIRCLE = _state.take()  # radius of the contact circle a step ago
 
 
 @inlined
-def keep_force(t: np.ndarray, c: np.ndarray, spring: int, last: int, row: int) -> None:
-    """Shorten the springs of the contacts that were pressed, so that their force stays; row: of the circle's radius."""
+def keep_force(t: np.ndarray, c: np.ndarray, spring: int, last: int) -> None:
+    """Shorten the springs of the contacts that were pressed, so that their force stays."""
     for k in range(L):
-        circle, before = t[row + k], c[last + k]
+        circle, before = t[tl.CIRCLE + k], c[last + k]
         share = before / circle if circle > before else 1.0
         c[last + k] = circle
         c[spring + k] *= share
@@ -52,7 +53,7 @@ def keep_force(t: np.ndarray, c: np.ndarray, spring: int, last: int, row: int) -
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """The forces of each lane, as `law.contact_forces` asks for them."""
     contact_sizes(t)
-    keep_force(t, c, at + SPRING, at + LAST_CIRCLE, CIRCLE)
+    keep_force(t, c, at + SPRING, at + LAST_CIRCLE)
     slip(t, c, at + SPRING, dt)
     push(t, c, at + SPRING, law.tension, law.friction_limit)
 

@@ -57,7 +57,7 @@ _rows = Rows(tl.LAW)
 # Constants of two materials: those of `hertz_mindlin`, sqrt(2 pi w / E*), pi w.
 NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = _rows.take_each(5)
 BOND, ADHESION = _rows.take_each(2)
-CIRCLE, VISCOUS = _rows.take_each(2)  # as in `hertz_mindlin`
+VISCOUS = _rows.take()  # as in `hertz_mindlin`
 ELASTIC, PULL_OFF = _rows.take_each(2)  # elastic normal force and pull-off force [N]
 
 _state = Rows()
@@ -149,7 +149,7 @@ def sizes(t: np.ndarray, c: np.ndarray, root: int, reach: int) -> None:
         overlap = -gap if gap < 0.0 else 0.0
         dry = math.sqrt(radius * overlap)
         circle = there * square * s * s if coheres else dry
-        t[CIRCLE + k] = circle
+        t[tl.CIRCLE + k] = circle
         t[VISCOUS + k] = math.sqrt(circle) * rsqrt(t[tl.INVERSE_MASS + k])
         adhesive = pull_off * cube * (8.0 / 3.0 * cube - 4.0)
         t[ELASTIC + k] = adhesive if coheres else t[NORMAL_STIFFNESS + k] * dry * overlap
@@ -168,7 +168,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
         fn, limit = normal_forces(elastic, damped, tension, friction_limit)
         fn -= pull_off
         limit += pull_off
-        stiffness = t[TANGENTIAL_STIFFNESS + k] * t[CIRCLE + k]
+        stiffness = t[TANGENTIAL_STIFFNESS + k] * t[tl.CIRCLE + k]
         damping = t[TANGENTIAL_DAMPING + k] * viscous
         cut, fx, fy, fz = limited(t, c, spring, k, stiffness, damping, t[FRICTION + k] * limit)
         t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
@@ -181,7 +181,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """The forces of each lane, as `law.contact_forces` asks for them."""
     begin(t, c, at + ROOT)
     sizes(t, c, at + ROOT, at + REACH)
-    keep_force(t, c, at + SPRING, at + LAST_CIRCLE, CIRCLE)
+    keep_force(t, c, at + SPRING, at + LAST_CIRCLE)
     slip(t, c, at + SPRING, dt, at + REACH)
     push(t, c, at + SPRING, law.tension, law.friction_limit)
 

@@ -135,6 +135,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         touching, overlap = (
             (1.0, -gap) if gap < 0.0 else (0.0, 0.0)
         )  # beyond a disc's edge the gap is infinite
+        t[tl.CIRCLE + k] = math.sqrt(t[tl.RADIUS + k] * overlap)
         stiffness = touching * t[STIFFNESS + k] * t[tl.RADIUS + k]
         viscous = math.sqrt(stiffness) * rsqrt(t[tl.INVERSE_MASS + k])
         elastic = stiffness * overlap

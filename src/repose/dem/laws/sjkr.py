@@ -32,7 +32,7 @@ from ..kernels.jit import inlined
 from ..kernels.rows import Rows
 from ..materials import Contact, Material
 from . import hertz_mindlin
-from .hertz_mindlin import CIRCLE, contact_sizes, contact_time, oscillator, push
+from .hertz_mindlin import contact_sizes, contact_time, oscillator, push
 from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
 from .hertz_mindlin_rescaled import LAW as RESCALED
 from .law import ENDS, LIMITS, Law
@@ -91,7 +91,7 @@ def pull(t: np.ndarray, c: np.ndarray) -> None:
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """The forces of each lane, as `law.contact_forces` asks for them."""
     contact_sizes(t)
-    keep_force(t, c, at + SPRING, at + LAST_CIRCLE, CIRCLE)
+    keep_force(t, c, at + SPRING, at + LAST_CIRCLE)
     slip(t, c, at + SPRING, dt)
     push(t, c, at + SPRING, law.tension, law.friction_limit)
     pull(t, c)
