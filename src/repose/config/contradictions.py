@@ -1,6 +1,6 @@
 """Rules between sections: each reports values that contradict each other.
 
-Rules between the keys of one section stand in its model (`repose.core.section.Section.contradictions`).
+Rules between the keys of one section are in its model (`repose.core.section.Section.contradictions`).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -22,7 +22,7 @@ class Rule(NamedTuple):
     reads: tuple[
         str, ...
     ]  # sections, and keys outside sections; the rule is applied if none of them has a fault
-    faults: Callable[[Mapping[str, Any]], Pairs]  # faults(config) yields (dotted key, what is allowed)
+    faults: Callable[[Mapping[str, Any]], Pairs]  # faults(config) yields (dotted key, allowed values)
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
@@ -55,7 +55,7 @@ def _of_the_surrogate(config):
 
 
 def _of_the_contact_law(config):
-    """A rolling law that does not go with the contact law; parameters that this lacks, or that are of another law."""
+    """A rolling law that does not go with the contact law; parameters that it lacks, or that belong to another law."""
     simulation = config["simulation"]
     law = simulation.get("contact_law", SimulationSettings.contact_law)
     needed = of_law(law)
@@ -91,7 +91,7 @@ def _of_seeds(config):
 
 
 def _of_targets(config):
-    """Targets of a bench test that the configuration lacks, and responses that stand twice."""
+    """Targets of a bench test that the configuration lacks, and responses that are given twice."""
     seen = set()
     for k, target in enumerate(config["targets"]):
         if target["apparatus"] not in config:
