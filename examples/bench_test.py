@@ -1,21 +1,27 @@
 """A bench test of one's own: berries are dropped on a plate, and how far they spread is a response.
 
-Stands this module in `repose/apparatus/` and is imported there, `targets:` may name the response, and the verbs pour
-and measure_runs, the dataset and the workflow know the bench test. Here it is registered by running it.
+Once this module is in `repose/apparatus/` and imported there, `targets:` may name the response, and the verbs pour and
+measure_runs, the dataset and the workflow know the bench test. Here it is registered by running it.
 """
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus import BenchTest, Run, register
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded, Unstable
 from repose.apparatus.factory import Disc, fill
 from repose.apparatus.scene import Filmed, berry_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Section
+from repose.core.section import Section, Seeds
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
 
 NAME = "drop"
 # 1. What it gives. `definition` names the keys on which the number depends.
@@ -36,13 +42,13 @@ class Settings(Section):
     """The section `drop`."""
 
     berries: int = Field(ge=1, le=1000)
-    seeds: int = Field(ge=1, le=100)
+    seeds: Seeds
     height_mm: float = Field(ge=1, le=1000)
     duration_s: float = Field(ge=0.1, le=60)
 
 
-def contradictions(config):
-    """Keys whose values do not go together, and what is allowed."""
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Keys whose values do not go together, and the allowed values."""
     gravity = SimulationSettings.of(config).gravity_m_s2
     fall_s = (2e-3 * config[NAME]["height_mm"] / gravity) ** 0.5
     if config[NAME]["duration_s"] < fall_s:
@@ -50,7 +56,13 @@ def contradictions(config):
 
 
 # 3. The scene, and a run of it.
-def build(config, parameters, particle, berry, largest_scale=1.0):
+def build(
+    config: Config,
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> dem.Simulation:
     """The empty simulation of a plate."""
     top = 1e-3 * config[NAME]["height_mm"] + 4.0 * particle.bounding_radius_m
     return berry_simulation(
@@ -66,7 +78,15 @@ def build(config, parameters, particle, berry, largest_scale=1.0):
     )
 
 
-def run(config, parameters, seed, particle, berry, interval_s=None, progress=None):
+def run(
+    config: Config,
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Run:
     """Drop the berries within half of the time, and let them roll."""
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation = build(config, parameters, particle, berry)
@@ -87,7 +107,13 @@ def run(config, parameters, seed, particle, berry, interval_s=None, progress=Non
 
 
 # 4. The responses of a run that was saved.
-def measure(record, arrays, config, particle, berry):
+def measure(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Config,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> dict[str, Any]:
     """The record with the spread; None where the run failed."""
     spread = None
     if record["status"] == "ok":
@@ -115,7 +141,7 @@ DROP = register(
 )
 
 
-def main(berries=20, duration_s=2.0):
+def main(berries: int = 20, duration_s: float = 2.0) -> None:
     """Drop berries without and with rolling friction."""
     from repose.apparatus.job import run_once
     from repose.config.study import Study

@@ -41,8 +41,8 @@ class Unstable(Exception):
 class Bounded:
     """Advances a simulation and looks at its berries on the way.
 
-    `top_m` is the largest height that a berry is brought to, `speed_m_s` the largest that a berry or a wall is
-    given. Heights are along gravity, which may lean; the scene is its box up to `top_m`.
+    `top_m` is the largest height, along gravity, that a berry is brought to, `speed_m_s` the largest speed that a berry
+    or a wall is given; the scene is its box up to `top_m`.
     """
 
     def __init__(self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0):
@@ -84,10 +84,7 @@ class Bounded:
                 self.look(everywhere=simulation.steps % (SELDOM * EVERY) == 0)
 
     def look(self, everywhere: bool = True) -> None:
-        """Look at the berries now; `Unstable` if a bound is broken.
-
-        `everywhere` looks at energy and overlaps, too, which takes ten times as long as the speeds.
-        """
+        """Look at the berries: at speeds, and `everywhere` at energy and overlaps, which takes ten times as long."""
         self.looked = self.simulation.steps
         if not self.simulation.n_bodies:
             return

@@ -57,7 +57,7 @@ class Settings(Section):
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """A fall so short that it takes fewer than 100 time steps, and what is allowed."""
+    """A fall so short that it takes fewer than 100 time steps, and the allowed values."""
     settings = SimulationSettings.of(config)
     least = 0.5e3 * settings.gravity_m_s2 * (100 * settings.time_step_s) ** 2
     if config[NAME]["height_mm"] < least:

@@ -60,7 +60,7 @@ class Strip:
 
 
 def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
-    """A random point (3,) of a factory [m] where a new berry cannot touch another; None where none was found."""
+    """A random point (3,) of a factory [m] where a new berry cannot touch another; None if none was found."""
     place = factory.draw(rng, 1)[0]
     others, reach = simulation.positions, 2.0 * simulation.radius
     others = others[simulation.present & (others[:, 2] > factory.height_m - reach)]
@@ -113,7 +113,7 @@ def last_berry_s(section: Mapping[str, Any]) -> float:
 
 
 def too_early(config: Mapping[str, Any], section: str, key: str) -> Iterator[tuple[str, str]]:
-    """A key of a section if its time is not after the last berry's, and what is allowed."""
+    """A key of a section if its time is not after the last berry's, and the allowed values."""
     last = last_berry_s(config[section])
     if last >= config[section][key]:
         yield f"{section}.{key}", f"above {last:g}, when the last berry appears"
@@ -128,12 +128,10 @@ def fill(
     run_to: Callable[[int], None],
     scales: Sequence[float] | np.ndarray | None = None,
 ) -> None:
-    """Add the berries of a bench test one by one, at rest or with the speed of a fall, up to a time step.
+    """Add the berries of a bench test one by one, at rest or falling, each where it touches none, up to a time step.
 
-    A berry appears where it cannot touch another one. Where no such place is found the factory waits a time step.
-    `section` has ``berries`` (how many), ``rate_per_s`` (how many in a second) and, if they are not to lie at
-    random, ``orientation``, see `random_orientation`; if they are not to start at rest, ``speed_m_s``, down.
-    `run_to` advances the simulation to a time step. `scales` are the sizes relative to the shape, 1 by default.
+    `section` has ``berries`` (how many), ``rate_per_s`` (how many in a second) and may have ``orientation``
+    (`random_orientation`) and ``speed_m_s``, down. `scales` are the sizes relative to the shape, 1 by default.
     """
     rng, orientation = np.random.default_rng(seed), section.get("orientation", "random")
     down = (0.0, 0.0, -section.get("speed_m_s", 0.0))

@@ -1,6 +1,6 @@
 """The funnel: berries are poured onto a plate and come to rest as a pile (paper, section 3.1).
 
-A pour that gives no pile to measure is a result, too: it has a status and a reason instead of a number.
+A pour that gives no pile to measure has a status and a reason instead of numbers.
 """
 
 import math
@@ -204,7 +204,7 @@ class Settings(Hopper):
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys of a funnel that cannot be built, or of a pour that cannot end, and what is allowed."""
+    """Keys of a funnel that cannot be built, or of a pour that cannot end, and the allowed values."""
     funnel = config[NAME]
     inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
     duration, window = funnel["duration_s"], funnel["rest_window_s"]
@@ -237,7 +237,7 @@ def narrow_openings(config: Config, section: str, sizes_mm: Mapping[str, float])
 
 
 def impossible_surfaces(config: Config, section: str) -> Iterator[tuple[str, str]]:
-    """Keys of a section whose funnel cannot be built, and what is allowed."""
+    """Keys of a section whose funnel cannot be built, and the allowed values."""
     funnel = config[section]
     inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
     if outlet >= inlet:
@@ -374,7 +374,7 @@ def _target(config, response):
 
 
 def _litres(volume_m3):
-    """A volume in words."""
+    """A volume as text."""
     return f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"
 
 

@@ -71,7 +71,7 @@ class Settings(Section):
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """A tilting so fast that there are fewer than 100 looks at the berry, and what is allowed."""
+    """A tilting so fast that there are fewer than 100 looks at the berry, and the allowed values."""
     section = config[NAME]
     fastest = section["steepest_deg"] / (100 * LOOK_S)
     if section["tilting_deg_s"] > fastest:

@@ -68,14 +68,12 @@ def pour_job(
     progress: Progress | None = None,
     keeps_runs: bool = False,
 ) -> Path:
-    """Run one parameter set with all its seeds and write the files of the job.
+    """Run one parameter set with all its seeds, write the files of the job, NAME.pours.json last, and return its path.
 
-    Returns the path of NAME.pours.json. It is written last, so a job whose file is there is complete. name: the
-    stem of the files, the sample's number. interval_s: also write frames, this simulated time apart. progress:
-    called with each seed, gives a context manager that is called with the simulated time. keeps_runs: each run is
-    also kept in a file of its own, runs/NAME_SEED.npz, and taken from there where it is the same; so a further seed
-    runs that seed only, and a job that was killed goes on. InputError if a foreign file has one of these names; then
-    nothing is poured.
+    With `interval_s` also frames are written, this simulated time apart. `progress`, called with each seed, gives a
+    context manager that is called with the simulated time. With `keeps_runs` each run is also kept in
+    runs/NAME_SEED.npz, and taken from there where it is the same; so a further seed runs that seed only, and a job that
+    was killed goes on.
     """
     from repose.measure.saved_pours import POURS
 
@@ -122,11 +120,7 @@ def measure_job(
     berry: Mapping[str, Any],
     out_dir: str | PathLike | None = None,
 ) -> dict[str, Any]:
-    """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content.
-
-    The content is that of NAME.pours.json with the measured ``runs`` and their ``summary``. InputError if a file is
-    missing, or holds something else.
-    """
+    """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content."""
     from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_pours, saved_positions
 
     path = Path(pours_json)

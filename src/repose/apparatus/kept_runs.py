@@ -28,7 +28,7 @@ def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
 
 
 def read(path: Path, about: Mapping[str, Any]) -> Run | None:
-    """A kept run if it equals the run that the stage would make; about: the description in each file of its job."""
+    """A kept run if it equals the run that the stage would make; `about` is the description in each file of its job."""
     now, then = provenance.current(), attached.read(path) if is_own_file(path) else None
     if now is None or then is None or then["origin"] != now["origin"]:
         return None

@@ -25,11 +25,10 @@ def berry_simulation(
     capacity: int,
     **scene: Any,
 ) -> "dem.Simulation":
-    """An empty simulation of berries among walls of the material ``wall``.
+    """An empty simulation of berries among walls of the material ``wall``, with the settings of the configuration.
 
-    Time step, gravity and contact laws come from the section ``simulation``; `scene` holds walls,
-    lower, upper and the other arguments of `repose.dem.Simulation`. InputError if the time step is too long for the
-    particle.
+    `scene` holds walls, lower, upper and other arguments of `repose.dem.Simulation`; InputError for too long a time
+    step.
     """
     settings = SimulationSettings.of(config)
     limit = longest_time_step(config, parameters, particle, berry)
@@ -157,9 +156,9 @@ class Filmed:
     def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
         """The frames; None if none were requested.
 
-        ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies
-        that there is room for; NaN where a body is not there. With `walls` also where the walls are, as
-        `repose.dem.Recorder.frames` has them, for a film of walls that move.
+        ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies that
+        there is room for; NaN where a body is not there. With `walls` also the positions of the walls, as of
+        `repose.dem.Recorder.frames`, for films of moving walls.
         """
         if self.recorder is None:
             return None
@@ -175,7 +174,7 @@ class Filmed:
 
 
 def at_rest(simulation: "dem.Simulation", energy_j: float) -> bool:
-    """Whether the mean kinetic energy of a berry is not above a value; true where it is no number, too."""
+    """Whether the mean kinetic energy of a berry is at most a value, or is not a number."""
     return not simulation.kinetic_energies().mean() > energy_j
 
 

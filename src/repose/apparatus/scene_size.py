@@ -1,4 +1,4 @@
-"""How many grains a poured pile needs: angle and Height of a pile depend on the number of its grains.
+"""The number of grains that a poured pile needs, since its angle and Height depend on it.
 
 The table beside this module has piles of two grains in a funnel whose lengths go with the cube root of the number
 (`benchmarks/number_of_grains.py`). An angle that is fitted to a flank grows with the number: the flat toe, as high as a
@@ -89,10 +89,7 @@ def scaled(funnel: Mapping[str, Any], grains: int, diameter_mm: float) -> dict[s
 
 
 def enough(grains: int, definition: str) -> int | None:
-    """Smallest number of the table whose angle is within `CLOSE_DEG` of that of more grains; None if there is none.
-
-    Numbers between it and `grains` are within it, too.
-    """
+    """Smallest number of the table whose angle is within `CLOSE_DEG` of that of more grains; None if there is none."""
     found = None
     for number in sorted((n for n in numbers() if n < grains), reverse=True):
         if abs(change(grains, number, definition).angle_deg) > CLOSE_DEG:

@@ -40,7 +40,7 @@ PER_SPEED = ("angular_velocity_rad_s", "measure_from_s", "measure_until_s")
 
 
 def _one_each(low: float, high: float) -> Any:
-    """The bounds of a number in words; for one speed, or a list for several."""
+    """The allowed values as text: a number, or a list with a number for each speed."""
     return Field(description=f"a number from {low:g} to {high:g}, or a list of one for each speed")
 
 
@@ -76,7 +76,7 @@ def further_response(name: str) -> Response | None:
 
 
 def speeds(config: Config) -> list[tuple[float, float, float]]:
-    """Of each speed: angular velocity [rad/s], and from when until when its surface is measured [s]."""
+    """Of each speed the angular velocity [rad/s], and the times between which its surface is measured [s]."""
     section = config[NAME]
     rows = [np.atleast_1d(section[key]).tolist() for key in PER_SPEED]
     return list(zip(*(row * len(rows[0]) if len(row) == 1 else row for row in rows), strict=True))
@@ -89,7 +89,7 @@ def speed_of(name: str) -> int:
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys of a drum that cannot run, and what is allowed."""
+    """Keys of a drum that cannot run, and the allowed values."""
     yield from drum.impossible_filling(config, NAME)
     section, targets = config[NAME], config.get("targets")
     count = np.size(section[PER_SPEED[0]])
@@ -178,10 +178,7 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The record with the mean angle of the surface at each speed, and the scores of profiles that are targets.
-
-    They are None where the run is not ok, or the bed has no surface.
-    """
+    """The record with the mean angle of the surface at each speed, and the scores of profiles that are targets."""
     from repose.apparatus import drum_tables
 
     of_profiles = {target["response"]: target["profile"] for target in config["targets"] if _is_score(target)}

@@ -1,4 +1,4 @@
-"""Compiling the engine before the first run of a study, once: jobs that start together would each compile it."""
+"""Compiling the engine once, before the first run of a study: jobs that start together would each compile it."""
 
 import time
 from collections.abc import Mapping
@@ -17,11 +17,7 @@ def warm_up(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> float:
-    """Make one step with one berry in every bench test of the targets, which compiles the kernels of their runs.
-
-    numba keeps the compiled code in a folder of its own, where every later process finds it. Returns the wall time
-    that it took [s]: a minute or two, or a second or two where the compiled code was found. Any parameters do.
-    """
+    """Make a step with one berry in every bench test of the targets, to compile its kernels; return the seconds."""
     began = time.perf_counter()
     for name in Targets.of(config["targets"]).apparatus:
         simulation = bench(name).build(config, parameters, particle, berry)

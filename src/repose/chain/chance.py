@@ -17,8 +17,8 @@ def chance_of_meeting(
 ) -> dict[str, float | None]:
     """Probability that the simulator's own mean meets the target, for each target and for `all` together.
 
-    A few runs give the mean with an error. Without prior knowledge the mean, given the runs, has a multivariate t
-    distribution about the runs' mean, with n - 1 degrees of freedom. None where fewer than two runs gave the response.
+    Without prior knowledge the mean, given n runs, has a multivariate t distribution about the runs' mean, with
+    n - 1 degrees of freedom. None where fewer than two runs gave the response.
     """
     random = np.random.default_rng(SEED)
     chances: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))

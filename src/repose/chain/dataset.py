@@ -2,8 +2,6 @@
 
 Section 4.1.1 of the paper leaves out samples that formed no stable pile. Here they stay in the table with a status and
 a reason, and the readers of the table leave them out.
-
-`assemble` is a function of jobs; `run` reads and writes.
 """
 
 import math
@@ -34,10 +32,7 @@ Job = Mapping[str, Any]
 def assemble(
     samples: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The dataset (a row for each sample) and the single runs (a row for each run) of a study.
-
-    A sample is ok if it is ok in every bench test; `n_seeds` is then the smallest number of ok runs.
-    """
+    """The dataset (a row for each sample, ok if so in every bench test) and the single runs (a row for each run)."""
     summaries = [
         _merged({name: summarise(jobs[name][sample]["runs"], name, targets) for name in targets.apparatus})
         for sample in samples["sample"]
@@ -86,7 +81,7 @@ def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
 
 
 def job_files(words: Iterable[str], samples_csv: str | os.PathLike) -> list[Path]:
-    """Paths of job files. A folder stands for the files of all samples of the design in it."""
+    """Paths of job files; a folder stands for the files of all samples of the design in it."""
     paths = [Path(word) for word in words]
     samples = read_rows(samples_csv, ("sample",)) if any(path.is_dir() for path in paths) else []
     names = [f"{row['sample'].zfill(3)}.json" for row in samples]

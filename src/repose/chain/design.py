@@ -64,8 +64,7 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     """Latin hypercube (n, d) whose points are as far apart as exchanges within its columns can put them.
 
     Enhanced stochastic evolution (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268) on phi_p, for powers
-    that grow; the best design by minimum distance is kept. It starts from `lhsdesign` with the same seed, so it is
-    never worse than that.
+    that grow, from the `lhsdesign` of the same seed; the best design by minimum distance is kept.
     """
     from repose.chain.exchange_search import evolve
 
@@ -108,7 +107,7 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 
 def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The parameter sets of a study (`sample` from 1, and the parameters), and the table of `compare`.
+    """The parameter sets of a study, and the table of `compare`.
 
     The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
     prior, which is applied in the search and in the posterior.

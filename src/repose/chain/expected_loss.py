@@ -36,10 +36,7 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
 
 
 def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """The parameter set of least expected loss: its parameters, predicted responses, and the entries of `judged`.
-
-    Of sets that are equally good, those near the means of priors come first.
-    """
+    """The parameter set of least expected loss, with the entries of `judged`; of equal ones the nearest to priors."""
     from scipy.optimize import minimize
     from scipy.stats import qmc
 

@@ -1,6 +1,6 @@
 """Parameter sets whose predicted responses match the measured responses: section 3.3 of the paper, Table 3.
 
-`invert` searches with the multi-island genetic algorithm (`repose.search`) on the surrogate; `run` reads and writes.
+The search is the multi-island genetic algorithm (`repose.search`) on the surrogate.
 """
 
 import os
@@ -29,12 +29,10 @@ INTERVAL = ("low", "high", "dispersion_percent")
 
 @dataclass(frozen=True)
 class Inversion:
-    """Result of `invert`.
+    """Result of `invert`; in its solutions the representative comes first, then the others by objective."""
 
-    `solutions` has the representative first, then the others by objective: parameters, predicted responses, `objective`
-    (Eq. 11), `violation`, `feasible`, `representative`; with a support `warning`, with priors `prior_distance_sd`.
-    """
-
+    # parameters, predicted responses, objective (Eq. 11), violation, feasible, representative; with a support warning,
+    # with priors prior_distance_sd
     solutions: pd.DataFrame
     intervals: pd.DataFrame  # Table 3, beside the published intervals if there are any
     history: pd.DataFrame  # a row for each round of the search
@@ -51,9 +49,9 @@ def invert(
 ) -> Inversion:
     """Search the free parameters for predicted responses that meet the targets.
 
-    The result has the best distinct feasible solutions, filled up with the nearest others to at least 10 if any is
-    feasible; otherwise the sets of least objective. Among equally good sets, those near the means of the priors
-    come first.
+    The result has the best distinct feasible solutions, filled up with the nearest others to at least 10; without any
+    feasible one it has the sets of least objective. Of equally good sets, those near the means of the priors come
+    first.
     """
     for target in targets:
         if not target.low <= target.aim <= target.high:
@@ -206,7 +204,7 @@ def _summary(table, space, targets, settings, evaluations, n_feasible, feasible_
 
 
 def _behind(first, points, space, distance):
-    """The points (n, d) after the set `first`, without those too near to it; the best of them stays."""
+    """The set `first`, then the points (n, d) that are not too near to it; the best point always stays."""
     place = 2 * space.unit(np.array([[first[name] for name in space.names]])) - 1
     far = np.linalg.norm(points - place, axis=1) >= distance
     far[0] = True

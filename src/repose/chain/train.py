@@ -1,7 +1,4 @@
-"""A study's samples to a surrogate of the simulator: section 3.2.2 of the paper.
-
-`train` is a function of tables; `run` reads and writes. The surrogate itself is in `repose.surrogate`.
-"""
+"""A study's samples to a surrogate of the simulator (`repose.surrogate`): section 3.2.2 of the paper."""
 
 import math
 import os
@@ -83,11 +80,10 @@ def train(
     source: object = "dataset",
     names: Sequence[str] | None = None,
 ) -> Training:
-    """Train a surrogate on the usable samples of a study; at least 12, or InputError.
+    """Train a surrogate on the usable samples of a study; InputError for fewer than `FEWEST_SAMPLES`.
 
-    `settings` is the section `network` with `surrogate` (default "network"), `seed`, `split` (three shares) and
-    `replicates` (default False): whether the runs of each sample give the noise, see `Replicates`. `names` are the
-    parameters; by default all parameters of our own bench tests in the dataset.
+    `settings` is the section `network` with `surrogate`, `seed`, `split` (three shares) and `replicates`: whether the
+    runs of each sample give the noise (`Replicates`).
     """
     names = named(dataset) if names is None else names
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
@@ -234,10 +230,9 @@ def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndar
 
 
 def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
-    """Row numbers of train, validation and test of a table.
+    """Row numbers of train, validation and test of a table; samples with a `round` of refinement are all for training.
 
-    Samples with a `round` (`repose.strategies.refined`) are all for training. The others are split as if they
-    were alone, so every round has the same test samples as the design.
+    The others are split as if they were alone, so every round has the same test samples as the design.
     """
     added = samples["round"].notna().to_numpy() if "round" in samples else np.zeros(len(samples), bool)
     designed = np.flatnonzero(~added)

@@ -1,9 +1,7 @@
 """Calibrated solutions simulated again: Table 4, the physical measurement, the published solutions in this engine.
 
-Section 4.2.1 of the paper. `solutions_to_simulate` selects the solutions, `validate` puts prediction,
-simulation and the physical measurement side by side; `write_solutions` and `run` read and write. Errors are relative,
-as in Table 4: |predicted - simulated| / simulated, and for the representative solution
-|simulated - physical| / physical, in percent.
+Section 4.2.1 of the paper. Errors are relative, in percent, as in Table 4: |predicted - simulated| / simulated, and for
+the representative solution |simulated - physical| / physical.
 """
 
 import os
@@ -38,11 +36,7 @@ def solutions_to_simulate(
     targets: Targets,
     count: int,
 ) -> pd.DataFrame:
-    """The solutions to simulate again: `count` own solutions besides the representative, and the published solutions.
-
-    Own solutions are numbered from 1, the representative first, published ones from 101. Those are left out if they
-    have none of the targets, or lack a parameter of the contact law.
-    """
+    """The representative solution and `count` other own ones, numbered from 1, and the published ones, from 101."""
     columns = ["sample", *space.names, *CHOSEN, *targets.predicted]
     own = select_for_validation(feasible, count, space)
     own["origin"], own["sample"] = "miga", range(1, len(own) + 1)
@@ -58,10 +52,10 @@ def solutions_to_simulate(
 
 
 def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterSpace) -> pd.DataFrame:
-    """The representative solution, the one of least objective, and others that are spread over the cloud.
+    """The representative solution, that of least objective, and others that are spread over the cloud.
 
-    Each next solution is the farthest, in normalised parameters, from those already chosen (Gonzalez 1985). They are
-    feasible as long as there are enough.
+    Each next solution is the farthest, in normalised parameters, from those already chosen (Gonzalez 1985); all are
+    feasible if enough are.
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
@@ -217,10 +211,7 @@ def run(
 def write_published_solutions(
     published_csv: str | os.PathLike, names: Sequence[str], out_csv: str | os.PathLike
 ) -> pd.DataFrame:
-    """Write the published parameter sets to simulate, numbered as in `solutions_to_simulate`; return the table.
-
-    `names` are the study's parameters; InputError if the published table lacks one.
-    """
+    """Write the published parameter sets to simulate, numbered as in `solutions_to_simulate`; return the table."""
     published = read_table(published_csv, ("solution", *names))
     numbers = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(published))
     table = pd.DataFrame({"sample": numbers, **{name: published[name] for name in names}})

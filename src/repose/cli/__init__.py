@@ -1,7 +1,7 @@
-"""The command line: one module per family of verbs. The options of a verb stand beside the function that runs it.
+"""The command line: one module for each family of verbs, the options of a verb beside the function that runs it.
 
-The work is done in the modules of `repose`; the verbs hand them files and settings. They are imported inside the
-verbs, so that help and parsing load none of them.
+The verbs hand files and settings to the modules of `repose`, which are imported inside the verbs, so that help and
+parsing load none of them.
 """
 
 import argparse
@@ -77,11 +77,7 @@ MOVED = ("compare", "joint_targets", "measurement_study", "pool", "profiles", "s
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a verb; the exit status is 0, 1 where a verification misses, 2 where the input is at fault.
-
-    Each fault of the input is reported in one line on stderr. It is no fault if the reader of stdout stops, such as
-    `head`. `words` are the command line after the program's name, by default the process's own.
-    """
+    """Run a verb, by default that of the command line; status 0, 1 where a verification misses, 2 for faulty input."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end
     words = list(sys.argv[1:] if words is None else words)

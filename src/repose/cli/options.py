@@ -16,7 +16,7 @@ JSON = Option("--json", action="store_true", help="print as JSON")
 
 
 def file_options(files: Mapping[str, str], prefix: str = "") -> list[Option]:
-    """An option for each file: its default path by the option's name with underscores; `what` begins the help."""
+    """An option for each file: names with underscores, their default paths; `prefix` begins the help."""
     return [
         Option(f"--{name.replace('_', '-')}", default=path, help=f"{prefix}({path})")
         for name, path in files.items()

@@ -18,7 +18,7 @@ family = Family()
 
 
 def _study(args: argparse.Namespace) -> "Study":
-    """The study of --config, for a simulator of the user's own; of the verb `ask` with the runs so far."""
+    """The study of --config, for a simulator of the user's own; for the verb `ask` with the runs so far."""
     from repose.config.own import is_own
     from repose.config.study import Study
 

@@ -45,10 +45,7 @@ STUDY_SEEDS = (
 def parameters(
     entries: Sequence[str], samples: str | None, sample: int | None, section: Mapping[str, Any]
 ) -> dict[str, float]:
-    """The parameters by name: from --set, or from the row of --samples whose column sample is --sample.
-
-    `section` is `parameters` of the configuration; a parameter that is not set has the centre of its range.
-    """
+    """The parameters by name, from --set or a row of --samples; one that is not set has the centre of its range."""
     chosen = pairs(entries, "--set")
     if samples:
         if chosen or sample is None:
@@ -73,10 +70,7 @@ def run_seeds(seeds: list[int] | None) -> list[int]:
 
 
 def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED) -> list[int]:
-    """Seeds from --seed, or the study's own from --seeds, for the purpose and sample of `args`.
-
-    `study_seed` is `design.seed` of the configuration.
-    """
+    """Seeds from --seed, or the study's own from --seeds, for the purpose and sample of `args`."""
     if args.seeds is None:
         return run_seeds(args.seed)
     if args.seed or not 1 <= args.seeds <= MOST_SEEDS:

@@ -191,7 +191,7 @@ def drum_tables(args: argparse.Namespace, study: "Study") -> None:
 
 
 def describe(run: Mapping[str, Any], template: str) -> str:
-    """A measured run in words, by the bench test's `template`; a failed run with its reason."""
+    """A measured run as text by the bench test's `template`; a failed run with its reason."""
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:

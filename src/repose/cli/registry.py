@@ -51,10 +51,7 @@ class Verb(NamedTuple):
         return status
 
     def add_to(self, subparsers: Any, before: str = "") -> None:
-        """Add the verb's own parser to the result of `add_subparsers`; its result has the verb's name as `verb`.
-
-        `before` are the words of a call between the program and the verb.
-        """
+        """Add the verb's own parser; `before` are the words of a call between the program and the verb."""
         parser = subparsers.add_parser(
             self.name,
             description=textwrap.fill(f"{self.summary[0].upper()}{self.summary[1:]}.", 78),
@@ -101,9 +98,9 @@ class Family:
         """Decorator that makes a function the verb of the same name.
 
         `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
-        call that parses. `out` is the default of --out, None for no --out. With `config` the verb takes --config, and
-        the function the study that `study` makes of the options. With `passes_on` it passes unknown words on to another
-        program. `runs` says whether it makes or measures runs.
+        call. `out` is the default of --out (None: no such option). `study` makes from the options the study that the
+        function gets. With `passes_on` unknown words go to another program; `runs` says whether the verb makes or
+        measures runs.
         """
         shared = [CONFIG] if config else []
         if out:

@@ -48,11 +48,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
-    """Run snakemake's `main`; where Ctrl-C or a signal ends it, print in one sentence how to go on.
-
-    `words` follow `repose run`. SystemExit has snakemake's status, or 128 and the signal's number as in a shell;
-    without either the result is 0.
-    """
+    """Run snakemake's `main`; where Ctrl-C or a signal ends it, print in one sentence how to go on."""
     ended_by: list[int] = []
 
     def stop(number, _frame):
@@ -77,10 +73,7 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
 
 
 def check_arguments(words: Sequence[str]) -> None:
-    """Refuse words that snakemake would answer with a traceback.
-
-    InputError for a configuration that cannot be read, a value without a name, or a bad number of cores.
-    """
+    """InputError for words that snakemake would answer with a traceback."""
     from repose.config.reading import read
 
     for path in configurations(words):
@@ -124,10 +117,7 @@ def missing_targets_reported() -> Iterator[None]:
 
 
 def _interrupt_jobs() -> None:
-    """End the jobs, for which snakemake waits.
-
-    Ctrl-C on a terminal has reached them, a signal to this program alone has not.
-    """
+    """End the jobs, for which snakemake waits; unlike Ctrl-C, a signal to this program alone has not reached them."""
     import psutil
 
     for job in psutil.Process().children(recursive=True):
@@ -171,7 +161,7 @@ def catalogue(words: list[str]) -> str:
 
 
 def _cost_of(config):
-    """The cost of a configuration's strategy in words, or the reason why the configuration cannot take it."""
+    """The cost of a configuration's strategy as text, or the reason why the configuration cannot take it."""
     from repose.config import cost
     from repose.strategies import cost as strategies
 
@@ -184,11 +174,9 @@ def _cost_of(config):
 
 
 def snakemake_arguments(words: list[str]) -> list[str]:
-    """The command line of snakemake for the words of `repose run`, options and targets in any order.
+    """The command line of snakemake for the words of `repose run`, with the built-in files that the folder lacks.
 
-    Targets come first, since `--configfile` would take later ones for files. Without `--cores` all cores work; without
-    `--snakefile` the workflow is the built-in one. A configuration or profile missing in the working folder, such as
-    config/quick.yaml, is the built-in one too.
+    Targets come first, since `--configfile` would take later ones for files.
     """
     targets: list[str] = []
     options: list[str] = []

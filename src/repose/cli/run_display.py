@@ -1,8 +1,7 @@
 """The display of a run: stages and their bars on a terminal, a line now and then elsewhere, each failure with its log.
 
 Snakemake reports its work as events; `LogHandler` is a logger plugin of it, which `profiles/default` chooses and
-`snakemake_logger_plugin_repose` makes known. `RunProgress` keeps the events' content: finished jobs, pours a minute,
-time left, and failures. All times are seconds of the system's clock, which also dates files.
+`snakemake_logger_plugin_repose` makes known. All times are seconds of the system's clock, which also dates files.
 """
 
 import logging
@@ -69,7 +68,7 @@ class Running:
     """A job that runs, or has failed."""
 
     rule: str
-    message: str  # its work in words
+    message: str  # on its work, as snakemake prints it
     began_s: float
     output: str = ""  # its first output
     log: str = ""
@@ -145,11 +144,7 @@ class RunProgress:
         return 60 * done / (now_s - self._first_pour_s)
 
     def left_s(self, now_s: float) -> float | None:
-        """Time that the planned jobs still take, as many at once as so far; None before that is known.
-
-        A job takes as long as the finished ones of its rule did; where none has finished, as a pouring job if it pours,
-        else as the others. Where pours are planned, nothing is known before the first of them is done.
-        """
+        """Time that the planned jobs still take, as many at once as so far; None before it can be estimated."""
         pouring = [rule for rule in self.planned if _pours(rule)]
         if not self.done or self._began_s is None or now_s - self._began_s < SHORTEST_RATE_S:
             return None
@@ -162,14 +157,14 @@ class RunProgress:
         return left_s * (now_s - self._began_s) / busy_s
 
     def _mean_s(self, rule):
-        """Mean time of a job of a rule."""
+        """Mean time of a job of a rule, from its finished jobs or else from those of its kind, pouring or not."""
         alike = [other for other in self.done if _pours(other) == _pours(rule)]
         rules = [rule] if self.done[rule] else alike
         return sum(self._took_s[one] for one in rules) / max(1, sum(self.done[one] for one in rules))
 
 
 class LogHandler(LogHandlerBase):
-    """The display; with options for snakemake's own output, such as --dry-run or --quiet, it is that."""
+    """The display of a run, or snakemake's own output where an option such as --dry-run or --quiet asks for it."""
 
     writes_to_stream = True
     writes_to_file = False
@@ -304,7 +299,7 @@ class LogHandler(LogHandlerBase):
             yield Text("; ".join(filter(None, (counts, ", ".join(self._facts(now))))))
 
     def _facts(self, now_s: float) -> Iterator[str]:
-        """Pours a minute, time left and failures, in words."""
+        """Pours a minute, time left and failures, as text."""
         rate, left_s = self.progress.pours_a_minute(now_s), self.progress.left_s(now_s)
         if rate is not None:
             yield f"{rate:.2g} pours a minute"
@@ -359,7 +354,7 @@ def _refused(job):
 
 
 def rough_time(seconds: float) -> str:
-    """A rough time in words."""
+    """A rough time as text."""
     minutes = round(seconds / 60)
     if minutes < 1:
         return "less than a minute"

@@ -62,7 +62,7 @@ def verify(args: argparse.Namespace, study: "Study") -> int:
 
 
 def _case_line(name: str, rows: "list[Row]") -> str:
-    """One case in words."""
+    """A case as a line of text."""
     missed = [row for row in rows if not row.passed]
     words = f"{len(missed)} of {len(rows)} numbers miss" if missed else f"{len(rows)} numbers, good"
     return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])

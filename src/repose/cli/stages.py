@@ -17,11 +17,7 @@ NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "res
 
 @contextmanager
 def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> Iterator[None]:
-    """Run a verb as a stage; where its configuration lies in a folder of results, hold the folder meanwhile.
-
-    At the end it prints a message if the built-in crop stood in for the user's (`note_built_in_crop`). InputError for
-    files of different origin.
-    """
+    """Run a verb as a stage; where its configuration lies in a folder of results, hold the folder meanwhile."""
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
         from repose.config import stands_on

@@ -1,6 +1,6 @@
 """Numbers that follow from other keys: an `auto` is replaced by its number when the configuration is resolved.
 
-Only files that a user writes hold `auto`. What a study writes, its record of provenance included, holds numbers.
+Only files that a user writes hold `auto`; files that a study writes hold the number.
 """
 
 import copy
@@ -54,10 +54,7 @@ class Computed(NamedTuple):
 
 
 def to_compute(config: Config) -> list[Computed]:
-    """Settings of a configuration that are `auto` or missing, in the order of their computation.
-
-    The configuration may lack sections, and hold values that are not allowed.
-    """
+    """Settings that are `auto` or missing, in the order of their computation; the configuration may have faults."""
     return [setting for setting in COMPUTED if _value(config, setting.key) == AUTO]
 
 
@@ -70,10 +67,7 @@ def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
 
 
 def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
-    """The longest time step that the engine takes for every set of parameters of a study and its published table.
-
-    The time step of the configuration is not read; `mean` is the mean grain, as the verb `berry` writes it.
-    """
+    """The longest time step that the engine takes for all sets of parameters of a study; `mean` is the mean grain."""
     from repose.apparatus.scene import longest_time_step
 
     ranges = {name: range_of(name, entry) for name, entry in config["parameters"].items()}
@@ -109,7 +103,7 @@ def _diameter_mm(berry):
 
 
 def _mm_per_pixel(_config, berry, _particle):
-    """Enough pixels that a grain is round in the picture."""
+    """So small that a grain is round in the picture."""
     low, high = PIXELS_MM
     return min(max(float(f"{_diameter_mm(berry) / PIXELS_A_GRAIN:.2g}"), low), high)
 
@@ -143,7 +137,7 @@ def _duration_s(config, berry, particle):
 
 
 def _time_step_s(config, berry, particle):
-    """The longest that the engine takes, less a margin."""
+    """The longest time step that the engine takes, less a margin."""
     return advised_step_s(longest_step(config, particle, berry).time_step_s)
 
 

@@ -1,6 +1,6 @@
 """Rules between sections: each reports values that contradict each other.
 
-Rules between the keys of one section stand in its model (`repose.core.section.Section.contradictions`).
+Rules between the keys of one section are in its model (`repose.core.section.Section.contradictions`).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +21,7 @@ class Rule(NamedTuple):
     reads: tuple[
         str, ...
     ]  # sections, and keys outside sections; the rule is applied if none of them has a fault
-    faults: Callable[[Mapping[str, Any]], Pairs]  # faults(config) yields (dotted key, what is allowed)
+    faults: Callable[[Mapping[str, Any]], Pairs]  # faults(config) yields (dotted key, allowed values)
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
@@ -88,7 +88,7 @@ def _of_seeds(config):
 
 
 def _of_targets(config):
-    """Targets of a bench test that the configuration lacks, and responses that stand twice."""
+    """Targets of a bench test that the configuration lacks, and responses that are given twice."""
     seen = set()
     for k, target in enumerate(config["targets"]):
         if target["apparatus"] not in config:

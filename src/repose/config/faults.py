@@ -1,4 +1,4 @@
-"""Faults of a configuration in words: the file, the key, the value and what is allowed."""
+"""Faults of a configuration as messages: the file, the key, the value and the allowed values."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
@@ -59,10 +59,9 @@ class _Error(NamedTuple):
 
 
 def check(config: Any, source: str | Origin = "configuration", model: type[Section] | None = None) -> Checked:
-    """The faults of each key by itself and of keys of one section; `source` names the file in them.
+    """The faults of single keys and of keys of one section; `source` names the file in them.
 
-    A mistyped key is also a missing key: only the mistyping is reported. `model` is the model of a whole configuration
-    unless it is given.
+    A mistyped key is also a missing key: only the mistyping is reported.
     """
     errors = _errors(config, model or settings_type())
     faults = list(_faults(errors, config, source, model or settings_type()))
@@ -81,7 +80,7 @@ def lacks_keys(config: Mapping[str, Any]) -> bool:
 
 
 def _is_a_section(config, place):
-    """Whether a place is one of the configuration: an error's place may be an alternative of a value."""
+    """Whether a path of keys leads to a section: the path in an error may also name a type of the value."""
     try:
         for step in place:
             config = config[step]
@@ -96,7 +95,7 @@ def is_valid(key: str, value: Any) -> bool:
 
 
 def allowed(key: str) -> str:
-    """The allowed values of a dotted key, in words."""
+    """The allowed values of a dotted key, as text."""
     return allowed_by(subschema(key.split(".")))
 
 
@@ -121,7 +120,7 @@ def subschema(path: Sequence[str], model: type[Section] | None = None) -> dict[s
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
-    """The allowed values of a schema, in words."""
+    """The allowed values of a schema, as text."""
     if "description" in schema and "properties" not in schema:
         return schema["description"]
     if "const" in schema:
@@ -150,7 +149,7 @@ def _plain(number):
 
 
 def _inside(found, step, whole):
-    """The schema of a key of a section, or of an entry of sections in a list or under free names; None otherwise."""
+    """The schema of a key, or of an entry of a list of sections or of a section with free names; None otherwise."""
     entries = found.get("items", {})
     if "$ref" in entries:
         inner = entries if str(step).isdigit() else None
@@ -164,7 +163,7 @@ def _inside(found, step, whole):
 
 
 def _errors(config: Any, model: type[Section]) -> list[_Error]:
-    """The errors of a model, unknown keys first; one inside a value is an error of the whole value."""
+    """The errors of a model, unknown keys first; an error inside a value counts as an error of the whole value."""
     try:
         model.model_validate(config)
     except ValidationError as error:
@@ -179,7 +178,7 @@ def _errors(config: Any, model: type[Section]) -> list[_Error]:
 
 
 def _error(error, whole):
-    """An error of pydantic, whose place also names the alternatives of a value, at its key."""
+    """An error of pydantic at its key; pydantic's path may go on with a type of the value."""
     found, path, place = whole, [], error["loc"]
     for step in place:
         inner = _inside(found, step, whole)
@@ -201,7 +200,7 @@ def _error(error, whole):
 def _faults(
     errors: list[_Error], config: Any, source: str | Origin, model: type[Section]
 ) -> Iterator[InputError]:
-    """The errors in words. A range follows from the target's numbers: where one of them is wrong it is not missed."""
+    """The errors as faults; a missing range is no fault where a number from which it follows is wrong."""
     numbers = [error.path for error in errors if error.path[-1:] in (["value"], ["sd"], ["repetitions"])]
     meant = {".".join([*path[:-1], "range"]) for path in numbers if path[:1] == ["targets"]}
     for error in errors:

@@ -29,10 +29,9 @@ WHOLE = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
 def read_layers(
     files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], Origin]:
-    """The configuration of files, each over the one before it and all over the defaults, and the file of each key.
+    """The configuration of files over the defaults, and the file of each key; `overrides`, texts as YAML, lie over all.
 
-    A complete file needs no default. `overrides` are nested and lie over all; their texts are read as YAML. Values are
-    not checked, and `auto` stays.
+    Values are not checked, and `auto` stays; a complete file needs no default.
     """
     from repose.config.faults import lacks_keys  # imported here and below: help and jobs load none of it
 
@@ -46,10 +45,9 @@ def read_layers(
 
 
 def layers(files: Sequence[str | os.PathLike], read: Read = read) -> list[str | os.PathLike]:
-    """The files of a configuration, each to be read over the one before it: the defaults, then the given files.
+    """The defaults, then the given files of a configuration, each to be read over the one before it.
 
-    The built-in crop is a default only if no other file defines a crop. So a missing key of a crop is reported, and no
-    number of another crop is used.
+    The built-in crop is a default only if no other file defines a crop, so that no crop takes numbers of another one.
     """
     own = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
@@ -60,8 +58,7 @@ def layers(files: Sequence[str | os.PathLike], read: Read = read) -> list[str | 
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
     """The file of the built-in crop if a configuration uses it in a folder that has no configuration.
 
-    None if the working folder has one or is the program's, if the files need no default, or if one of them is made for
-    the built-in crop.
+    None also if one of the files lies beside it, and so is made for it.
     """
     own = places.root() / places.DEFAULT_CONFIG
     if places.configs()[-1] != own:
@@ -132,10 +129,7 @@ def _values(value):
 
 
 def _merge(config, more, origin, source, prefix=""):
-    """Put `more` over config, section by section, and note in origin where each key came from.
-
-    Sections in WHOLE are replaced.
-    """
+    """Put `more` over config by sections, and note in origin each key's file; sections in WHOLE are replaced."""
     for key, value in more.items():
         name = f"{prefix}{key}"
         origin[name] = source

@@ -30,7 +30,7 @@ Result = TypeVar("Result")
 def unstable(
     config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
-    """A time step that the engine would refuse, as (key, what is allowed); `mean` is the result of the verb `berry`."""
+    """A time step that the engine would refuse, as (key, allowed values); `mean` is the result of the verb `berry`."""
     limit = computed.longest_step(config, particle, mean)
     if SimulationSettings.of(config).time_step_s > limit.time_step_s:
         yield "simulation.time_step_s", limit.allowed
@@ -51,10 +51,7 @@ class Making:
         self.inputs_are_checked = False
 
     def complete(self, inputs: bool) -> None:
-        """Check the configuration and compute each `auto`; with `inputs` check the files that it names, too.
-
-        Without it, files are read where an `auto` needs them.
-        """
+        """Check the configuration and compute each `auto`; with `inputs` check all files that it names, too."""
         from repose.config import faults, profiles
 
         if isinstance(self.config.get("targets"), list):
@@ -94,7 +91,7 @@ class Making:
         return self.bad.isdisjoint((key, key.partition(".")[0]))
 
     def _add(self, pairs: Iterable[tuple[str, str]]) -> None:
-        """Add pairs (dotted key, what is allowed)."""
+        """Add pairs (dotted key, allowed values)."""
         for key, allowed in pairs:
             self.faults.append(YamlError(owner_of(self.source, key), key, get(self.config, key), allowed))
             self.bad.add(key)

@@ -1,7 +1,6 @@
 """The sections of the configuration as typed models, and `Settings`, the whole.
 
-Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); laws and surrogates are known by the
-names that they are registered by. config/README.md explains the keys.
+Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); config/README.md explains the keys.
 """
 
 import sys
@@ -447,10 +446,7 @@ class Settings(Section):
 
 
 def settings_type() -> type[Settings]:
-    """The model of a whole configuration, with the section of each strategy and of each bench test that is registered.
-
-    The section of the funnel is required; sections of other bench tests may be absent, and are None then.
-    """
+    """The model of a whole configuration: `Settings`, and a section for each strategy and each bench test."""
     from repose import strategies
 
     return _settings_type(names(), strategies.names())

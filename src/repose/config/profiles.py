@@ -84,7 +84,7 @@ def expanded(targets: Any, source: Any) -> Any:
 
 
 def expanded_own(targets: Any, source: Any) -> Any:
-    """The section `targets` of the user's own simulator, likewise."""
+    """The section `targets` of the user's own simulator, expanded in the same way."""
     if not isinstance(targets, Mapping):
         return targets
     entries: dict[str, Any] = {}
@@ -110,7 +110,7 @@ def _is_profile(entry):
 
 
 def _checked(targets, model, source):
-    """The one entry as its model; InputError with all its faults."""
+    """An entry as an instance of its model; InputError with all its faults."""
     from repose.config import faults
 
     raise_together(faults.check({"targets": targets}, source, model).faults)

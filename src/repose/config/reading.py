@@ -95,10 +95,7 @@ def _characters(node, known):
 
 
 class Origin:
-    """The file of each dotted key; a missing key belongs to the last file, `default`, an entry to the file of its list.
-
-    `shared` is the file that all crops share, which no user writes.
-    """
+    """The file of each dotted key; an entry of a list belongs to the file of the list, a missing key to `default`."""
 
     def __init__(self, origin, default, shared=""):
         self.origin, self.default, self.shared = origin, default, shared
@@ -110,10 +107,7 @@ class Origin:
         return self.origin.get(".".join(of_list[:place]), self.default)
 
     def owner(self, key: str) -> str:
-        """Name of the user's file to edit for a dotted key that is missing, or whose default does not fit.
-
-        It is the file of the key, or of the innermost section around it outside the shared file.
-        """
+        """Name of the user's file in which to edit a key: its own file, or that of the innermost section around it."""
         steps = key.split(".")
         for k in range(len(steps), 0, -1):
             name = self.origin.get(".".join(steps[:k]), self.shared)

@@ -1,4 +1,4 @@
-"""The record of a study's runs: the one thing of a study that grows, in memory or in a file."""
+"""The record of a study's runs, the only part of a study that grows, in memory or in a file."""
 
 import os
 from pathlib import Path
@@ -16,11 +16,10 @@ FAILED = "failed"
 
 
 class Record:
-    """All runs of a study so far, and its strategy's next proposal.
+    """All runs of a study so far, in memory or in `file`, and its strategy's next proposal.
 
-    `data` are the runs as a strategy takes them. A `file` that is there is read; it is written with each addition. The
-    proposal is made once for a number of runs. It depends on the study and the runs alone, so a study that goes on from
-    its file asks for the same samples as before.
+    The proposal depends on the study and the runs alone, so a study that goes on from its file asks for the same
+    samples as before.
     """
 
     def __init__(self, study: Studied, file: str | os.PathLike | None = None) -> None:

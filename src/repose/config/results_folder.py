@@ -1,8 +1,7 @@
 """The folder of a study's results: allowed values of `results_dir`.
 
-Snakemake removes outputs before it makes them anew, and knows only their names. So a study starts in a folder that is
-new, holds nothing of these names, or is a study's already. It does not start where a foreign file lies in the place of
-a result.
+Snakemake removes outputs before it makes them anew, and knows only their names. So a study starts only in a folder that
+is new or a study's already, and where no foreign file has the name of a result.
 """
 
 import json
@@ -40,7 +39,7 @@ Faults = Iterator[tuple[str, str]]
 
 
 def contradictions(results_dir: str) -> Faults:
-    """Faults of the path alone, as (key, what is allowed)."""
+    """Faults of the path alone, as (key, allowed values)."""
     folder = Path(results_dir).resolve()
     roots = {Path.cwd(), places.root().resolve()}
     kept = [root / own for root in roots for own in PROJECT_FOLDERS]
@@ -54,7 +53,7 @@ def contradictions(results_dir: str) -> Faults:
 
 
 def existing_results(results_dir: str) -> Faults:
-    """Faults of the path as it is now, as (key, what is allowed)."""
+    """Faults of the path as it is now, as (key, allowed values)."""
     folder = Path(results_dir)
     if any(os.path.lexists(path) and not path.is_dir() for path in (folder, *folder.parents)):
         yield "results_dir", "a folder; a file, or a link to nothing, is in its way"
@@ -63,11 +62,9 @@ def existing_results(results_dir: str) -> Faults:
 def check_no_foreign_files(
     results_dir: str, has_name_of_ours: Callable[[str], bool], is_result: Callable[[str], bool]
 ) -> None:
-    """Raise InputError if a result was changed, or if a foreign file has the name of a result.
+    """Raise InputError, with all faults, if a result was changed, or if a foreign file has the name of a result.
 
-    A changed result would make its followers wrong, and snakemake would remove a file in the place of a result.
-    `has_name_of_ours` takes the name of a file or folder in the folder of results, `is_result` a path; the rules know
-    both. One InputError holds all faults.
+    `has_name_of_ours` takes the name of a file or folder in the folder of results, `is_result` a path.
     """
     if not os.path.isdir(results_dir):
         return

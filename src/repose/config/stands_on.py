@@ -116,8 +116,8 @@ def settings_of(
 ) -> dict[str, Any]:
     """Settings that the stage of a verb reads, with the content of files in place of their paths.
 
-    `apparatus` is the bench test that it runs or measures, None the funnel; with `berry_is_made` it makes berry and
-    particle itself. A stage that is not listed here reads the whole configuration except its names.
+    With `berry_is_made` the stage makes berry and particle itself; a verb that is not listed reads the whole
+    configuration except its names.
     """
     apparatus = apparatus or UNNAMED
     if verb == "pour":
@@ -141,10 +141,7 @@ def settings_of(
 
 
 def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
-    """Results that were made with other settings, or by another engine.
-
-    Paths that are missing or carry no record are left out.
-    """
+    """Results of other settings or another engine, among paths that exist and carry a record."""
     results = []
     for path in paths:
         record = attached.read(path)

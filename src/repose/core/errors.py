@@ -29,7 +29,7 @@ class YamlError(InputError):
 
 
 class InputErrors(InputError):
-    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` come from the first."""
+    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` are those of the first."""
 
     def __init__(self, faults: list[InputError]) -> None:
         self.faults, first = faults, faults[0]
@@ -49,10 +49,7 @@ class NoFlankError(ValueError):
 
 
 def raise_together(faults: Iterable[InputError]) -> None:
-    """Raise all faults at once, if there are any.
-
-    A single fault is raised as itself, several as `InputErrors`. Duplicates are reported once.
-    """
+    """Raise all faults, each once: a single one as itself, several as `InputErrors`; without faults do nothing."""
     distinct = list({str(fault): fault for fault in faults}.values())
     if distinct:
         raise distinct[0] if len(distinct) == 1 else InputErrors(distinct)

@@ -1,9 +1,8 @@
 """Files: one writer and one reader for each type.
 
-A writer writes in one move, so a file is whole or not there; missing folders are made. It replaces only files that this
-program wrote (`repose.core.ledger`). With the file it writes the record of provenance of the current stage, if there is
-one. A reader turns every fault of a file into one `InputError` that names the file, the fault, the value found and the
-values allowed; it leaves the record out.
+A writer writes in one move, so a file is whole or not there, and adds the record of provenance of the current stage. It
+replaces only files that this program wrote (`repose.core.ledger`). A reader reports every fault of a file as an
+`InputError`, and leaves the record out.
 """
 
 import csv
@@ -79,10 +78,7 @@ def json_text(content: Any, indent: int = 1) -> str:
 def write_table(
     path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False
 ) -> None:
-    """Write a table as CSV, in one move.
-
-    `float_format` as in ``%.6g``; None means all digits. With `index` the table's index is the first column.
-    """
+    """Write a table as CSV, in one move; `float_format` as in ``%.6g`` (None: all digits), `index` as first column."""
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
@@ -98,10 +94,7 @@ def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
 
 
 def write_image(path: Path_, picture: "np.ndarray") -> None:
-    """Write a picture, in one move; its format follows the suffix of the path.
-
-    `picture` is (height, width) or (height, width, 3) of uint8, blue first. InputError if no format has this suffix.
-    """
+    """Write a picture (height, width) or (height, width, 3), uint8, blue first, in the format of the path's suffix."""
     import cv2
 
     suffix = Path(path).suffix
@@ -115,12 +108,7 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
 
 
 def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> "pd.DataFrame":
-    """Read a CSV file in UTF-8, with or without a byte order mark.
-
-    `columns` must be there; more are allowed. In columns that are numbers (`is_number`) each cell is a finite number or
-    empty. InputError also for a column twice, or a row that is shorter or longer than the header. `what` describes the
-    file in messages, here and below.
-    """
+    """Read a CSV file that has at least these columns; cells of columns of numbers are finite numbers or empty."""
     # pandas makes the start slow, which a pour should avoid
     import numpy as np
     import pandas as pd
@@ -147,10 +135,7 @@ def is_number(column: str) -> bool:
 
 
 def _rows(path, columns, what, comments=False):
-    """The text of a CSV file, and its rows as lists of text; with `comments` without lines that begin with #.
-
-    The names of the header differ, and all rows are as long as the header.
-    """
+    """The text of a CSV file, and its rows, each as long as the header; `comments` omits lines that begin with #."""
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
         rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
@@ -171,10 +156,7 @@ def _rows(path, columns, what, comments=False):
 
 
 def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> list[dict[str, str]]:
-    """Read a CSV file as text, without pandas; errors as in `read_table`. Lines that begin with # are comments.
-
-    The ``float`` of such a text is exact; `read_table` may give the neighbouring number.
-    """
+    """Read a CSV file as text, so that ``float`` of a cell is exact; lines that begin with # are comments."""
     _, rows = _rows(path, columns, what, comments=True)
     return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
 
@@ -184,10 +166,7 @@ def read_json(
     keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (),
     what: str = "a JSON file",
 ) -> dict[str, Any]:
-    """Read a JSON file that holds a mapping.
-
-    `keys` must be there, of the given types if it is a mapping; more are allowed.
-    """
+    """Read a JSON file that holds a mapping with at least these keys, of these types if `keys` is a mapping."""
     try:
         content = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:

@@ -1,7 +1,7 @@
 """The files that this program wrote in a folder: only these, if unchanged, are replaced or removed.
 
 Each folder holds its ledger, the file `.repose`: a line for each file written there, with the SHA-256 of its content. A
-file that a user put there, or changed since, is in no line, so it stays. A line that a full disk cut off is ignored.
+file that a user put there, or changed since, is in no line, so it stays.
 """
 
 import hashlib
@@ -22,11 +22,7 @@ ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move by the callable `write`, which gets the open file (bytes); missing folders are made.
-
-    InputError if the path holds anything that this program did not write. OSError names the file, and the earlier file
-    is still there.
-    """
+    """Write a file in one move by `write`, which gets the open file (bytes); InputError if a foreign file is there."""
     path = Path(path)
     check_replaceable(path)
 
@@ -69,10 +65,7 @@ def remove(path: str | os.PathLike) -> None:
 
 
 def changed(folder: str | os.PathLike) -> list[Path]:
-    """Files that this program wrote in a folder and that differ since: edited, or damaged; without lost files.
-
-    Subfolders are not searched. InputError if the folder's ledger is invalid, here and in `names`.
-    """
+    """Files of a folder, without its subfolders, that this program wrote and that were edited or damaged since."""
     digests = defaultdict(set)
     for line in _lines(Path(folder)):
         digests[line[66:]].add(line[:64])
@@ -81,12 +74,12 @@ def changed(folder: str | os.PathLike) -> list[Path]:
 
 
 def names(folder: str | os.PathLike) -> set[str]:
-    """Names of the files that this program wrote in a folder, including files since deleted."""
+    """Names of the files that this program wrote in a folder, including files deleted since."""
     return {line[66:] for line in _lines(Path(folder))}
 
 
 def _lines(folder):
-    """The ledger's lines; none without a ledger."""
+    """The ledger's lines, without a line that a full disk cut off; none without a ledger."""
     path = folder / LEDGER
     if path.is_symlink() or not path.is_file():
         return frozenset()

@@ -1,7 +1,7 @@
 """One workflow at a time in a folder of results.
 
-The locks belong to the operating system (flock). They end with the process that holds them, however it ends, so a
-kill leaves none behind. Some file systems of clusters have none: there nothing is held, and nothing is refused.
+The locks belong to the operating system (flock) and end with the process that holds them, even if it is killed. Some
+file systems of clusters have none: there nothing is held, and nothing is refused.
 """
 
 import errno
@@ -22,10 +22,9 @@ WORKFLOW, JOBS = ".lock", ".jobs"  # a workflow holds the first; its jobs hold t
 
 
 def take_folder(folder: str | os.PathLike) -> IO[str]:
-    """Lock a folder of results for a workflow, after the jobs of a killed workflow have ended.
+    """Lock a folder of results for a workflow, until the returned file is closed or the process ends.
 
-    A missing folder is made. The lock ends with the returned file, closed by hand or with the process. InputError if
-    another workflow works on the folder.
+    If a workflow was killed, wait until its jobs have ended; InputError if another workflow works on the folder.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -48,10 +47,7 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
 
 @contextmanager
 def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
-    """Hold a folder of results for a job; a new workflow does not start before the job has ended.
-
-    Without effect if no workflow has worked on the folder.
-    """
+    """Hold a folder of results for a job; a new workflow does not start before the job has ended."""
     path = Path(folder) / JOBS
     if not os.access(path, os.W_OK):
         yield

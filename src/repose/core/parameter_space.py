@@ -15,11 +15,7 @@ PRIOR_WIDTHS = 3.0  # standard deviations of a prior to each side, if no range i
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The parameters of a study, of which d, the `free` ones, are searched.
-
-    A prior is the mean and the standard deviation of a parameter that was measured with an error; it is normal, cut to
-    the range. `names` are all parameters: the six with the contact law's own, or another simulator's.
-    """
+    """The parameters of a study, of which d, the `free` ones, are searched; a prior is normal, cut to the range."""
 
     free: tuple[str, ...]  # in the order of `names`
     low: np.ndarray  # (d,)
@@ -35,12 +31,7 @@ class ParameterSpace:
         source: object = "parameters",
         names: tuple[str, ...] | None = None,
     ) -> "ParameterSpace":
-        """From the configuration's section `parameters`.
-
-        Each parameter has a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without a
-        ``range``. InputError if a parameter is missing or unknown, or a range is empty or invalid; `source` is named
-        in the message. Without `names` they are the six and the contact law's own that the section has.
-        """
+        """From the configuration's section `parameters`; by default `names` are the six and the contact law's own."""
         names = named(section) if names is None else names
         for name in section:
             if name not in names:
@@ -120,10 +111,7 @@ class ParameterSpace:
         return total
 
     def prior_cdf(self, unit: np.ndarray) -> np.ndarray:
-        """Distribution function (n, d), 0 to 1, of each parameter's prior at points (n, d) in the unit cube.
-
-        `from_prior` is its inverse.
-        """
+        """Distribution function (n, d), 0 to 1, of each parameter's prior at points (n, d) in the unit cube."""
         from scipy import stats
 
         share = np.array(unit, dtype=float)
@@ -135,10 +123,7 @@ class ParameterSpace:
         return share
 
     def from_prior(self, share: np.ndarray) -> np.ndarray:
-        """Points (n, d) in the unit cube with the distribution of the prior, from uniform points (n, d).
-
-        It inverts `prior_cdf`.
-        """
+        """Points (n, d) in the unit cube with the prior's distribution, from uniform points (n, d)."""
         from scipy import stats
 
         unit = np.array(share, dtype=float)

@@ -70,10 +70,7 @@ def named(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
-    """A parameter's value, or its text, as a finite number within `PHYSICAL_LIMITS`; otherwise InputError.
-
-    The message names `source` and `key` (default: the name of the parameter).
-    """
+    """A parameter's value, or its text, as a finite number within `PHYSICAL_LIMITS`; otherwise InputError."""
     key = name if key is None else key
     try:
         number = float(value)  # type: ignore[arg-type]

@@ -15,21 +15,14 @@ def root() -> Path:
 
 
 def find(path: str | os.PathLike) -> Path:
-    """The path itself if it exists in the working folder, or else the program's own file or folder of this name.
-
-    The path is returned as given if neither exists.
-    """
+    """The path itself if it exists, or else the program's own file or folder of this name, if there is one."""
     path = Path(path)
     own = root() / path
     return own if not path.exists() and own.exists() else path
 
 
 def configs() -> list[Path]:
-    """The default configurations; each overrides the previous one.
-
-    First the settings of every crop; then `config.yaml` of the working folder, or without it the program's own, and
-    over that the working folder's `config/config.yaml`.
-    """
+    """The default configurations, each over the one before it; a crop in the working folder replaces the program's."""
     method, default, study = find(METHOD_CONFIG), root() / DEFAULT_CONFIG, Path(DEFAULT_CONFIG)
     if study.is_file():
         return [method, study] if study.resolve() == default.resolve() else [method, default, study]

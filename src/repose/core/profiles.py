@@ -20,22 +20,12 @@ from repose.core.responses import derived
 
 @dataclass(frozen=True)
 class Profile:
-    """A measured profile and the functions on which profiles are compared with it.
+    """A measured profile and the functions on which profiles are compared with it."""
 
-    Attributes
-    ----------
-    name : str
-        Its last part is the unit of the heights, as in ``surface_mm``; its scores are ``surface_1_mm`` and so on.
-    x, z : tuple of float, (n,)
-        Abscissae, rising, and the measured heights there.
-    functions : int
-        How many scores a profile has.
-    """
-
-    name: str
-    x: tuple[float, ...]
-    z: tuple[float, ...]
-    functions: int
+    name: str  # ends with the unit of the heights, ``surface_mm``; the scores are ``surface_1_mm`` and so on
+    x: tuple[float, ...]  # (n,), abscissae, rising
+    z: tuple[float, ...]  # (n,), the measured heights there
+    functions: int  # number of scores
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Profile":
@@ -82,6 +72,6 @@ class Profile:
     def whole(self) -> float:
         """Denominator of percents of a score: the height over the root of the number of scores.
 
-        If each score is off by at most p % of this, the smooth profiles are at most p % of the height apart.
+        If each score is off by at most p % of it, the smooth profiles are at most p % of the height apart.
         """
         return self.height / math.sqrt(self.functions)

@@ -1,18 +1,8 @@
 """Provenance: the origin of a result, written with it.
 
-A stage is one verb with its settings and the files that it reads. While it runs, the writers of `repose.core.files`
-put its record into every file (`repose.core.attached` defines where). Without a stage, as in a user's own program, a
-file carries no record.
-
-========== =====================================================================================
-verb       the stage that wrote the file, and its bench test
-settings   hash of the keys of the configuration that the stage reads
-engine     hash of the source of the simulator and the bench tests behind the result
-origin     hash of settings, engine and the origins of all files that it was made from
-seed       of the study
-========== =====================================================================================
-
-and version, commit and processor type. A difference in these three is no reason to refuse a file.
+A stage is one verb with its settings and the files that it reads. While it runs, the writers of `repose.core.files` put
+its record into every file; a user's own program has no stage, so its files have no record. docs/howto.md explains the
+entries.
 """
 
 import hashlib
@@ -64,11 +54,10 @@ def stage(
     apparatus: str | None = None,
     runs: Literal["", "made", "measured"] = "",
 ) -> Iterator[None]:
-    """Write the record of a stage into every file that is written meanwhile.
+    """Write the record of a stage with the input files `paths` into every file that is written meanwhile.
 
-    `paths` are its input files; InputError if they are of different origin. `settings_of` chooses from a configuration
-    the settings of the stage; it also gets the name of the bench test. `runs` says whether its results are runs of a
-    bench test, which it makes by the simulator, or measures; `apparatus` None then means that of the input files.
+    `runs` says whether its results are runs of a bench test that it makes by the simulator, or measures; `apparatus`
+    None is the bench test of the input files.
     """
     inputs = [(path, attached.read(path)) for path in paths]
     refuse_mixture(inputs)
@@ -113,10 +102,7 @@ def _record(running):
 
 
 def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> None:
-    """Raise InputError for results of two engines, or runs of two origins; it names both files.
-
-    Files without a record, such as a user's own, go with any others.
-    """
+    """Raise InputError for results of two engines, or runs of two origins; a file without a record goes with any."""
     engines: dict[str, Path] = {}
     origins: dict[tuple, tuple[str, Path]] = {}
     for path, record in inputs:

@@ -14,19 +14,13 @@ MOST = 899  # their sample numbers are 101 to 999
 
 
 def beside(path: str | os.PathLike | None, table: str) -> Path | None:
-    """Another published table of the crop, in the folder of the solutions `path`; None if there is none.
-
-    table1.csv holds sizes, table3.csv intervals of the parameters.
-    """
+    """Another table beside the published solutions: table1.csv (sizes) or table3.csv (intervals); None without it."""
     sibling = None if path is None else Path(path).with_name(table)
     return sibling if sibling and sibling.is_file() else None
 
 
 def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAMETERS) -> dict[str, float]:
-    """The contact parameters `names` of the published representative solution.
-
-    InputError if there is no table, or it lacks such a solution or a parameter.
-    """
+    """The contact parameters `names` of the published representative solution; InputError if the table lacks one."""
     names = tuple(names)
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
@@ -53,10 +47,7 @@ def can_be_simulated(columns: Iterable[str], responses: Iterable[Response], name
 
 
 def check_published(path: str | os.PathLike | None, responses: Iterable[Response]) -> None:
-    """Raise InputError for a table of published solutions that cannot be simulated or compared; None passes.
-
-    It must have rows, parameters within the contact law's limits, and numbers or empty cells as responses.
-    """
+    """Raise InputError for a table of published solutions that cannot be simulated or compared; None passes."""
     if path is None:
         return
     rows = read_rows(path, ("solution", *PARAMETERS))

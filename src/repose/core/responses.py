@@ -1,8 +1,8 @@
 """Responses and their registry.
 
 A response is a number that a bench test gives: the angle of repose of a pile, its Height, the angle at which a bed
-slips. Each bench test registers its responses in its module (`repose.apparatus`); all later
-stages take them from this registry by name, and work for any number of them.
+slips. Each bench test registers its responses in its module (`repose.apparatus`); all later stages take them from this
+registry by name, and work for any number of them.
 """
 
 import math
@@ -111,7 +111,7 @@ def response(name: str, source: object = "response") -> Response:
 
 
 def named(name: str) -> Response | None:
-    """The response of a name, one of a family included; None if there is none."""
+    """The response of a name, registered or made by a family of responses; None if there is none."""
     if name in _REGISTRY:
         return _REGISTRY[name]
     return next(filter(None, (family(name) for family in _FAMILIES)), None)

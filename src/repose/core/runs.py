@@ -51,9 +51,7 @@ def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dic
     """Summary of a sample: `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
 
     A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its status is the commonest
-    status of the other runs (the first met, of equals), and its numbers are None. Means are over the ok runs that have
-    the number. The standard error is sd / sqrt(n), with n - 1 degrees of freedom; None for a single run. The reason
-    gives number and cause of the failed runs, also of an ok sample. ValueError without any run.
+    status of its failed runs, and its numbers are None.
     """
     if not runs:
         raise ValueError("runs is empty; allowed: at least one run")
@@ -75,7 +73,7 @@ def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dic
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Mean and its standard error; both None without values, the error None for a single value."""
+    """Mean and its standard error sd / sqrt(n); both None without values, the error None for a single value."""
     numbers = np.array(values, dtype=float)
     if len(numbers) == 0:
         return None, None
@@ -84,10 +82,7 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
 
 
 def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Text on the runs that failed, as in ``2 of 8 runs jammed (no discharge for 3 s)``; empty if none failed.
-
-    `total` counts all runs.
-    """
+    """Number and causes of the failed runs, as in ``2 of 8 runs jammed (no discharge for 3 s)``; may be empty."""
     parts = []
     for status, count in Counter(run["status"] for run in failed).most_common():
         why = dict.fromkeys(run["reason"] for run in failed if run["status"] == status and run.get("reason"))

@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError, core_schema
 AUTO: Final = "auto"
 ABSENT: Any = None  # default of a key that may be left out, and may not be null
 Auto = Literal["auto"]  # the number follows from other keys (`repose.config.computed`)
-Contradictions = Iterator[tuple[str, str]]  # (key, what is allowed)
+Contradictions = Iterator[tuple[str, str]]  # (key, allowed values)
 
 CONTRADICTION = "contradiction"  # type of the error that holds `Contradictions`
 
@@ -49,17 +49,14 @@ class Section(BaseModel):
 
 
 def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
-    """Raise the error by which a validator reports `Contradictions`, if there are any.
-
-    The key "" means the validated value itself.
-    """
+    """Raise the error by which a validator reports `Contradictions`, if any; the key "" means the whole value."""
     pairs = list(contradictions)
     if pairs:
         raise PydanticCustomError(CONTRADICTION, "values that do not go together", {"found": pairs})
 
 
 class OneOf:
-    """The type of a key that names one of a registry: ``Annotated[str, OneOf(names)]``.
+    """The type of a key that takes a name of a registry, as ``Annotated[str, OneOf(names)]``.
 
     `names` is called when the first configuration is checked, so that a module with a section loads no registry.
     """

@@ -31,8 +31,7 @@ OF_THE_DRUM = "drum"
 def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
     """Seeds, 0 to 2^32 - 1, of the pours of a parameter set; the first k are the same for any larger count.
 
-    `study_seed` is `design.seed` of the configuration, `purpose` one of `PURPOSES`, `number` the sample's. Each
-    bench test has its own streams, so that its noise is independent of the others'.
+    `number` is the sample's. Each bench test has its own streams, so that its noise is independent of the others'.
     """
     import numpy as np
 

@@ -30,10 +30,7 @@ def source_hash(rooms: Iterable[str]) -> str:
 
 @cache
 def stage_hash(verb: str) -> str:
-    """Hash of the modules that a verb uses, and of those that they import, 16 digits.
-
-    Imports inside functions count. What stands in `SHARED` is left out.
-    """
+    """Hash, 16 digits, of the modules that a verb uses and of those that they import, except those in `SHARED`."""
     files: set[Path] = set()
     waiting = [path for module in _used_by(verb) for path in _files(module)]
     while waiting:

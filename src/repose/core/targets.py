@@ -62,7 +62,7 @@ class Target:
         return abs(self.aim) if self.profile is None else self.profile.whole
 
     def off_percent(self, number: float) -> float:
-        """How far a number is off the aim, in percent."""
+        """Difference of a number from the aim, in percent."""
         if self.profile is None:
             return 100 * (number / self.aim - 1)
         return 100 * (number - self.aim) / self.whole
@@ -171,10 +171,7 @@ class Targets(Sequence[Target]):
         return {target.profile.name: target.profile for target in self if target.profile is not None}
 
     def in_words(self, numbers: Sequence[str]) -> str:
-        """Text with a number for each target and its unit: ``32.5 deg and 66.1 mm``.
-
-        If two targets have the same unit, each number is preceded by the symbol of its response.
-        """
+        """Text with number and unit of each target, ``32.5 deg and 66.1 mm``; with symbols if two units are equal."""
         units = [target.response.unit for target in self]
         several = len(set(units)) < len(units)
         parts = [

@@ -54,9 +54,8 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     """Variance components of a response (n,) of the runs of several samples `groups` (n,).
 
     tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if that is negative. The interval of sigma^2 comes from chi^2. The interval
-    of the intraclass correlation is in (TH78): F = h S^2 / MSW, with S^2 the variance of the groups' means and h
-    the harmonic mean of their sizes. It is exact when all groups have the same size. ValueError with fewer than two
-    groups, no group with two values, or values that are not finite.
+    of the intraclass correlation is in (TH78): F = h S^2 / MSW, with S^2 the variance of the groups' means and h the
+    harmonic mean of their sizes. It is exact when all groups have the same size.
     """
     from scipy import stats  # half a second at start-up
 
@@ -108,10 +107,7 @@ def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray,
 def residual_correlation(
     first: ArrayLike, second: ArrayLike, groups: ArrayLike
 ) -> tuple[float, float, float, int]:
-    """Correlation of two responses (n,) within samples, its interval (Fisher's transformation), degrees of freedom.
-
-    ValueError with fewer than four degrees of freedom, or if a response does not vary within samples.
-    """
+    """Correlation of two responses (n,) within samples, its interval (Fisher's transformation), degrees of freedom."""
     from scipy import stats  # half a second at start-up
 
     covariance, freedom = within_covariance(np.column_stack([first, second]), groups)

@@ -52,9 +52,9 @@ class OfModels(NamedTuple):
 def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfModels:
     """Mean and covariance of the responses over the plausible models of a shape study.
 
-    The weight of a model is exp(-d^2 / 2), and d the distance in standard deviations from the published piles. The
+    The weight of a model is exp(-d^2 / 2), with its distance d from the published piles in standard deviations. The
     definitions of one model count as one. The pours of a combination are few: the mean square of its standard errors is
-    subtracted from each variance; the correlation is computed from the uncorrected differences.
+    subtracted from each variance; the correlation is that of the uncorrected differences.
     """
     columns = [derived(name, "difference") for name in targets.names]
     table = read_table(combinations_csv, (*MODEL, "eligible", "distance"))

@@ -52,11 +52,7 @@ def curve(
     observed: Observation,
     study: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> pd.DataFrame:
-    """Information and intervals over the size of the discrepancy, a row for each size and correlation.
-
-    Correlated rows exist only where a bench test gives several targets. The row of a shape study is the last, and its
-    size the root mean square over the targets.
-    """
+    """Information and intervals over the size of the discrepancy, a row for each size and correlation."""
     several = len(targets.apparatus) < len(targets)
     rows = [
         {"discrepancy_percent": percent, "discrepancy_correlation": correlation, "evidence": "stated"}
@@ -136,7 +132,7 @@ def joint_bits(weight: np.ndarray) -> float:
 
 
 def message(table: pd.DataFrame, share: float) -> str:
-    """The curve and the region in words."""
+    """The curve and the region as text."""
     lines = []
     stated = table[table["evidence"] == "stated"]
     for correlation, own in stated.groupby("discrepancy_correlation"):

@@ -1,9 +1,9 @@
-"""What to measure next: the information that each further response would add to the present targets.
+"""The next measurement: the information that each further response would add to the present targets.
 
 Parameter sets are drawn from the posterior, and each is simulated a few times in every bench test of the configuration.
-A response that differs more between these sets than from run to run separates them. Between plausible sets it has
-the variance tau^2, its mean over n repetitions the error s^2 = sigma^2 / n + d^2, with the scatter sigma^2 of a run and
-the discrepancy d of the simulator. For normal variables the information is
+A response that differs more between these sets than from run to run separates them. Between plausible sets it has the
+variance tau^2, its mean over n repetitions the error s^2 = sigma^2 / n + d^2, with the scatter sigma^2 of a run and the
+discrepancy d of the simulator. For normal variables the information is
 
     bits = 1/2 log2(1 + tau^2 / s^2)
 
@@ -85,8 +85,7 @@ def measured_runs(
 def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float) -> pd.DataFrame:
     """Bits that the mean of `repetitions` measurements of each response would add, most first.
 
-    `runs` is the table of `measured_runs`. The interval of the bits follows from the variance components. Responses
-    with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are left out.
+    Responses with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are left out.
     """
     rows = []
     for (apparatus, name), own in runs.groupby(["apparatus", "response"], sort=False):
@@ -123,10 +122,7 @@ def run(
     berry: Mapping[str, Any],
     out_dir: str | os.PathLike,
 ) -> pd.DataFrame:
-    """Measure the runs, write next.csv, return its table.
-
-    The `targets` are left out, as they are measured already; with the calibrated angle all other definitions of it.
-    """
+    """Measure the runs and write next.csv, without the `targets` and the other definitions of a calibrated angle."""
     measured = {target.name for target in targets}
     if CALIBRATED_ANGLE in measured:
         measured |= set(MEAN_KEYS.values())

@@ -1,7 +1,6 @@
 """Noise floor: scatter of the runs of one sample, differences between samples, gain from more seeds.
 
-The statistics are in `repose.core.variance`. Here they are applied to the table of runs, for each target by itself
-and for each pair of targets of one bench test.
+The statistics are in `repose.core.variance`.
 """
 
 import math
@@ -50,10 +49,7 @@ def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
 def within_correlation(
     runs: pd.DataFrame, targets: Targets
 ) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
-    """Correlation (k, k) of the responses from run to run of one sample, and its pairs.
-
-    Responses of different bench tests are independent: no run gives both.
-    """
+    """Correlation (k, k) of the responses from run to run of one sample, 0 between bench tests, and its pairs."""
     matrix, pairs = np.eye(len(targets)), {}
     for bench in targets.apparatus:
         rows = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
@@ -116,7 +112,7 @@ def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLik
 
 
 def message(summary: dict[str, Any], targets: Targets) -> str:
-    """The noise floor in words, a line for each response."""
+    """The noise floor as text, a line for each response."""
     lines = []
     for target in targets:
         name, unit, row = target.name, target.response.unit, summary["responses"][target.name]

@@ -186,7 +186,7 @@ def _further_studies(model, space, targets, settings, runs, study, out):
 
 
 def statement(row: Mapping[str, Any]) -> str:
-    """Statement on one parameter in words, from its row of posterior.csv."""
+    """A sentence on one parameter, from its row of posterior.csv."""
     bits, name = row["information_bits"], row["parameter"]
     where = f"{row['credible_low']:.3g} to {row['credible_high']:.3g}"
     share = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
@@ -200,7 +200,7 @@ def statement(row: Mapping[str, Any]) -> str:
 
 
 def message(summary: Mapping[str, Any]) -> str:
-    """Statements, fit and convergence in words."""
+    """Statements, fit and convergence as text."""
     lines = list(summary["statements"].values())
     fit = summary["misfit"]
     bits, error = summary["information_bits"], summary["information_se_bits"]

@@ -139,7 +139,7 @@ def _values(function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndar
 
 
 def message(table: pd.DataFrame) -> str:
-    """First-order and total indices in words, a line for each response."""
+    """First-order and total indices as text, a line for each response."""
     lines = []
     for response, rows in table.groupby("response", sort=False):
         order = rows.sort_values("total", ascending=False)

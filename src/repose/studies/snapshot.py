@@ -19,11 +19,9 @@ MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 
 def take(results_dir: str | Path, out: str | Path, patterns: Iterable[str]) -> list[Path]:
-    """Copy tables and pictures of a study to a folder of its own, where they replace an earlier snapshot.
+    """Copy the tables and pictures of a finished study to `out` and return them; an earlier snapshot there is replaced.
 
-    `patterns`, regular expressions of their paths below the folder of results, come from the rules. `out` must be new,
-    empty, or an earlier snapshot without added files. Returns the copied files. InputError if the study is unfinished,
-    a file is larger than `LARGEST_FILE`, or `out` holds any other file.
+    `patterns` are regular expressions of their paths below the folder of results.
     """
     source, out = Path(results_dir), Path(out)
     files = _kept(source, patterns)
@@ -48,10 +46,9 @@ def take(results_dir: str | Path, out: str | Path, patterns: Iterable[str]) -> l
 def of_optional_studies(
     results_dir: str | Path, patterns: Iterable[str], made: Iterable[str], strategy: str
 ) -> str:
-    """Hash of a snapshot's files that the calibration did not make, 16 digits.
+    """Hash, 16 digits, of a snapshot's files outside the folders of `made` and of the strategy.
 
-    It makes the folders of the files `made`, and all below the folder of its strategy. Another hash is a reason to take
-    the snapshot anew.
+    Those files are not of the calibration; another hash is a reason to take the snapshot anew.
     """
     source = Path(results_dir)
     folders = {Path(path).parent for path in made}

@@ -54,8 +54,8 @@ class BayesianBP(Surrogate):
     """Two-layer network trained by Bayesian regularisation from several starts; of the converged the best is kept.
 
     If no start has converged, the best of all is kept. `prior` is "one" alpha for all weights, as published (FH);
-    "layers", one each for input weights, hidden biases, and output weights with their biases (M92); or "inputs", as
-    "layers" but with one for each input's weights, so that an input without effect fades (M94).
+    "layers", an alpha each for input weights, hidden biases, and output weights with their biases (M92); or "inputs",
+    as "layers" but with an alpha for each input's weights, so that an input without effect fades (M94).
     """
 
     of_all_samples = False  # as published: fitted to the training part
@@ -134,7 +134,7 @@ class BayesianBP(Surrogate):
         return other
 
     def _keep(self, end):
-        """Take over the end of a start, its outputs as they were before mixing."""
+        """Take over the end of a start, with its outputs as they were before mixing."""
         if end["log_evidence"] == -math.inf:
             raise ValueError(f"none of {self.starts} starts ended with a finite evidence")
         w = mix_outputs(end["w"], np.linalg.inv(self._mixing), self.hidden)
@@ -167,10 +167,7 @@ class BayesianBP(Surrogate):
         return hasattr(self, "posterior_root_")
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance (samples, outputs, outputs) of the responses by the uncertainty of the weights alone.
-
-        The outputs share the hidden layer, so their errors are correlated.
-        """
+        """Covariance (samples, outputs, outputs) of the responses by the uncertainty of the weights alone."""
         return covariances([self], X)[0]
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

@@ -27,7 +27,7 @@ FIRST_NOISE = 0.1  # in variances of the response
 class GaussianProcess(Combined, Surrogate):
     """Processes with the covariance s^2 exp(-1/2 sum ((x_i - x'_i) / l_i)^2) and noise (RW06, eq. 5.1).
 
-    The hyperparameters s^2, l_i and the noise variance maximise the marginal likelihood. There are no settings.
+    The hyperparameters s^2, l_i and the noise variance maximise the marginal likelihood.
     """
 
     @classmethod
@@ -43,10 +43,10 @@ class GaussianProcess(Combined, Surrogate):
         noise_covariance: ArrayLike | None = None,
         noise_freedom: float = 0.0,
     ) -> Self:
-        """Learn from samples.
+        """Learn from samples; `noise_freedom` is not used.
 
         Without `noise_covariance` the responses are learned independently; with it, their combinations with independent
-        noises (A35). `noise_freedom` is not used: the noise is estimated with the other hyperparameters.
+        noises (A35).
         """
         X, Y, _, weight = checked_samples(X, Y, None, precision)
         self._take(X, Y, weight, noise_covariance)

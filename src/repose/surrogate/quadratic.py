@@ -22,7 +22,7 @@ from repose.surrogate.two_layer import width
 class QuadraticSurface(Surrogate):
     """Second-order model y = A b + noise, one vector of coefficients b for each response (MM09).
 
-    An input that does not vary has no terms. There are no settings.
+    An input that does not vary has no terms.
     """
 
     @classmethod
@@ -43,10 +43,10 @@ class QuadraticSurface(Surrogate):
         noise_covariance: ArrayLike | None = None,
         noise_freedom: float = 0.0,
     ) -> Self:
-        """Learn from samples.
+        """Learn from samples; residuals give the noise.
 
-        The covariance of the noise comes from the residuals. `noise_freedom` is not used; `noise_covariance` is only
-        checked: all responses have the same terms, and then correlated noise does not change the coefficients (Z62).
+        `noise_covariance` is only checked: all responses have the same terms, and then correlated noise does not change
+        the coefficients (Z62).
         """
         X, Y, _, precision = checked_samples(X, Y, None, precision)
         independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision)

@@ -57,8 +57,8 @@ def pure_error(
 ) -> tuple[float, float]:
     """Sum of squares and number of residuals of replicates about their samples' means, in mixed outputs.
 
-    `noise_covariance` of one value of precision 1 is in units of y; `freedom` are its degrees of freedom, 0 where it
-    is known up to a factor alone: then both results are 0.
+    `noise_covariance`, of one value of precision 1, is in units of y; with `freedom` 0 it is known up to a factor
+    alone, and both results are 0.
     """
     if freedom == 0:
         return 0.0, 0.0

@@ -78,7 +78,7 @@ class Support:
         return (self.distance(points) > self.farthest) | (self.leverage(points) > self.largest_leverage)
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """A warning in words for each point; an empty text where there is none."""
+        """A warning as text for each point; empty where there is none."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
         bounds, middle = self.at_bounds(points), (self.low + self.high) / 2
         distance, leverage = self.distance(points), self.leverage(points)
