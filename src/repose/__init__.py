@@ -3,6 +3,7 @@
 from typing import Any
 
 __version__ = "0.3.0"
+__all__ = ["Study", "__version__"]  # noqa: F822
 
 
 def __getattr__(name: str) -> Any:
@@ -12,3 +13,7 @@ def __getattr__(name: str) -> Any:
 
         return Study
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), "Study"})

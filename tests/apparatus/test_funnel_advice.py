@@ -48,6 +48,14 @@ def test_a_pile_of_the_softest_grain_sinks_by_what_is_allowed(config):
     assert again.sinking == pytest.approx(funnel.LARGEST_SINKING)
 
 
+def test_without_a_height_the_pile_is_the_cone_of_the_angle(config):
+    config["targets"] = [target("aor_deg", 30.0)]
+    height = funnel.height_m(config, SPHERE)
+    assert f"a cone of 30 deg and {1e3 * height:.3g} mm Height" in funnel.filling(config, GRAIN_M3)[0]
+    config["targets"] = [target("aor_deg", 45.0)]
+    assert funnel.height_m(config, SPHERE) == pytest.approx(height * 3 ** (1 / 3))
+
+
 def test_grains_of_the_cones_volume_fill_it(config):
     cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
     config["funnel"]["berries"] = round(0.6 * cone / GRAIN_M3)

@@ -28,6 +28,11 @@ def test_cores_that_are_given_stay(cores):
     assert run.snakemake_arguments(cores) == [*own, *cores]
 
 
+@pytest.mark.parametrize("words", [["--cores", "2", "refined"], ["-c", "2", "refined"], ["refined", "-c2"]])
+def test_a_target_may_stand_behind_the_cores(words):
+    run.check_arguments(words)
+
+
 def test_another_snakefile_stays():
     assert run.snakemake_arguments(["-s", "mine.smk", "-c1"]) == ["-s", "mine.smk", "-c1"]
 

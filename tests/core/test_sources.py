@@ -31,6 +31,4 @@ def test_the_engines_hash_has_all_that_a_pour_imports_besides_measurement_and_wh
         file.relative_to(sources.PACKAGE).as_posix() for path in waiting for file in sources._imported(path)
     }
     others = {path for path in outside if not path.startswith(("dem/", "apparatus/", "measure/", "core/"))}
-    assert {path for path in others if not path.endswith("__init__.py")} - set(sources.ENGINE) == {
-        "particle/particle.py",  # reads the particle's file, which is an input of every pour
-    }
+    assert {path for path in others if not path.endswith("__init__.py")} - set(sources.ENGINE) == set()

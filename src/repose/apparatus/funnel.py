@@ -269,7 +269,7 @@ def advice(
     yield f"stiffness: {_softer(config, berry, longest_step_s)}"
     sentence, fits = filling(config, particle.volume_m3)
     yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
-    yield from scene_size.advice(config, diameter_mm(berry), 1e3 * height_m(config))
+    yield from scene_size.advice(config, diameter_mm(berry), 1e3 * height_m(config, berry))
 
 
 def _softer(config, berry, longest_step_s):
@@ -304,7 +304,7 @@ def softening(config: Config, berry: Mapping[str, Any]) -> Softening:
     """
     diameter_m = 1e-3 * diameter_mm(berry)
     gravity = SimulationSettings.of(config).gravity_m_s2
-    pressure = PACKING * berry["density_kg_m3"] * gravity * height_m(config)
+    pressure = PACKING * berry["density_kg_m3"] * gravity * height_m(config, berry)
     young = berry["shear_modulus_pa"] / (1 - berry["poisson_ratio"])
     approach = (3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))) ** (2 / 3)
     sinking = 0.6 * approach / diameter_m
@@ -321,10 +321,20 @@ def poured_volume_m3(config: Config, grain_m3: float) -> float:
     return config[NAME]["berries"] * grain_m3 / PACKING
 
 
-def height_m(config: Config) -> float:
-    """Height of the pile: the target, or half the outlet's height without one."""
-    target_mm = _target(config, "height_mm")
-    return 1e-3 * (0.5 * config[NAME]["outlet_height_mm"] if target_mm is None else target_mm)
+def height_m(config: Config, berry: Mapping[str, Any]) -> float:
+    """Height of the pile: the target; else that of the cone of the angle; else half the outlet's height."""
+    height_mm, angle_deg = _target(config, "height_mm"), _target(config, "aor_deg")
+    if height_mm is not None:
+        return 1e-3 * height_mm
+    if angle_deg is not None:
+        grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(berry)) ** 3
+        return _cone_height_m(poured_volume_m3(config, grain_m3), angle_deg)
+    return 0.5e-3 * config[NAME]["outlet_height_mm"]
+
+
+def _cone_height_m(volume_m3, angle_deg):
+    """Height of a cone of a volume and a slope."""
+    return (3 * volume_m3 * math.tan(math.radians(angle_deg)) ** 2 / math.pi) ** (1 / 3)
 
 
 def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
@@ -338,8 +348,7 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
     if height is None and angle is None:
         return holds, True
     if height is None:
-        slope = math.tan(math.radians(angle))
-        reached = (3 * poured * slope**2 / math.pi) ** (1 / 3)
+        reached = _cone_height_m(poured, angle)
         return f"{holds}: a cone of {angle:g} deg and {1e3 * reached:.3g} mm Height", True
     if angle is None:
         needed = math.degrees(math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured))))

@@ -87,8 +87,10 @@ def check_arguments(words: Sequence[str]) -> None:
                 continue
         if option in CONFIG_VALUES and "=" not in value:
             raise InputError("command line", option, value, "KEY=VALUE; a target goes before the options")
-        elif option in CORES_OPTIONS[:2] and value != "all" and not value.isdigit():
-            raise InputError("command line", option, value, "a number of cores, or all")
+        elif option in CORES_OPTIONS[:2]:
+            if value != "all" and not value.isdigit():
+                raise InputError("command line", option, value, "a number of cores, or all")
+            option = ""  # it takes one value: what follows is a target
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 from repose.core.places import PACKAGE
 
 # A pour depends on the simulator, the bench tests, and the sizes of the grains; a test finds what else they import.
-ENGINE = ("dem", "apparatus", "particle/size_distribution.py")
+ENGINE = ("dem", "apparatus", "particle/particle.py", "particle/size_distribution.py")
 # Code that every stage uses; an edit there changes no number of a result.
 PLUMBING = ("attached", "errors", "files", "ledger", "lock", "places", "provenance", "section", "sources")
 SHARED = ("config", "export", *(f"core.{name}" for name in PLUMBING))
