@@ -41,11 +41,10 @@ def newton_step(x, y, z, xx, xy, xz, yy, yz, zz, f):
 
 @kernel
 def solve_gap(rows, parts, i, j, normal, tolerance, early):
-    """Maximise f for bodies i and j from a starting normal.
+    """Maximise f for bodies i and j; returns the gap f [m], and the solution in `normal`, which holds the first guess.
 
-    rows: the bodies' rows (see `state`), parts: of a shape; normal (3,) start, overwritten by the solution;
-    tolerance: the step (radians) at which it stops; early: return as soon as some n proves a gap above this [m]
-    (a separating axis needs no iteration). Returns the gap f [m].
+    `tolerance` is the step [rad] at which the iteration stops; it also stops when a normal proves a gap above `early`
+    [m] (a separating axis).
     """
     dx = rows[j, 0] - rows[i, 0]
     dy = rows[j, 1] - rows[i, 1]
