@@ -44,12 +44,12 @@ COHESION_ENERGY_DENSITY = Constant(
     "cohesion_energy_density_j_m3", "k", "k", "J/m3", "cohesion energy density"
 )
 
-# The constants that each contact law needs; a law without any is not named.
+# The constants that each contact law needs; a law without constants has no entry.
 OF_LAWS: dict[str, tuple[Constant, ...]] = {
     "jkr": (SURFACE_ENERGY,),
     "sjkr": (COHESION_ENERGY_DENSITY,),
 }
 
-# The rolling laws that go with a contact law; a law that is not named goes with all. The others take the contact circle
-# sqrt(R* delta), which that of jkr is not, and lose their springs across a gap.
+# The rolling laws that a contact law allows; a law without an entry allows all. All but `budget` assume the contact
+# circle sqrt(R* delta), which jkr does not have, and lose their springs across a gap.
 ROLLING_WITH: dict[str, tuple[str, ...]] = {"jkr": ("budget",)}
