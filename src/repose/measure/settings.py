@@ -53,8 +53,7 @@ class MeasureSettings:
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
         """Settings from the section `measure` of a configuration and the result of `repose stage berry`.
 
-        A missing height of a berry becomes the mean berry's equivalent diameter (Eq. 1), if `berry` has its three
-        axes.
+        The default height of a berry is the mean equivalent diameter (Eq. 1), if `berry` has its three axes.
         """
         settings = cls(**section)
         axes: list[Any] = [berry.get(key) for key in ("long_mm", "major_mm", "minor_mm")]
