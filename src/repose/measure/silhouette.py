@@ -25,7 +25,7 @@ Extent = tuple[float, float, float]
 
 
 class ConvexBody(Protocol):
-    """A body by its support points, symmetric about its centre, or of spheres `spheres_m` (M, 4): centre, radius [m]."""
+    """A body with support points, symmetric about its centre, or of spheres `spheres_m` (M, 4): centre, radius [m]."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Points (..., 3) in m at which tangent planes touch the body; `n` are unit normals in the body's frame."""
