@@ -13,7 +13,7 @@ from repose.pictures.scenery import Camera, Panel, Setting
 class View:
     """Content of each pixel of a picture (H, W): a body, a flat wall, the plate, the backdrop, or nothing.
 
-    A pixel takes 22 bytes, so that a large picture fits into the memory.
+    A pixel takes 22 bytes, so that a large picture fits into memory.
     """
 
     body: np.ndarray  # int32, number of the body or part, -1 if none

@@ -80,7 +80,7 @@ def draw(
 ) -> None:
     """Draw one of the `known` figures in the format of its path; `inputs` are paths by input name.
 
-    Beside a PNG lie the other formats of the configuration's `figures`.
+    A PNG also gets the other formats of the configuration's `figures`.
     """
     from repose.config.models import Figures
 
