@@ -191,7 +191,7 @@ def triangulated_bodies(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (V, 3) [m] and triangles (T, 3) of all present bodies, and the body of each triangle (T,).
 
-    All spheres of a clump are complete, also where they overlap.
+    Clumps have all their spheres, also where these lie inside each other.
     """
     here = np.flatnonzero(simulation.present)
     turn = rotation_matrices(simulation.quaternions[here])

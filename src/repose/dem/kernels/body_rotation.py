@@ -13,7 +13,7 @@ from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, SHAPE, S
 
 SURE = 1.0 - 1e-12  # share of a budget that rounding leaves
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
-# Their error in the size of a resistance is 4e-8 where the moments differ sixfold, 4e-4 where they differ thirtyfold.
+# With these steps the size of a resistance is 4e-8 off where the moments differ sixfold, 4e-4 for a factor of thirty.
 NEWTON_STEPS = 3
 
 
@@ -162,9 +162,9 @@ def resistance(x, y, z, i1, i2, i3, size, budget):
 def resist_lanes(m, c, dt):
     """Rolling resistance; returns how many lanes turn.
 
-    The budget B, the sum of mu_r F_n R over a body's contacts, acts against the rotation that remains after it: l' = l
-    - B o' / |o'|, o' the angular velocity of l'. This has one solution. The body stands still where |l| <= B in any
-    orientation, and its rotation is never reversed, so a settled pile is at rest.
+    The budget B, the sum of mu_r F_n R over a body's contacts, acts against the rotation that remains after it:
+    l' = l - B o' / |o'|, o' the angular velocity of l'. This has one solution. The body stands still where |l| <= B in
+    any orientation, and its rotation is never reversed, so a settled pile is at rest.
     """
     n = 0
     for k in range(L):
@@ -193,10 +193,7 @@ def resist_lanes(m, c, dt):
 
 @kernel
 def resist_in_frame(m, c, dt, fx, fy, fz):
-    """Rolling resistance as in `resist_lanes`, but relative to a frame that turns with (fx, fy, fz).
-
-    A body whose budget exceeds its rotation relative to the frame turns with the frame.
-    """
+    """Rolling resistance as in `resist_lanes`, but relative to a frame, with which a stopped body turns."""
     for k in range(L):
         lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
         budget = dt * m[LOAD + st.ROLL * L + k]
@@ -289,11 +286,7 @@ def shape_lanes(m, c, parts):
 
 @inlined
 def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
-    """Turn the bodies of a tile by one time step; returns whether any body turns.
-
-    `rests` says that no body turned in the last step: then a tile costs little. (fx, fy, fz): angular velocity of the
-    frame of rolling resistance.
-    """
+    """Turn the bodies of a tile by one step, at little cost if none turned in the last; returns whether any turns."""
     framed = fx != 0.0 or fy != 0.0 or fz != 0.0
     if rests and not framed and might_turn(m, dt) == 0:
         return False

@@ -40,10 +40,7 @@ SpherePairs = namedtuple(
 
 
 def new_clumps(shapes, shape, scale, walls, n_meshed):
-    """The spheres of shapes, and the shape and scale of each body.
-
-    walls: number of planes, of cones and rings, and of meshes; n_meshed: room for contacts with meshes.
-    """
+    """The spheres of shapes, and each body's shape and scale; walls: number of planes, curved walls and meshes."""
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
     for k, clump in enumerate(shapes):
         spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T

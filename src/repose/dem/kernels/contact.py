@@ -17,10 +17,7 @@ LONGEST_STEP = 0.4
 
 @inlined
 def newton_step(x, y, z, xx, xy, xz, yy, yz, zz, f):
-    """One Newton step on the sphere, or a scaled gradient step where the Hessian is not definite.
-
-    (x, y, z) is the gradient, xx to zz the curvature of both bodies; see `tile.newton_step`.
-    """
+    """One Newton step on the sphere from gradient and curvature, or a scaled gradient step at an indefinite Hessian."""
     trace = xx + yy + zz
     det = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)
     if trace + 2.0 * f > 0.0 and det > 1e-3 * trace * trace:

@@ -6,9 +6,9 @@ A unit impulse along the normal n gives the place of a contact at r from a body'
 
 along n, J the inverse inertia. The sum over both bodies is the inverse of their mass at the contact: there and in this
 direction they move as two spheres of that mass would. Two clumps may touch with several spheres at once. Stiffnesses S
-in one place add up to N S, so for the damping ratio of one contact the dampings 2 beta sqrt(S m) must add up to 2 beta
-sqrt(N S m): each of the N contacts has the mass m / N. All contacts of two clumps share the mass in this way, and all
-spheres of a clump on one wall, wherever they touch.
+in one place add up to N S, so for the damping ratio of one contact the dampings 2 beta sqrt(S m) must add up to
+2 beta sqrt(N S m): each of the N contacts has the mass m / N. All contacts of two clumps share the mass in this way,
+and all spheres of a clump on one wall, wherever they touch.
 
 References
 ----------

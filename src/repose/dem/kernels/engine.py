@@ -59,10 +59,7 @@ def wall_contacts_and_forces(
 def advance(
     bodies, pairs, flat, curved, meshed, clumps, grid, walls, meshes, counts, physics, t, bodies_tile, numbers, steps
 ):  # fmt: skip
-    """Advance by a number of steps, or fewer where a list may become too short; returns the number of steps made.
-
-    t and bodies_tile are scratch tiles, numbers is a scratch array of length SCRATCH.
-    """
+    """Advance by a number of steps, or fewer where a list may become too short; returns the number of steps made."""
     ghost = grid.cell.shape[0]
     scratch = st.scratch_of(numbers)
     for step in range(steps):

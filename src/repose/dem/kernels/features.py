@@ -267,10 +267,7 @@ def _gentle_neighbours(core, faces, group, normals):
 
 
 def split(vertices, faces, radius):
-    """The features of one mesh (a `Part`): vertices (V, 3) [m], faces (F, 3), edge radius [m].
-
-    Raises ValueError for a mesh that is no surface, or has no room for the edge radius.
-    """
+    """The features (a `Part`) of a mesh (V, 3) [m], (F, 3); ValueError for no surface, or no room for the radius."""
     edges, beside = edge_table(faces)
     group, normals = coplanar_groups(vertices, faces, edges, beside)
     steps, pairs, planes = inward_steps(vertices, faces, edges, beside, group, normals)

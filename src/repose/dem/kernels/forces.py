@@ -54,10 +54,7 @@ def fetch_bodies(rows, load, index, base):
 
 @inlined
 def fetch_contacts(pairs, load, rows, base):
-    """Prefetch the next tile but one of contacts, and the second bodies of the next tile.
-
-    Bodies in a first place come nearly in order, which the processor foresees by itself.
-    """
+    """Prefetch the next tile but one, and the second bodies of the next tile; first bodies come nearly in order."""
     if base + 2 * L < pairs.first.shape[0]:
         for column in range(0, pairs.data.shape[1], WIDTH):
             prefetch(pairs.data, base // L + 2, column)

@@ -83,10 +83,7 @@ def area(xx, xy, xz, yy, yz, zz):
 
 @inlined
 def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
-    """h, x.u, x.w, Q_uu, Q_uw, Q_ww of a body in direction n: support value, support point, curvature Q = grad grad h.
-
-    u and w are the two tangents.
-    """
+    """h, x.u, x.w, Q_uu, Q_uw, Q_ww in direction n with tangents u, w: support value and point, Q = grad grad h."""
     if parts == SPHERES:
         return row[SPHERE_RADIUS], 0.0, 0.0, row[SPHERE_RADIUS], 0.0, row[SPHERE_RADIUS]
     h = 0.0

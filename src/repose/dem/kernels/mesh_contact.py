@@ -62,10 +62,7 @@ def write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, w
 
 @kernel
 def face_contact(row, parts, face, out):
-    """Contact with a face: fills `out`; returns how far inside the triangle the deepest point lies [m].
-
-    A point on a side belongs to one of the two triangles that share the side; for the other it lies just outside.
-    """
+    """Contact with a face: fills `out`; returns how far inside the triangle the deepest point lies [m]."""
     nx, ny, nz = face[0], face[1], face[2]
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)

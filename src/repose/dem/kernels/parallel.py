@@ -162,10 +162,7 @@ def advance_shared(
     bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics, tiles, body_tiles, scratches, shared,
     thread, steps
 ):  # fmt: skip
-    """The part of one thread in a number of steps, see `engine.advance`; returns the steps made.
-
-    tiles, body_tiles and scratches have one row for each thread; `shared` are the arrays of all threads (`Shared`).
-    """
+    """The part of one thread in a number of steps, with a row of each scratch array; returns the steps made."""
     threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
     lead = thread == 0

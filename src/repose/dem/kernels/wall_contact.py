@@ -22,10 +22,7 @@ NEAREST = 1e-30  # of two points, for a direction [m]
 
 @inlined
 def effective_radius(q11, q12, q22, k1, k2):
-    """R* of a body (curvature radii Q) on a wall with principal curvatures k1, k2 along Q's axes.
-
-    1 / R*^2 = det(Q^-1 + K); a concave wall has a negative curvature.
-    """
+    """R* on a wall with principal curvatures k1, k2 along Q's axes, negative if concave: 1 / R*^2 = det(Q^-1 + K)."""
     det = q11 * q22 - q12 * q12
     relative = 1.0 + q11 * k1 + q22 * k2 + det * k1 * k2
     return math.sqrt(det / max(relative, LEAST_RELATIVE_CURVATURE))
@@ -91,10 +88,7 @@ def cone_contact(row, parts, cone, theta, out):
 
 @inlined
 def ring_newton(row, parts, ring, theta, nx, ny, nz):
-    """One Newton step for the distance of a body to a circle, maximum over n and minimum over theta.
-
-    Returns the new theta and n, the distance at the old ones and the length of the step.
-    """
+    """One Newton step for the distance to a circle: the new theta and n, the distance before, and the step's length."""
     cos, sin = math.cos(theta), math.sin(theta)
     radius = ring[0]
     dx = radius * cos - row[0]
@@ -143,10 +137,7 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
 
 @kernel
 def ring_contact(row, parts, ring, theta, nx, ny, nz, out):
-    """Contact of a body with a ring edge at a solved (theta, n): fills `out` as `cone_contact` does.
-
-    Returns whether the normal points at the part of the torus that the adjoining walls do not hide.
-    """
+    """Contact with a ring edge at a solved (theta, n): fills `out`; returns whether no adjoining wall hides it."""
     cos, sin = math.cos(theta), math.sin(theta)
     # frame: u along the edge as far as it is tangent to the body, w across it
     ux, uy, uz = -sin, cos, 0.0
@@ -207,11 +198,7 @@ def fill_contact(out, nx, ny, nz, gap, curvature, radius):
 
 @inlined
 def sphere_on_cone(x, y, z, radius, cone, out):
-    """Contact of a sphere with the inside of a cone, in its frame: fills `out`.
-
-    Returns how far the projection of the centre onto the wall lies beyond the wall's ends [m]; up to 0 it is on the
-    wall.
-    """
+    """Contact of a sphere with a cone in its frame: fills `out`; returns how far it is beyond the wall's ends [m]."""
     across = math.sqrt(x * x + y * y)
     inv = 1.0 / max(across, NEAREST)
     cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)
@@ -227,10 +214,7 @@ def sphere_on_cone(x, y, z, radius, cone, out):
 
 @inlined
 def sphere_on_ring(x, y, z, radius, ring, out):
-    """Contact of a sphere with a ring edge, in its frame: fills `out`.
-
-    Returns a lower bound of its distance from the part of the edge that the adjoining walls do not hide [m].
-    """
+    """Contact of a sphere with a ring in its frame: fills `out`; returns a lower bound of its way to the open part."""
     across = math.sqrt(x * x + y * y)
     inv = 1.0 / max(across, NEAREST)
     cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)

@@ -80,7 +80,7 @@ def look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, s
 
 @kernel
 def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch):
-    """Find new contacts with planes, cones, tubes and rings; bodies once below `lowest` are searched for planes alone.
+    """Find new contacts with planes, cones, tubes and rings; a body once below `lowest` is checked against planes only.
 
     In a large simulation whose walls stand still, a tile of bodies is skipped until the paths of its fastest bodies may
     have used up its wall_margin.

@@ -144,11 +144,7 @@ def slid_off(bodies, contacts, n, k, depth):
 
 @inlined
 def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, deepest, moved, out):
-    """Add a contact that is found and new; returns how far the body may move before the next check.
-
-    deepest: largest overlap with which a contact may begin; moved: how far the body may have moved since the last
-    check.
-    """
+    """Add a contact that is found and new; returns how far the body may move before the next check."""
     if deepest < math.inf:
         deepest = max(deepest, overlap_elsewhere(contacts, counts[st.N_CURVED], body, wall))
     if not on_wall or out[3] < -min(DEEPEST_NEW * radius, deepest + moved):
@@ -289,10 +285,7 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, profil
 
 @inlined
 def follow_wall(parts, body, walls, wall, contacts, lane, out, local):
-    """Track a contact with a cone or ring through one step; returns whether it lies on the wall.
-
-    `out` and the contact's normal are in the world, the azimuth is in the frame of the wall.
-    """
+    """Follow a contact with a cone or ring by a step: fills `out` in world axes; returns whether it is on the wall."""
     n_cones = walls.cones.shape[0]
     theta = contacts[st.AZIMUTH + lane]
     row = seen_from(walls, wall, body, parts, local)
