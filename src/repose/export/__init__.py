@@ -58,10 +58,7 @@ def check_laws(job: Job, program: str) -> None:
 
 
 def write(job: Job, program: str, folder: str | PathLike) -> list[Path]:
-    """Write the deck of a program of `PROGRAMS` into a folder; return its files, the deck itself first.
-
-    InputError as by `check_laws`.
-    """
+    """Write the deck of a program of `PROGRAMS`, return its files, itself first; InputError as by `check_laws`."""
     check_laws(job, program)
     paths = []
     for name, text in PROGRAMS[program](job).items():

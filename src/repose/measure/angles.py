@@ -80,10 +80,7 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
 def window_slopes(
     distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
 ) -> np.ndarray:
-    """Slope (windows,) of the regression line of the points in each window of heights; NaN if too few, or a wall.
-
-    Sums accumulated over the points in order of height need one pass for all windows.
-    """
+    """Slope (windows,) of the regression line in each window of heights, by running sums; NaN if too few, or a wall."""
     order = np.argsort(height, kind="stable")
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
     first = np.searchsorted(height[order], lows, side="left")

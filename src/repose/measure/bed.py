@@ -44,9 +44,9 @@ def measure_surface(
     fit_share: float,
     scales: np.ndarray | None = None,
 ) -> Surface:
-    """Surface of berries in a drum of inner radius `radius_m`, by the upper edge of their silhouette.
+    """Upper edge of the berries in a drum, and the line through the middle `fit_share` of its width.
 
-    The line goes through the middle `fit_share` of the edge's width, without the berries that the wall lifts.
+    The ends of the width are left out, since the wall lifts berries there.
     """
     filled = _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales)
     columns = np.flatnonzero(filled.any(axis=0))
@@ -92,10 +92,7 @@ def occupied_share(
 def surface_heights(
     occupied: np.ndarray, covered: float, x_m: np.ndarray, radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Heights (M,) [m] over the axis of the uppermost line of a share `covered`; without such a line, the drum's wall.
-
-    `occupied` (H, W) comes from `occupied_share` and is interpolated between pixels.
-    """
+    """Heights (M,) [m] over the axis at which `occupied` (H, W) falls to a share `covered`, or of the drum's wall."""
     pixel_m = 1e-3 * mm_per_pixel
     rows, columns = occupied.shape
     places = (np.arange(columns) + 0.5) * pixel_m - radius_m

@@ -240,8 +240,7 @@ def _meeting(lines, base_row):
 def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
     """The measurement with angles as seen by a camera at the height of the crest; the lines do not change.
 
-    A cone's outline is flatter from above or below: tan(seen)^2 = tan(true)^2 - tan(look down)^2, exactly, at any
-    distance.
+    A cone's outline is flatter from above or below: tan(seen)^2 = tan(true)^2 - tan(look down)^2, exactly.
     """
     lost = math.tan(math.radians(look_down_deg)) ** 2
 

@@ -49,10 +49,7 @@ def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
 def pour_arrays(
     arrays: dict[str, np.ndarray], seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
-    """Arrays of one pour by name, such as ``position``, from arrays with the keys NAME_SEED.
-
-    InputError if an array of `kinds` is missing or invalid.
-    """
+    """Arrays of one pour by name, from those with the keys NAME_SEED; InputError if one of `kinds` is unusable."""
     ending = f"_{seed}"
     selected = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
     for kind in kinds:

@@ -1,7 +1,7 @@
 """A berry without a scan: a closed mesh from three axes and a mass.
 
-The cross-section is an ellipse whose size follows a profile r(t) = (1 - |t|^m)^k along the axis, t from -1 to 1. With m
-= 2, k = 1/2 that is an ellipsoid. A fuller body has m > 2, k = 1/m (a superellipse: m = 3 is a plump berry, large m a
+The cross-section is an ellipse whose size follows a profile r(t) = (1 - |t|^m)^k along the axis, t from -1 to 1. With
+m = 2, k = 1/2 that is an ellipsoid. A fuller body has m > 2, k = 1/m (a superellipse: m = 3 is a plump berry, large m a
 cylinder), a leaner body m = 2, k > 1/2 (pointed ends). The fullness V / (L W T) = pi/4 B(1/m, 2k + 1) / m then follows
 from the mass and the density.
 """

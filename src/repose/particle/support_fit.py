@@ -1,7 +1,7 @@
 """Support functions fitted to a mesh: the sum of a few co-axial ellipsoids, or a single ellipsoid.
 
-The support function h(n) of a body is its extent in direction n from its centre. An ellipsoid with half axes s has h =
-sqrt(sum s_i^2 n_i^2), and a sum of support functions is that of a Minkowski sum: a body whose h is the sum of a few
+The support function h(n) of a body is its extent in direction n from its centre. An ellipsoid with half axes s has
+h = sqrt(sum s_i^2 n_i^2), and a sum of support functions is that of a Minkowski sum: a body whose h is the sum of a few
 ellipsoids with common axes is smooth, convex and closed-form.
 """
 

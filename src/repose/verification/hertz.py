@@ -65,9 +65,9 @@ class Hertz:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Time [s], overlap [m] and normal force [N] of the damped impact (Tsuji 1992), each (count,).
 
-        m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt, S = 2 E* sqrt(R*
-        delta), b the damping ratio; solved in units in which overlap, mass and speed are 1. The contact ends with the
-        overlap for `tension` "keep", with the force for "release".
+        m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt,
+        S = 2 E* sqrt(R* delta), b the damping ratio; solved in units in which overlap, mass and speed are 1. With
+        `tension` "keep" the contact lasts until the overlap ends, with "release" until the force vanishes.
         """
         damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension) * math.sqrt(15.0 / 8.0)
 

@@ -157,10 +157,7 @@ def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[
 def save(
     figure: Figure, out_path: str | Path, small_run: bool, further: Sequence[str] = (), dpi: int = DPI
 ) -> None:
-    """Write a figure in the format of its path, and beside it in `further` formats; the same bytes in every run.
-
-    A small run is marked across the top.
-    """
+    """Write a figure in the format of its path and in `further` ones, a small run marked; the same bytes each time."""
     if small_run:
         width, height = figure.get_size_inches()
         band = 0.24
