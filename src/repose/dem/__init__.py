@@ -1,7 +1,7 @@
-"""The discrete element engine: shapes, contacts, walls and time; it knows nothing of calibration.
+"""The discrete element engine: shapes, contacts, walls and time; it does not depend on the calibration.
 
-The names below are imported when they are first used, so that importing one small module of this package does not
-load the compiler.
+A name below is imported at its first use, so that the import of a small module of this package does not load the
+compiler.
 """
 
 from importlib import import_module

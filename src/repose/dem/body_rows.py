@@ -1,4 +1,4 @@
-"""The rows of one body, as the kernels have them."""
+"""The data of one body: checked, and written into the arrays of the kernels."""
 
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from .shapes import Clump, Shape
 
 
 class Body(NamedTuple):
-    """A body in its place, in the world frame; its quaternion (w, x, y, z), body to world, has length 1."""
+    """A body in the world frame; its quaternion (w, x, y, z), body to world, has length 1."""
 
     kind: Shape | Clump
     position: np.ndarray
@@ -31,7 +31,7 @@ def checked_body(
     angular_velocity_rad_s: ArrayLike,
     scale: float,
 ) -> Body:
-    """A body from a user's values; ValueError for vectors that are none, or a quaternion of length 0."""
+    """A body from a user's values; ValueError for invalid vectors or a quaternion of length 0."""
     rotation = vector("quaternion", quaternion, 4)
     length = np.linalg.norm(rotation)
     if not length > 0.0:

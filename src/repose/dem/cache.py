@@ -1,8 +1,6 @@
-"""Where numba keeps compiled kernels.
+"""The folder for compiled kernels, named after a hash of all sources of this package and of laws from outside.
 
-numba's own cache looks at a kernel's file only, not at the files of the kernels it calls. The cache folder is
-therefore named after a hash of every source file of this package, and of each law from outside: an edit anywhere
-compiles everything anew, and two versions of the project never share machine code.
+numba's own cache checks the file of a kernel only, not the files of the kernels that it calls.
 """
 
 import hashlib
@@ -37,7 +35,7 @@ def folder() -> str:
 
 
 def use_cache() -> None:
-    """Point numba at the cache folder."""
+    """Let numba use the cache folder."""
     import numba
 
     # numba makes its settings when it is imported, so their types are not seen.

@@ -1,4 +1,4 @@
-"""Checks of what a user gives: the value as the engine takes it, or ValueError naming it and what is allowed."""
+"""Checks of a user's values: each returns the value for the engine, or raises ValueError with its name and limits."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,14 +11,14 @@ from .errors import shown
 
 
 def is_number(value: Any, *, finite: bool = True) -> bool:
-    """Whether a value is a real number and no truth value; with `finite` False, infinite ones pass, too."""
+    """Whether a value is a real number and not a truth value; `finite` False accepts infinite numbers, too."""
     if not isinstance(value, Real) or isinstance(value, bool | np.bool):
         return False
     return math.isfinite(value) if finite else not math.isnan(value)
 
 
 def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -> float:
-    """A finite number that `accepts` accepts; `allowed` says in words which ones."""
+    """A finite number that `accepts` accepts; `allowed` says in words which numbers are accepted."""
     if not (is_number(value) and accepts(value)):
         raise ValueError(f"{name} is {shown(value)}; allowed: {allowed}")
     return float(value)
@@ -35,7 +35,7 @@ def not_negative(name: str, value: Any) -> float:
 
 
 def height(name: str, value: Any) -> float:
-    """A number that may be infinite: a height that nothing reaches."""
+    """A number that may be infinite: a height that no body reaches."""
     if not is_number(value, finite=False):
         raise ValueError(f"{name} is {shown(value)}; allowed: a number, or -inf for none")
     return float(value)
@@ -65,7 +65,7 @@ def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.ndarray:
-    """A copy of finite numbers of a shape; `allowed` says in words what they are."""
+    """A copy of finite numbers of a shape; `allowed` is their description in the error."""
     numbers: np.ndarray | None
     try:
         numbers = np.array(value, float)
@@ -77,7 +77,7 @@ def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.nda
 
 
 def direction(name: str, value: Any) -> np.ndarray:
-    """The unit vector (3,) along a vector that is not 0."""
+    """The unit vector (3,) along a vector of a length above 0."""
     along = vector(name, value)
     length = np.linalg.norm(along)
     if not length > 0.0:
@@ -86,7 +86,7 @@ def direction(name: str, value: Any) -> np.ndarray:
 
 
 def is_name(value: Any) -> bool:
-    """Whether a value can name a shape, a material or a wall: text that is not empty."""
+    """Whether a value can be the name of a shape, a material or a wall: text that is not empty."""
     return isinstance(value, str) and bool(value)
 
 
@@ -98,7 +98,7 @@ def name_of(what: str, value: Any) -> str:
 
 
 def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
-    """Names to objects of some classes, as a new dictionary; `words` names the classes in the error."""
+    """Names and objects of some classes, as a new dictionary; `words` is the name of the classes in the error."""
     good = isinstance(value, Mapping) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
     if not good:
         raise ValueError(f"{name} is {shown(value)}; allowed: names, each with a {words}")
@@ -106,7 +106,7 @@ def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
 
 
 def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
-    """What a name stands for among named choices."""
+    """The value of a name among named choices."""
     if not (isinstance(value, str) and value in choices):
         raise ValueError(f"{name} is {shown(value)}; allowed: {', '.join(map(repr, choices))}")
     return choices[value]

@@ -47,7 +47,7 @@ COHESION_ENERGY_DENSITY = Constant(
 TWISTING = Constant("twisting_friction", "mut", r"{\mu_t}", "", "twisting friction")
 TWISTED_BY = ("constant_torque", "epsd", "epsd2")
 
-# The constants that each contact law needs; a law without any is not named.
+# The constants that each contact law needs; a law without constants has no entry.
 OF_LAWS: dict[str, tuple[Constant, ...]] = {
     "jkr": (SURFACE_ENERGY,),
     "sjkr": (COHESION_ENERGY_DENSITY,),

@@ -1,4 +1,4 @@
-"""The lists of contacts of a simulation: made, and made larger when they fill up."""
+"""The lists of contacts of a simulation: new ones, and longer ones when they fill up."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 
 
 def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
-    """Empty lists for contacts of bodies with each other; most_spheres: of a clump, 0 for smooth bodies."""
+    """Empty lists for contacts of bodies with each other; most_spheres: of the largest clump, 0 for smooth bodies."""
     entries = NEAR_PER_BODY * capacity + 256
     if most_spheres == 0:
         return st.new_pairs(CONTACTS_PER_BODY * capacity + 64, entries, capacity, n_state)
@@ -23,10 +23,7 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
 def new_wall_contacts(
     capacity: int, n_walls: tuple[int, int, int], of_clumps: bool, n_state: int
 ) -> tuple[Any, Any, Any]:
-    """Empty lists for contacts with plane walls, with cones and rings, and with meshes.
-
-    `n_walls` are the numbers of these walls, `n_state` the rows that the force laws keep for each contact.
-    """
+    """Empty lists for contacts with planes, with cones and rings, and with meshes: `n_walls` has their numbers."""
     n_planes, _n_curved, n_meshes = n_walls
     spare = 64 * st.MOST_SPHERES if of_clumps else 64
     rows = (ct.WALL_STATE if of_clumps else st.WALL_STATE) // st.LANES + n_state

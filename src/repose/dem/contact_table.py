@@ -14,17 +14,14 @@ Pairs = dict[tuple[str, str], Contact]
 
 
 class MaterialNumbers(NamedTuple):
-    """Number of each material by its name; those of bodies come first."""
+    """Number of each material by its name; the materials of bodies come first."""
 
     of_bodies: dict[str, int]
     of_all: dict[str, int]
 
 
 def pairs_of(contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str, Material]) -> Pairs:
-    """Contacts by pairs of names in both orders.
-
-    ValueError if a key is no pair of known names, a value no Contact, or the two orders of a pair differ.
-    """
+    """Contacts by pairs of names in both orders; ValueError for unknown names, no Contact, or two that differ."""
     if not isinstance(contacts, Mapping):
         raise ValueError(f"contacts is {contacts!r}; allowed: (material, material): Contact")
     both: Pairs = {}
@@ -48,7 +45,7 @@ def number_materials(
     materials: Mapping[str, Material],
     contacts: Pairs,
 ) -> MaterialNumbers:
-    """Number the materials; ValueError if one is missing, or the contact of two that can meet."""
+    """Number the materials; ValueError for a missing material, or a missing contact of two that can meet."""
     names = list(dict.fromkeys(shape.material for shape in shapes.values()))
     of_bodies = {name: k for k, name in enumerate(names)}
     names += dict.fromkeys(name for name in of_walls if name not in names)
@@ -65,7 +62,7 @@ def number_materials(
 
 
 def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None:
-    """ValueError if a contact lacks a constant that the law needs, has one that it does not need, or has it wrong."""
+    """ValueError if a contact lacks a constant of the law, has one that the law does not need, or has a wrong value."""
     known = {constant.name: constant for constant in law.asks}
     for a in numbers.of_bodies:
         for b in numbers.of_all:
@@ -108,7 +105,7 @@ def fields_of_laws(
     materials: Mapping[str, Material],
     contacts: Pairs,
 ) -> dict[str, Any]:
-    """What the kernels know of the force laws: fields of `repose.dem.kernels.state.Physics`."""
+    """Fields of `repose.dem.kernels.state.Physics` that describe the force laws."""
     of_pairs = numbers, materials, contacts, tension
     return {
         "law": contact_law.make_options(tension, friction_limit),

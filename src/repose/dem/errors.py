@@ -1,4 +1,4 @@
-"""The exception that a file given by the user can cause."""
+"""The exception for a fault in a user's file."""
 
 import reprlib
 
@@ -11,25 +11,13 @@ _short.maxstring = _short.maxlong = _short.maxother = MOST_SHOWN
 
 
 def shown(value: object) -> str:
-    """A value as a message shows it, in at most `MOST_SHOWN` characters."""
+    """Text of a value for a message, at most `MOST_SHOWN` characters."""
     text = _short.repr(value)
     return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 3]}..."
 
 
 class InputError(ValueError):
-    """A file, or an entry of it, that cannot be used.
-
-    Parameters
-    ----------
-    source : str or path
-        The file.
-    key : str
-        What is wrong in it.
-    value : object
-        What was found.
-    allowed : str
-        What is allowed there.
-    """
+    """A file, or an entry `key` of it, that cannot be used; the message names `value` and what is `allowed`."""
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         self.source, self.key, self.value, self.allowed = source, key, value, allowed

@@ -1,4 +1,4 @@
-"""What a simulation reports of its bodies, its contacts and the loads on its walls."""
+"""The results that a simulation reports: bodies, contacts and loads on walls."""
 
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from .rotations import rotation_matrices
 
 
 class WallLoad(NamedTuple):
-    """What the bodies do to a wall.
+    """The load of the bodies on a wall.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class WallLoad(NamedTuple):
 
 
 class Observables:
-    """The readings of a `Simulation`, which holds the arrays."""
+    """The results of a `Simulation`, which holds the arrays."""
 
     contact_law: Any
     rolling_law: Any
@@ -60,12 +60,12 @@ class Observables:
 
     @property
     def n_bodies(self) -> int:
-        """How many bodies were added so far."""
+        """Number of bodies added so far."""
         return int(self.counts[st.N_BODIES])
 
     @property
     def steps(self) -> int:
-        """How many time steps were made."""
+        """Number of time steps made."""
         return int(self.counts[st.STEPS])
 
     @property
@@ -105,7 +105,7 @@ class Observables:
 
     @property
     def shape_ids(self) -> np.ndarray:
-        """Which shape each body has, as its place among the names of `shapes`, a view (N,)."""
+        """Shape of each body, as its place among the names of `shapes`, a view (N,)."""
         return self._shape_ids[: self.n_bodies]
 
     @property
@@ -115,16 +115,16 @@ class Observables:
 
     @property
     def present(self) -> np.ndarray:
-        """Which bodies are still there (N,)."""
+        """Whether each body is still there (N,)."""
         return self._seen(self.bodies.presence) == st.PRESENT
 
     @property
     def exit_times_s(self) -> np.ndarray:
-        """When each body fell through the exit height (N,) [s]; nan where it did not."""
+        """Time at which each body fell through the exit height (N,) [s]; nan where it did not."""
         return self._seen(self.bodies.exit_time)
 
     def _seen(self, values):
-        """Values of the bodies added so far, by the numbers that users know: a view where they are the engine's own."""
+        """Values of the bodies in the order of their addition: a view where the engine has the same order."""
         return values[self._inner[: self.n_bodies]] if self._shared else values[: self.n_bodies]
 
     @property

@@ -12,7 +12,7 @@ from .errors import shown
 from .kernels.state import MOST_PARTS, MOST_SPHERES, SPHERES
 from .rotations import sphere_directions
 
-DIRECTIONS = 2000  # from which a clump is looked at
+DIRECTIONS = 2000  # in which a clump's extent is calculated
 
 
 def _semi_axes(value):

@@ -36,7 +36,7 @@ TURNING = (
     "rolling_frame_rad_s to the wall's angular velocity, or take rolling_law='epsd'"
 )
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
-CHUNK_S = 0.2  # wall time of `run` between two looks at the clock
+CHUNK_S = 0.2  # wall time of `run` between two reads of the clock
 FIRST_CHUNK = 20  # steps
 
 
@@ -241,7 +241,7 @@ class Simulation(Observables):
         self._scratches = st.zeros(threads, st.SCRATCH)
 
     def _resists_against_space(self) -> bool:
-        """Whether a wall turns, and rolling is resisted in a frame that does not."""
+        """Whether a wall turns while the frame of the rolling resistance does not."""
         turns = self.walls.approach[st.WALLS_MOVE] > 0.0 and bool(self.walls.motion[:, 3:6].any())
         in_space = self.rolling_law is ROLLING_LAWS["budget"] and not self.physics.rolling_frame.any()
         return turns and in_space and any(pair.rolling_friction > 0.0 for pair in self.contact_pairs.values())
@@ -378,7 +378,7 @@ class Simulation(Observables):
                 self._grow()
 
     def _advance(self, steps: int) -> int:
-        """Advance by at most `steps`, fewer where a list has to grow; the steps made."""
+        """Advance by at most `steps`, or fewer where a list has to grow; returns the number made."""
         lists = (self.bodies, self.pairs, self.flat, self.curved, self.meshed)
         world = (self.grid, self.walls, self.meshes, self.counts, self.physics)
         if not self._shared:
@@ -398,14 +398,14 @@ class Simulation(Observables):
         return parallel.run_threads((*lists, *world), tiles, shared, steps)
 
     def _renumber(self) -> None:
-        """Number the bodies in the order of space; what users see keeps their numbers."""
+        """Number the bodies in spatial order; for users they keep their numbers."""
         n = self.n_bodies
         order = reorder(self.bodies, self.grid, self.pairs, self.flat, self.curved, self.meshed, self.counts)
         self._outer[:n] = self._outer[:n][order]
         self._inner[self._outer[:n]] = np.arange(n)
 
     def _grow(self) -> None:
-        """Double the lists that are filling up; each in one move, or an interrupt could leave half of one."""
+        """Double the lists that are filling up; each in one move, since an interrupt could leave half a list."""
         counts, capacity = self.counts, self.capacity
         self.pairs = contact_lists.grown_pairs(
             self.pairs, counts, capacity, self._most_spheres, self._n_state
@@ -429,22 +429,21 @@ class Simulation(Observables):
     ) -> None:
         """Advance by simulated time, to the nearest time step. Ctrl-C ends it between two steps.
 
-        Nothing but `seconds` changes a bit of the result.
+        Of the arguments only `seconds` affects the result.
 
         Parameters
         ----------
         seconds : float
             Simulated time [s].
         progress : callable or False, optional
-            A function is called with the simulated time now and then. False is silent. By default there is a bar where
+            A function is called with the simulated time at intervals. False is silent. By default there is a bar where
             stderr is a terminal, and a line a minute where it is not.
         record : callable or sequence of callables, optional
-            Called with the simulation at the start of time and then again and again, such as a `Recorder` or a
-            `VtkSeries`.
+            Called with the simulation at time 0 and then every `record_every_s`, such as a `Recorder` or a `VtkSeries`.
         record_every_s : float, optional
             Simulated time between two records [s].
         checkpoint : path, optional
-            A file that `save` writes now and then, at the end, and on Ctrl-C.
+            A file that `save` writes at intervals, at the end, and on Ctrl-C.
         every_s : float
             Wall time between two checkpoints [s].
 

@@ -17,9 +17,9 @@ TUBE_SECTORS = 24  # of a full turn about a rounded edge
 def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points [m] (V, 3), unit normals (V, 3) and triangles (T, 3) of a surface, anticlockwise seen from outside.
 
-    The grid is one of latitude and longitude about the body's first axis; V and T are the same for all bodies. The
-    body may be anything with `support` and `support_point`. Of a clump there is what is seen from its centre of
-    mass.
+    The grid has latitudes and longitudes about the body's first axis; V and T are the same for all bodies. A body is
+    any object with `support` and `support_point`. Of a clump only the surface that is visible from its centre of mass
+    is made.
     """
     polar, turn = np.meshgrid(
         np.linspace(0, math.pi, rings + 1),
@@ -27,7 +27,7 @@ def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarra
         indexing="ij",
     )
     sphere = np.stack([np.cos(polar), np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn)], axis=-1)
-    # Normals spread evenly over the surface, not over the directions: a slim body has its tips well resolved.
+    # Normals are spread evenly over the surface and not over the directions, so a slim body has well resolved tips.
     extent = np.array([body.support(axis) for axis in np.eye(3)])
     normals = (sphere / extent).reshape(-1, 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -62,8 +62,8 @@ def plane_polygon(
 ) -> np.ndarray:
     """Corners (M, 3) [m] of the visible part of a plane, anticlockwise seen from the bodies.
 
-    A disc is a polygon of many corners. An endless plane is cut off by the box, and by the `others`, endless planes
-    beyond which no body can be. Planes are rows (7,) of `Simulation.walls`.
+    A disc is a polygon of `SECTORS` corners. An endless plane ends at the box and at the `others`, endless planes
+    beyond which there are no bodies. Planes are rows (7,) of `Simulation.walls`.
     """
     point, inwards, radius = plane[:3], -plane[3:6], plane[6]
     u = np.cross(np.eye(3)[np.argmin(np.abs(inwards))], inwards)
@@ -76,7 +76,7 @@ def plane_polygon(
     centre = 0.5 * (lower + upper)
     middle = centre + ((point - centre) @ inwards) * inwards
     square = np.array([middle + size * (a * u + b * w) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
-    # a plane that only just misses the box, by the thickness of a wall, is shown all the same
+    # a plane that misses the box by no more than the thickness of a wall is shown
     slack = 0.02 * size
     sides = [(n, n @ corner + slack * (abs(n @ inwards) > 0.999)) for n, corner in _box_sides(lower, upper)]
     sides += [(other[3:6], other[3:6] @ other[:3]) for other in others]
@@ -105,12 +105,12 @@ def _clipped(polygon, normal, offset):
 
 
 def endless(planes: np.ndarray) -> np.ndarray:
-    """Which planes, rows (P, 7) of `Simulation.walls`, have no edge."""
+    """Whether each plane, a row (P, 7) of `Simulation.walls`, has no edge."""
     return np.isinf(planes[:, 6])
 
 
 def visible_polygon(simulation: Any, k: int) -> np.ndarray:
-    """`plane_polygon` of plane number k, cut off by the simulation's box and its other endless planes."""
+    """`plane_polygon` of plane number k within the simulation's box and its other endless planes."""
     planes = simulation.walls.planes
     others = planes[endless(planes) & (np.arange(len(planes)) != k)]
     return plane_polygon(planes[k], simulation.lower, simulation.upper, others)
@@ -131,7 +131,7 @@ def _revolved(profile):
 
 
 def _edge_profile(ring):
-    """Radius and height (M, 2) of the part of a `RingEdge`'s round that bodies can touch, in its own frame [m]."""
+    """Radius and height (M, 2) of the part of a `RingEdge` that bodies can touch, in its own frame [m]."""
     angle = 2.0 * math.pi * (np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS) / TUBE_SECTORS
     open_to = np.ones(TUBE_SECTORS, bool)
     middle = 0.5 * (angle[1:] + angle[:-1])
@@ -146,12 +146,12 @@ def _edge_profile(ring):
 
 
 def in_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (M, 3) of a frame (12,), see `repose.dem.walls.frame_of`, in the world."""
+    """World coordinates of points (M, 3) of a frame (12,), see `repose.dem.walls.frame_of`."""
     return frame[:3] + points @ frame[3:].reshape(3, 3).T
 
 
 def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """The walls where they are now: points (V, 3) [m] and triangles (T, 3) by the name of each.
+    """Points (V, 3) [m] and triangles (T, 3) of each wall where it is now, by its name.
 
     Endless planes end at the box of the simulation and at each other.
     """
@@ -189,7 +189,7 @@ def _all_spheres(clump, rings, sectors):
 def triangulated_bodies(
     simulation: Any, rings: int = 8, sectors: int = 16
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (V, 3) [m] and triangles (T, 3) of all bodies that are there, and the body of each triangle (T,).
+    """Points (V, 3) [m] and triangles (T, 3) of all present bodies, and the body of each triangle (T,).
 
     Clumps have all their spheres, also where these lie inside each other.
     """

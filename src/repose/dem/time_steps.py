@@ -1,4 +1,4 @@
-"""How long a time step may be: an impact has to be resolved, and a body between two others has to be stable."""
+"""The longest time step: it resolves an impact, and a body between two others is stable."""
 
 import math
 from collections.abc import Mapping
@@ -8,29 +8,29 @@ from .laws.law import Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 
-STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
+STEPS_PER_CONTACT = 15  # the contact time of a head-on impact over the longest time step
 FASTEST_IMPACT_M_S = 2.0
-# Overlap of a body between two plates, over half its smallest extent: that of a soft body under a pile.
+# Overlap of a soft body under a pile, as between two plates, over half its smallest extent.
 PRESSED = 0.1
 # Speed times duration of an impact over its overlap: 2.94 by Hertz's law, pi by a linear spring.
 DURATION_OVER_OVERLAP = 3.0
 
 
 class Limit(NamedTuple):
-    """The longest time step, and what sets it, in words."""
+    """The longest time step, and the reason for it in words."""
 
     time_step_s: float
     reason: str
 
     @property
     def allowed(self) -> str:
-        """What is allowed, in words; the number is rounded down, so that it is allowed itself."""
+        """The limit in words, rounded down so that the printed number is allowed."""
         unit = 10.0 ** (math.floor(math.log10(self.time_step_s)) - 2)
         return f"at most {math.floor(self.time_step_s / unit) * unit:.3g}, {self.reason}"
 
 
 class Scene(NamedTuple):
-    """What the longest time step depends on."""
+    """All that the longest time step depends on."""
 
     law: Law
     tension: str
@@ -41,10 +41,7 @@ class Scene(NamedTuple):
 
 
 def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0) -> Limit:
-    """Longest time step for bodies of some shapes among walls: the smallest one of `impact` and `pressed`.
-
-    speed_m_s is that of the fastest impact. Both limits are proportional to the scale of a body.
-    """
+    """Longest time step for shapes among walls: the minimum of `impact` and `pressed`, times the smallest scale."""
     kinds = list(scene.shapes.values())
     impacts = [impact(scene, a, b, speed_m_s) for a in kinds for b in kinds]
     limit = min(impacts + [limit for kind in kinds for limit in _pressed_by_all(scene, kind)])
@@ -55,7 +52,7 @@ def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale:
 
 
 def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
-    """Smallest scale of each shape's bodies for a time step, just below the exact one: rounding refuses no body."""
+    """Smallest scale of each shape for a time step, rounded down so that the limit itself is accepted."""
     limits = {name: longest(scene._replace(shapes={name: shape})) for name, shape in scene.shapes.items()}
     return {name: (1.0 - 1e-12) * (time_step_s / limit.time_step_s) for name, limit in limits.items()}
 
@@ -70,16 +67,16 @@ def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -
 def pressed(
     scene: Scene, shape: Shape | Clump, other: str, of_body: bool = False, overlap_m: float | None = None
 ) -> Limit:
-    """Longest time step with which a body rests between two plates that press it from both sides.
+    """Longest time step with which a body between two plates that press it is stable.
 
-    other is the material of the plates. With `of_body` they are equal bodies, which move against it: a row in which
-    neighbours do so is the stiffest. overlap_m is that with each plate; by default that of a soft body under a
-    pile, or of the fastest impact, whichever is smaller.
+    `other` is the material of the plates; with `of_body` these are equal bodies that move against the body, as in a row
+    of bodies whose neighbours move against each other, the stiffest case. The default overlap with each plate is that
+    of a soft body under a pile or of the fastest impact, whichever is smaller.
 
     The stiffness S of one contact, the number N of them that act at one place, and the mass m of the body give the
-    oscillator w^2 = 2 N S / m. Its damping ratio z is sqrt(2) times that of one contact, for all N, which share the
-    damping. With a force of the velocity before the step, the semi-implicit Euler method is stable for dt < 2 / w
-    (sqrt(1 + z^2) - z). In a row of equal bodies m is the m* of two of them.
+    oscillator w^2 = 2 N S / m. Its damping ratio z is sqrt(2) times that of one contact, for any N, since the N
+    contacts share the damping. The semi-implicit Euler method, in which the force depends on the velocity before the
+    step, is stable for dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal bodies m is the m* of two of them.
     """
     shared = 2.0 if of_body else 1.0
     radius, mass = shape.flattest_radius_m / shared, shape.mass_kg / shared
@@ -109,7 +106,7 @@ def _pressed_by_all(scene, shape):
 
 
 def _duration(scene, a, b, speed_m_s):
-    """Duration of an impact of two shapes that meet head-on [s]."""
+    """Duration of a head-on impact of two shapes [s]."""
     mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
     radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
     return scene.law.contact_time(

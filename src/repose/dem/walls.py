@@ -46,7 +46,7 @@ class Motion:
         self.row()
 
     def row(self) -> np.ndarray:
-        """Velocity, angular velocity and pivot as the kernels take them (9,)."""
+        """Velocity, angular velocity and pivot for the kernels (9,)."""
         return np.concatenate(
             [
                 vector("velocity_m_s", self.velocity_m_s),
@@ -100,7 +100,7 @@ class Plane:
         self.row()
 
     def row(self) -> np.ndarray:
-        """The plane as the kernels take it: its normal points into the wall there."""
+        """The plane for the kernels, in which its normal points into the wall."""
         if self.radius_m != math.inf:
             positive("radius_m", self.radius_m)
         return np.concatenate(
@@ -207,7 +207,7 @@ class Cone:
         return cls(line, material, base_m, axis, motion)
 
     def row(self) -> np.ndarray:
-        """The cone as the kernels take it, in its own frame."""
+        """The cone for the kernels, in its own frame."""
         return np.array([*self.line, 0.0], float)
 
 
@@ -293,7 +293,7 @@ class RingEdge:
         frame_of(self)
 
     def row(self) -> np.ndarray:
-        """The ring as the kernels take it, in its own frame."""
+        """The ring for the kernels, in its own frame."""
         return np.array(
             [self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float
         )
@@ -464,10 +464,10 @@ class WallSet:
 def wall_arrays(
     wall_set: Any, kinds: Mapping[str, int], size_m: float, old: st.Walls | None = None, changed: int = -1
 ) -> st.Walls:
-    """The walls as the kernels take them.
+    """The arrays of the walls for the kernels.
 
-    `kinds` has the number of each material, `size_m` is that of the box the bodies stay in. With `old`, arrays of
-    the same walls, the places are taken from there, and the motions of all walls but number `changed`.
+    `kinds` has the number of each material, `size_m` is the size of the box of the bodies. With `old`, arrays of the
+    same walls, the places are taken from it, and the motions of all walls except number `changed`.
     """
     planes, cones, rings, meshes = (wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
     surfaces = [*planes, *cones, *rings, *meshes]
@@ -501,9 +501,9 @@ def wall_arrays(
 
 
 def _approach(surface, axis, place, motion, size_m):
-    """How fast any point of a wall may come nearer to a body [m/s]; nothing for one that turns about its own axis.
+    """Upper bound of the speed of a wall's points towards a body [m/s]; 0 for a wall that turns about its own axis.
 
-    axis, place: of the wall now; a plane's normal and middle, else the axis and origin of its frame.
+    axis, place: normal and middle of a plane, else axis and origin of the wall's present frame.
     """
     velocity, turning, pivot = motion[:3], motion[3:6], motion[6:]
     speed = float(np.linalg.norm(velocity))
@@ -512,7 +512,7 @@ def _approach(surface, axis, place, motion, size_m):
         return speed
     offset = place - pivot
     if isinstance(surface, Mesh):
-        # vertices are in the mesh's frame: no farther from the pivot than its origin and they from the origin
+        # vertices are in the mesh's frame: their distance from the pivot is at most reach plus offset
         reach = np.linalg.norm(surface.vertices_m, axis=1).max()
         return speed + rate * float(reach + np.linalg.norm(offset))
     aligned = abs(abs(axis @ turning) - rate) < 1e-12 * rate

@@ -56,7 +56,7 @@ def anova(model: Model) -> pd.DataFrame:
 
 
 def statistics(model: Model) -> dict[str, float]:
-    """Statistics of the fit, as in Design-Expert; nan if nothing is left to estimate the error by.
+    """Statistics of the fit, as in Design-Expert; nan without degrees of freedom for the error.
 
     `press` is the sum of the squared errors of predicting each run from all others. The R2 values leave the blocks'
     part out of the total. `adequate_precision` is the range of the predictions over their mean standard error.
@@ -109,8 +109,8 @@ def effects(model: Model) -> pd.DataFrame:
 def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
     """The two lines of the Pareto chart at level of significance `alpha`; nan without degrees of freedom.
 
-    `t`: a single term above it is significant. `bonferroni`: of the studies without any effect, at most a share alpha
-    has a term above it.
+    A single term above `t` is significant; without any effect, a share `alpha` of all studies at most has a term above
+    `bonferroni`.
     """
     from scipy import stats
 

@@ -14,7 +14,7 @@ def direction(slopes: ArrayLike) -> np.ndarray:
 
 
 def towards(slopes: ArrayLike, missing: ArrayLike, scale: ArrayLike) -> np.ndarray:
-    """Unit vector (k,) along which several responses come nearest to their targets fastest, in coded units.
+    """Unit vector (k,) along which several responses approach their targets fastest, in coded units.
 
     It is the steepest descent of the sum of the squared relative misses at the centre. `slopes` are (responses, k),
     `missing` is target minus response at the centre, `scale` the target over the root of its weight.

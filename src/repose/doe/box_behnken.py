@@ -1,7 +1,7 @@
 """Box-Behnken designs: three levels, no run at a corner, a full quadratic model.
 
-Own code, as libraries take all pairs of factors for any number of factors: for six and seven that gives 60 and 84 runs
-where Box and Behnken have 48 and 56.
+The code is our own because libraries use all pairs of factors for any number of factors: 60 and 84 runs for six and
+seven factors, where Box and Behnken have 48 and 56.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 
 from repose.doe.coding import two_level
 
-# Factors that vary together, in orthogonal blocks; the others stay at their centre (Box and Behnken 1960, Table 4).
+# Factors that vary together, in orthogonal blocks; the others are at their centre (Box and Behnken 1960, Table 4).
 BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
     3: [[(1, 2), (1, 3), (2, 3)]],
     4: [[(1, 2), (3, 4)], [(1, 4), (2, 3)], [(1, 3), (2, 4)]],

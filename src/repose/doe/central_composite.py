@@ -15,9 +15,9 @@ def central_composite(
 ) -> tuple[np.ndarray, float]:
     """A central composite design (n, factors) in coded units, in standard order, and the distance of its axial runs.
 
-    `factors` is 2 to 7. `axial` "rotatable": the distance is the fourth root of the number of factorial runs, so that
-    the variance of a prediction depends on its distance from the centre alone; "face_centred": it is 1, which needs
-    three levels only. Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math.
+    `factors` is 2 to 7. For `axial` "rotatable" the distance is the fourth root of the number of factorial runs, so
+    that the variance of a prediction depends on its distance from the centre alone; for "face_centred" it is 1, with
+    only three levels. Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math.
     Statist. 28 (1957) 195-241.
     """
     if factors not in CENTRES:

@@ -23,10 +23,10 @@ class Optimum:
 
 
 def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: ArrayLike) -> np.ndarray:
-    """Desirability (n,) of predictions (n, responses), from 0 to 1.
+    """Desirability (n,) of predictions (n, responses), from 0 to 1 (Derringer and Suich 1980).
 
-    Each response counts 1 at its target and falls linearly to 0 at the ends of its range; the whole is the geometric
-    mean (Derringer and Suich 1980).
+    It is the geometric mean over the responses, each 1 at its target and falling linearly to 0 at the ends of its
+    range.
     """
     predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
     aims, low, high = (np.asarray(numbers, dtype=float) for numbers in (aims, low, high))
@@ -41,10 +41,10 @@ def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: Ar
 def optimum(
     models: Sequence[Model], aims: ArrayLike, scale: ArrayLike, low: ArrayLike, high: ArrayLike
 ) -> Optimum:
-    """The point of the cube from -1 to 1 at which the models, one for each response, come nearest to their targets.
+    """The point of the cube from -1 to 1 at which the models, one for each response, are nearest to their targets.
 
-    Few targets and many factors leave a whole curve or surface of such points. Of these, the point nearest to the
-    centre is taken: there the models are best known. `scale` is the target over the root of its weight.
+    Few targets and many factors leave a curve or surface of such points; the point nearest to the centre is taken,
+    where the models are most accurate. `scale` is the target over the root of its weight.
     """
     from scipy import optimize
 
@@ -73,7 +73,7 @@ def optimum(
 
 
 def _nearest(start, misses, scale, bounds):
-    """The point nearest to the centre at which nothing is missed, searched from one that nearly does."""
+    """The point nearest to the centre at which every target is met, searched from a point that nearly does so."""
     from scipy import optimize
 
     return optimize.minimize(

@@ -1,7 +1,6 @@
 """Screening designs of Plackett and Burman: the main effects of many factors from few runs.
 
-The designs are computed here from their printed generators, and not taken from a library: the generators are one line
-each, and the tests hold them beside the printed tables.
+The designs follow from their printed generators, one line each, and tests compare them with the printed tables.
 """
 
 import numpy as np
@@ -19,9 +18,9 @@ GENERATORS = {
 def plackett_burman(factors: int, runs: int | None = None) -> np.ndarray:
     """A Plackett-Burman design (runs, factors) of -1 and 1.
 
-    Plackett and Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325. Columns without
-    a factor are left out: they are the dummy factors from which the analysis estimates the error, with at least three
-    degrees of freedom unless `runs` is given.
+    Plackett and Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325. The remaining
+    columns are the dummy factors from which the analysis estimates the error, with at least three degrees of freedom
+    unless `runs` is given.
     """
     if runs is None:
         large = [number for number in GENERATORS if number >= factors + 4]

@@ -1,7 +1,7 @@
 """The calibrated grain and its bench test as input of other simulation programs.
 
-`job` is the export in SI units, independent of any program. Each other module writes the deck of one program; the text
-of a deck stands in a template beside it. Differences of a program from this engine are notes at the head of the deck.
+`job` is the export in SI units, independent of any program. Each other module writes the deck of a program from a
+template beside it; a deck's head states the differences of the program from this engine.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ FURTHER_LAWS: dict[str, tuple[str, ...]] = {
     "edem": ("jkr",),
     "rocky": (),
 }
-# Why a program lacks a law that it has by name.
+# Reasons why a program's law of the same name cannot be used.
 REASONS = {
     (
         "lammps",
@@ -44,7 +44,7 @@ HERTZ = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
 
 def check_laws(job: Job, program: str) -> None:
-    """InputError if a program has no law like one of the study's."""
+    """InputError if a program has no equivalent of one of the study's laws."""
     for key, law, laws, common in (
         ("contact_law", job.contact_law, CONTACT_LAWS, HERTZ),
         ("rolling_law", job.rolling_law, ROLLING_LAWS, ("budget",)),
@@ -58,10 +58,7 @@ def check_laws(job: Job, program: str) -> None:
 
 
 def write(job: Job, program: str, folder: str | PathLike) -> list[Path]:
-    """Write the deck of a program of `PROGRAMS` into a folder; return its files, the deck itself first.
-
-    InputError if the program has no law like one of the study's.
-    """
+    """Write the deck of a program of `PROGRAMS`, return its files, itself first; InputError as by `check_laws`."""
     check_laws(job, program)
     paths = []
     for name, text in PROGRAMS[program](job).items():

@@ -1,4 +1,4 @@
-"""The data of an export: a sphere or a clump of them, materials, contacts and the pour, independent of any program."""
+"""The data of an export: a sphere or a clump, materials, contacts and the pour, independent of any program."""
 
 import math
 from collections.abc import Mapping
@@ -81,7 +81,7 @@ class Job:
 
     @property
     def is_sphere(self) -> bool:
-        """Whether the grain is one sphere, and no clump."""
+        """Whether the grain is one sphere and not a clump."""
         return len(self.spheres_m) == 1
 
     def steps(self, seconds: float) -> int:
@@ -97,11 +97,11 @@ def make(
     seed: int = 1,
     one_sphere: bool = False,
 ) -> Job:
-    """The export of a study: `config` is whole, `berry` from the file of the verb ``berry``.
+    """The export of a study: `config` is whole, `berry` is the file of the command ``berry``.
 
-    `particle` is a multisphere or a sphere; any other only with `one_sphere`, which takes the sphere of its volume. The
-    advised time step is the longest step that this engine allows the grain, at most the study's own, or half of it for
-    a clump, and at most a fifth of the Rayleigh time of the smallest sphere.
+    `particle` is a multisphere or a sphere; with `one_sphere` any other becomes the sphere of its volume. The advised
+    time step is at most the longest step that this engine allows the grain, the study's own (half of it for a clump),
+    and a fifth of the Rayleigh time of the smallest sphere.
     """
     settings, section = SimulationSettings.of(config), config["funnel"]
     notes = list(_notes(config))

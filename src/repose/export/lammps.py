@@ -52,7 +52,7 @@ def deck(job: Job) -> dict[str, str]:
 def contact_keywords(job: Job, pair: Pair) -> str:
     """A contact in the keywords of pair_style granular; the deck sets the variables damping, e_gg and e_gp.
 
-    Moduli stand for both surfaces: two equal surfaces with the pair's E*.
+    The moduli are those of two equal surfaces with the pair's E*.
     """
     restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
     poisson = job.grain.poisson_ratio
@@ -71,7 +71,7 @@ def contact_keywords(job: Job, pair: Pair) -> str:
 def damping_numbers(job: Job) -> dict[str, float]:
     """The numbers with which `coeff_restitution`, and `tsuji` of older versions, give the study's damping.
 
-    That of tsuji is negative for a damping that no restitution has there.
+    For `tsuji` it is negative where no restitution gives the damping.
     """
     numbers = {}
     for name, pair in (("gg", job.grains), ("gp", job.on_wall)):

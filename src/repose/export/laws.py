@@ -1,12 +1,12 @@
-"""The study's laws in the numbers of other programs.
+"""Numbers with which the laws of other programs give the study's laws.
 
-A program that takes a coefficient of restitution finds its damping by a formula that lets the contact pull at the end
-(Tsuji, Tanaka and Ishida 1992). Where the study's contact never pulls, its damping is different.
-`equivalent_restitution` is the number with which the program's formula gives the study's damping; the program's normal
-force must then be limited to pushes.
+A program that takes a coefficient of restitution calculates its damping by a formula for contacts that may pull at the
+end (Tsuji, Tanaka and Ishida 1992). Where the study's contact never pulls, its damping differs.
+`equivalent_restitution` is the number with which the program's formula gives the study's damping; the program must then
+limit the normal force to pushes.
 
-Rolling resistance has here the lever from the contact to the centre of the clump, elsewhere the effective radius of the
-two spheres that touch. `rolling_coefficient` is the number with which the mean torque is the same.
+The lever of the rolling resistance is here the distance from the contact to the centre of the clump, elsewhere the
+effective radius of the two touching spheres. With `rolling_coefficient` the mean torque is the same.
 """
 
 import math
@@ -16,7 +16,7 @@ from repose.dem.constants import OF_LAWS, SURFACE_ENERGY
 from repose.dem.laws.law import COULOMB
 from repose.export.job import Job, Pair
 
-# What a change of the normal load does to a tangential force.
+# Effect of a change of the normal load on a tangential force.
 UNDER_LOAD = {
     "hertz_mindlin": "grows and falls with the normal load",
     "hertz_mindlin_rescaled": "stays on loading and falls on unloading",
@@ -39,7 +39,7 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 def rolling_coefficient(job: Job, pair: Pair) -> float:
     """Coefficient of rolling friction for a program whose lever is the effective radius of two spheres.
 
-    The lever of two grains is half of one grain's in the laws that resist the rotation of one against the other.
+    In laws that resist the rotation of one grain against the other, the lever of two grains is half of one grain's.
     """
     lever = job.lever_m
     if job.rolling_law != "budget" and pair is job.grains:
@@ -91,7 +91,8 @@ def _head(job: Job, lines: list[str]) -> Iterator[str]:
 def limited_friction(job: Job, tangential: str = "hertz_mindlin") -> list[str]:
     """Notes if the program limits friction by the whole normal force, or has another tangential law than the study.
 
-    `tangential` is the program's: a contact law of this engine, or "kept" for a force that no change of load changes.
+    `tangential` is the program's law: a contact law of this engine, or "kept" for a force that does not change with
+    load.
     """
     notes = []
     if COULOMB[job.tension] != "total":
@@ -113,7 +114,7 @@ def damped_alone(job: Job) -> list[str]:
 
 
 def undamped_tangent() -> str:
-    """The note of a program whose tangential dashpot does not go with Coulomb's limit, so that the deck has none."""
+    """The note of a program whose tangential dashpot violates Coulomb's limit, so that the deck has none."""
     return (
         "no dashpot along the tangent; in the study Coulomb's limit holds it too. In LIGGGHTS and YADE it comes on "
         "top of that limit, in LAMMPS it winds up the spring: a grazing impact had 1.7 times the friction, or a sixth"

@@ -49,7 +49,7 @@ def deck(job: Job) -> dict[str, str]:
 
 
 def _cohesion(job):
-    """The properties that the further laws need."""
+    """Properties for the laws of cohesion."""
     lines = []
     if job.contact_law == "sjkr":
         gg, gp = (pair.constants[COHESION_ENERGY_DENSITY.name] for pair in (job.grains, job.on_wall))

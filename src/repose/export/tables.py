@@ -1,6 +1,6 @@
 """Tables of the entries for EDEM and Rocky, programs with windows.
 
-The names of the fields are from memory of the programs' windows: no manual was at hand, and neither program was run.
+The names of the fields are from memory: no manual was at hand, and neither program was run.
 """
 
 from collections.abc import Iterable
@@ -108,7 +108,7 @@ def _pairs(job: Job, where: str, rolling: str | None) -> Iterable[Row]:
 
 
 def _adhesion(job: Job, where: str) -> Iterable[Row]:
-    """The surface energy of EDEM's JKR, whose pull-off force is 3/2 pi times it times R*: the work of adhesion."""
+    """Surface energy of EDEM's JKR: the work of adhesion, with a pull-off force of 3/2 pi R* times it."""
     if job.contact_law == "jkr":
         for name, pair in (("grain : grain", job.grains), ("grain : wall", job.on_wall)):
             energy = 2.0 * pair.constants[SURFACE_ENERGY.name]

@@ -1,4 +1,4 @@
-"""The text of a deck with places for values."""
+"""The text of a deck, with names for values."""
 
 import re
 import string
@@ -9,16 +9,16 @@ from repose.export.laws import differences, skin_m
 
 
 class _Text(string.Template):
-    """A text in which @{name} stands for a value: $ and braces have a meaning in the decks themselves."""
+    """A text in which @{name} stands for a value, since $ and braces have a meaning in the decks."""
 
     delimiter = "@"
 
 
 def filled(name: str, job: Job, comment: str, unlike: list[str], **values: object) -> str:
-    """The template `name` of this folder, its places filled with `values` and with the numbers that decks share.
+    """The template `name` of this folder, filled with `values` and the numbers that all decks share, to nine digits.
 
-    A number is written with nine digits. `comment` begins a line of the head, `unlike` are the program's differences.
-    Lines that begin with @sphere| or @clump| are for such grains only.
+    `comment` begins a line of the head, `unlike` are the program's differences. Lines that begin with @sphere| or
+    @clump| are for such grains only.
     """
     text = Path(__file__).with_name(name).read_text(encoding="utf-8")
     kind, other = ("sphere", "clump") if job.is_sphere else ("clump", "sphere")
@@ -29,7 +29,7 @@ def filled(name: str, job: Job, comment: str, unlike: list[str], **values: objec
 
 
 def _shared(job: Job) -> dict[str, object]:
-    """Grain, walls, box, pour and times, by the names of their places."""
+    """Grain, walls, box, pour and times, by the names in the templates."""
     steps, reach = job.steps(job.duration_s), job.bounding_radius_m
     ixx, iyy, izz = job.inertia_kg_m2.tolist()
     return {

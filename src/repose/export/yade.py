@@ -49,8 +49,8 @@ def deck(job: Job) -> dict[str, str]:
 def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
     """Shares (M,) of the mass, with sum 1, and the inertia (3,) of each sphere [kg m2] that give the clump the body's.
 
-    The shares have their centre at the origin and no products of inertia, as nearly alike as that allows; the inertia
-    is the rest of the body's.
+    The shares have their centre at the origin and no products of inertia, and are as equal as that allows; the inertia
+    is the remainder of the body's.
     """
     x, y, z = job.spheres_m[:, :3].T
     size = job.bounding_radius_m
@@ -65,7 +65,7 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _listed(values):
-    """Nested lists of numbers as Python's text."""
+    """Nested lists of numbers as text of Python."""
     values = np.asarray(values)
     if values.ndim == 1:
         return "[" + ", ".join(f"{value:.9g}" for value in values) + "]"

@@ -1,1 +1,1 @@
-"""From a picture or a simulated pile to numbers."""
+"""Measurements: from a picture or a simulated pile to numbers."""

@@ -9,11 +9,9 @@ steepest
 whole
     such a line from foot to crest
 
-A profile here is one side of a pile: heights (M,) over the plate from outside the foot to the crest, one a
-pixel column, in pixels. All lengths are pixels, all angles degrees.
-
-The points of the boundary that a line goes through are in `repose.measure.profile_points`. Numbers from different
-definitions or rules must not be compared.
+A profile is one side of a pile: heights (M,) over the plate from outside the foot to the crest, for each pixel column.
+All lengths are pixels, all angles degrees. `repose.measure.profile_points` selects the points of a line. Numbers from
+different definitions or rules must not be compared.
 """
 
 import math
@@ -60,8 +58,7 @@ def whole(profile: np.ndarray, rule: str = "columns") -> Line:
 def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
     """Definition "steepest": the steepest line over any stretch of half the height between `low` and `high`.
 
-    The stretch moves by one pixel. The largest of many slopes is larger than the slope: on a lumpy flank this choice
-    biases the angle upwards.
+    The maximum of many slopes exceeds the mean slope: on a lumpy flank this definition biases the angle upwards.
     """
     distance, height = points_between(profile, low, high, rule)
     window = (high - low) / 2
@@ -83,10 +80,7 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
 def window_slopes(
     distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
 ) -> np.ndarray:
-    """Slope (windows,) of the regression line of the points in each window of heights; NaN if too few, or a wall.
-
-    Sums accumulated over the points in order of height let all windows cost one pass.
-    """
+    """Slope (windows,) of the regression line in each window of heights, by running sums; NaN if too few, or a wall."""
     order = np.argsort(height, kind="stable")
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
     first = np.searchsorted(height[order], lows, side="left")
@@ -128,10 +122,7 @@ def secant(profile: np.ndarray, berry: float) -> Line:
 
 
 def secant_of_pile(left: Line, right: Line) -> float:
-    """The secant of a pile in degrees, from the lines of its two sides: atan(2 H / D), D = W_left + W_right.
-
-    This does not depend on the place of the highest berry between the flanks.
-    """
+    """The secant of a pile in degrees from the lines of its two sides: atan(2 H / D), D = W_left + W_right."""
     (foot_left, _), (crest_left, height) = left.ends
     (foot_right, _), (crest_right, _) = right.ends
     width = crest_left - foot_left + crest_right - foot_right
@@ -170,7 +161,7 @@ def _height_of(end, height, berry):
 
 
 def _one_side(name, profile, low, high, berry, rule):
-    """One definition on one side."""
+    """One side by one definition."""
     if name == "secant":
         return secant(profile, berry)
     if name == "whole":

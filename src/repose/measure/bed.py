@@ -1,7 +1,7 @@
 """Measurements of a bed in a drum that turns about the y axis: its surface, its first slip, the slipping layer.
 
-The drum turns so that it carries the bed towards +x; seen along y, x points right and z up. The origin lies on the
-axis. The drum's frame turns with it: a bed that is carried along like a solid is at rest there.
+The drum carries the bed towards +x; seen along y, x points right and z up, and the origin lies on the axis. The drum's
+frame turns with it, so a bed that turns as a solid with the drum is at rest there.
 """
 
 import math
@@ -50,10 +50,9 @@ def measure_surface(
 
 
 def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_share: float) -> Surface:
-    """Surface of a bed that covers pixels (H, W) of the drum's cross-section.
+    """Surface of a bed that covers pixels (H, W) of the drum's section; the line goes through the middle of its width.
 
-    The line goes through the middle `fit_share` of the edge's width, so that berries lifted along the wall do not
-    count.
+    The ends of the width are left out, since the wall lifts berries there.
     """
     columns = np.flatnonzero(filled.any(axis=0))
     pixel_m = 1e-3 * mm_per_pixel
@@ -71,7 +70,7 @@ def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_sha
 
 
 def _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales):
-    """Which pixels (H, W) of the drum's cross-section the bed covers, seen along the axis."""
+    """Pixels (H, W) of the drum's cross-section that the bed covers, seen along the axis."""
     lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
     image = silhouette.silhouette(
         lifted, quaternions, particle, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m), scales
@@ -98,11 +97,7 @@ def occupied_share(
 def surface_heights(
     occupied: np.ndarray, covered: float, x_m: np.ndarray, radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Heights over the axis (M,) in m, at abscissae (M,), of the uppermost line on which a share is `covered`.
-
-    `occupied` (H, W) comes from `occupied_share`; between pixels it is interpolated. Where the bed has no such line, it
-    is the drum's wall.
-    """
+    """Heights (M,) [m] over the axis at which `occupied` (H, W) falls to a share `covered`, or of the drum's wall."""
     pixel_m = 1e-3 * mm_per_pixel
     rows, columns = occupied.shape
     places = (np.arange(columns) + 0.5) * pixel_m - radius_m
@@ -116,7 +111,7 @@ def surface_heights(
 
 
 def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
-    """Positions (..., 3) as seen from a drum that has turned by an angle."""
+    """Positions (..., 3) in the frame of a drum that has turned by an angle."""
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)
     x, z = centres_m[..., 0], centres_m[..., 2]
     return np.stack([cos * x + sin * z, centres_m[..., 1], cos * z - sin * x], axis=-1)
@@ -151,8 +146,8 @@ def find_slip(
 ) -> Slip | None:
     """First slip in a record (T,) of the bed's angle and its energy in the drum's frame; None without a slip.
 
-    The angle is of the centre of mass and not of the surface: a few rolling berries change the surface's by more than a
-    degree, and the centre's not at all.
+    The angle is that of the centre of mass: a few rolling berries change the angle of the surface by more than a
+    degree, but not this one.
     """
     bed = np.asarray(bed_deg, float)
     if not len(bed):

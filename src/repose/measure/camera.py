@@ -1,8 +1,8 @@
-"""From a photograph with the sheet in it to the upright, metric side view of the pile.
+"""From a photograph that shows the sheet to the upright, metric side view of the pile.
 
 World: x to the right along the sheet, y away from the camera, z up, in mm, from the sheet's lower left corner; z = 0 is
-the plate. The side view lies in the vertical plane through the pile's axis that faces the camera, so it does not
-matter whether the sheet faces the camera exactly.
+the plate. The side view lies in the vertical plane through the pile's axis that faces the camera, so the sheet need not
+face the camera exactly.
 """
 
 import math
@@ -50,10 +50,10 @@ class SideView:
 def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | None = None) -> Camera:
     """Focal length and distortion from the sheet in several photographs of one camera (Zhang 2000).
 
-    The middle of the picture is taken as the lens's, pixels as square, and the distortion as radial. A coefficient is
+    The centre of the picture is the lens's centre, pixels are square, and the distortion is radial. A coefficient is
     used if its standard error moves a point at half the picture's longer side by less than 0.4 % of that distance.
-    Without enough corners the focal length is `focal_px`, or a phone's if that is None, unless the corners exclude it:
-    then it is the one that fits them best. `size` is (width, height).
+    Without enough corners the focal length is `focal_px` (None: a phone's), or the best fit if the corners exclude that
+    value. `size` is (width, height).
 
     Zhang, Z. (2000). IEEE Trans. Pattern Anal. Mach. Intell. 22, 1330-1334.
     """
@@ -97,7 +97,7 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
 
 
 def _focal(views, guess, long_side):
-    """The focal length in pixels that fits the corners best, or the assumed one if that lies within three errors."""
+    """Focal length [px] with the best fit to the corners, or the assumed one if that lies within three errors."""
     tried = np.append(long_side * np.geomspace(*FOCALS), guess[0, 0])
     misses = np.array([_squares(views, _with_focal(guess, focal)) for focal in tried])
     scatter = misses.min() / (2 * sum(len(view.pixels) for view in views) - 6 * len(views) - 1)
@@ -110,7 +110,7 @@ def _with_focal(matrix, focal):
 
 
 def _squares(views, matrix):
-    """Sum of the squared distances [px] of the corners from those of flat sheets, without a lens's distortion."""
+    """Sum of the squared distances [px] of the corners from those of flat sheets, without distortion."""
     total = 0.0
     for view in views:
         flat = np.column_stack([view.places_mm, np.zeros(len(view.places_mm))])
@@ -122,7 +122,7 @@ def _squares(views, matrix):
 
 
 def _poses(flat, pixels, matrix, lens):
-    """Both turns and shifts of a flat sheet (z = 0) that its corners allow; far away they differ little."""
+    """Both rotations and translations of a flat sheet (z = 0) that its corners allow; far away they differ little."""
     found = cv2.solvePnPGeneric(flat, pixels, matrix, lens, flags=cv2.SOLVEPNP_IPPE)
     return [cv2.solvePnPRefineLM(flat, pixels, matrix, lens, *pose) for pose in zip(*found[1:3], strict=True)]
 
@@ -148,7 +148,7 @@ class Pose:
             )
 
     def pixels_of(self, world: np.ndarray) -> np.ndarray:
-        """Column and row (..., 2) at which points of the world (..., 3) in mm are seen."""
+        """Column and row (..., 2) in the photograph of points of the world (..., 3) in mm."""
         ahead = world @ self.turn.T + self.shift.ravel()
         x, y = ahead[..., 0] / ahead[..., 2], ahead[..., 1] / ahead[..., 2]
         square = x * x + y * y
@@ -188,8 +188,8 @@ def side_view(
 ) -> tuple[SideView, float]:
     """The upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
 
-    `axis_mm` None means the plane of the sheet itself, with its lower left corner as the origin. `part` is left, right
-    and top in mm from the axis and the plate; None means all.
+    `axis_mm` None means the plane of the sheet, from its lower left corner. `part` is left, right and top in mm from
+    the axis and the plate; None means all.
     """
     origin = np.array([axis_mm or 0.0, 0.0, 0.0])
     right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)

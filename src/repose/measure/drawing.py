@@ -25,7 +25,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
 
 
 def overlay_of_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
-    """The refused picture with base and boundary of the part taken for the pile; None means nothing was found."""
+    """The refused picture with base and boundary of the part taken for the pile; None: no part was found."""
     if pile is None:
         return _outlined(image, np.empty((0, 2), int))[0]
     contours = cv2.findContours(pile.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]

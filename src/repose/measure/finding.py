@@ -1,8 +1,8 @@
 """Find the pile in the upright view of a photograph whose background is not plain.
 
-Colours are compared as ratios of the channels, and brightness counts little: a shadow changes the brightness of a
-surface and hardly its colour. The difference from the background, row by row, is a first guess. GrabCut corrects it;
-it models the colours of both sides by mixtures and prefers short boundaries.
+Colours are compared as ratios of the channels, and brightness has a small weight: a shadow changes the brightness of a
+surface and hardly its colour. A first guess is the difference from the background, row by row. GrabCut, which models
+the colours of both sides by mixtures and prefers short boundaries, corrects it.
 
 References
 ----------
@@ -37,7 +37,7 @@ NOTHING = "nothing that stands on the plate differs from its background, or the 
 
 
 def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
-    """Find the pile in a coarse view of the whole photograph: a mask (H, W), 1 in the pile."""
+    """The pile's mask (H, W), 1 in the pile, in a coarse view of the whole photograph."""
     above = math.ceil(base_row)
     colours = _fill(features(image), hidden)[:above]
     not_behind, rough = hidden[:above], _roughness(colours)
@@ -59,7 +59,7 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
 def refine(
     image: np.ndarray, hidden: np.ndarray, base_row: float, coarse: np.ndarray, berry_px: float
 ) -> Segmentation:
-    """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), right to half a grain."""
+    """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), accurate to half a grain."""
     above = math.ceil(base_row)
     colours, coarse = _fill(features(image), hidden)[:above], coarse[:above]
     reach = max(4, round(0.4 * berry_px))
@@ -92,10 +92,9 @@ def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach
 
 
 def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
-    """Number of lowest rows of a pile that mostly have the background's colour and are only darker.
+    """Number of lowest rows of a pile with mostly the background's colour, but darker.
 
-    It is 0 if the grains themselves have the background's colour, as in a grey picture: shadow and grain look the
-    same.
+    It is 0 for grains of the background's colour, as in a grey picture: shadow and grain look the same.
     """
     every = max(1, max(mask.shape) // FINE_PX)
     colours, mask = features(np.ascontiguousarray(image[::every, ::every])), mask[::every, ::every]
@@ -120,7 +119,7 @@ def features(image: np.ndarray) -> np.ndarray:
 
 
 def _fill(colours, hidden):
-    """Colours in which hidden pixels take the colour of the nearest visible pixel in their row."""
+    """Colours with those of the nearest visible pixel in the row in place of the hidden pixels."""
     columns = np.arange(hidden.shape[1])
     left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
     right = np.minimum.accumulate(np.where(hidden, 10**6, columns)[:, ::-1], axis=1)[:, ::-1]
@@ -158,7 +157,7 @@ def _roughness(colours):
 
 
 def _first_guess(difference, rough, hidden):
-    """Masks of the largest part that stands on the plate, wider than high, and of other things, such as a ruler."""
+    """Masks of the largest part that stands on the plate, wider than high, and of other objects, such as a ruler."""
     shown = np.where(hidden & ~hidden.all(axis=1, keepdims=True), np.nan, rough)
     usual = np.nanmedian(shown, axis=1, keepdims=True)  # of the row: an edge of the table is rough, too
     size = np.sqrt(
@@ -181,7 +180,7 @@ def _first_guess(difference, rough, hidden):
 
 
 def _standing(mask):
-    """Masks of the largest part that stands on the plate, wider than high, None without one, and of high things."""
+    """Masks of the largest part that stands on the plate, wider than high (None without one), and of high objects."""
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask)
     rows = mask.shape[0]
@@ -208,14 +207,14 @@ def _grab(colours, start):
 
 
 def _without_shadow(mask, difference, rough):
-    """The mask without parts that have the background's colour and are darker, unless the pile itself is like that."""
+    """The mask without parts that have the background's colour and are darker, unless the whole pile is like that."""
     shadow = _of_a_shadow(mask, difference) & (rough < SMOOTH * np.median(rough[mask > 0]))
     shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
 
 def _of_a_shadow(mask, difference):
-    """Pixels of the mask with the background's colour, but darker; none if the upper part of the pile is like that."""
+    """Pixels of the mask with the background's colour, but darker; none if the upper part of the pile is the same."""
     distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
     darker = -difference[..., 2] / BRIGHTNESS_GAIN
     shadow = (mask > 0) & (distance < ITS_OWN_COLOUR) & (darker > 0.08) & (darker < SHADOW_DARKEST)
@@ -227,7 +226,7 @@ def _of_a_shadow(mask, difference):
 
 
 def _without_floating(mask, gap_px):
-    """The mask without parts above background: a loose grain that lies behind the pile on the plate."""
+    """The mask without parts above background: a loose grain on the plate behind the pile."""
     upwards = mask[::-1] > 0
     empty = np.cumsum(~upwards, axis=0)
     return np.where((upwards & (empty <= gap_px))[::-1], 1, 0).astype(np.uint8)

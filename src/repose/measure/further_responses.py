@@ -86,7 +86,7 @@ def of_profile(
 
 
 def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) -> dict[str, float]:
-    """``radius_90_mm`` and ``loose_percent`` of the berries over the plate, whose radius is `on_plate_mm`."""
+    """``radius_90_mm`` and ``loose_percent`` of the berries over the plate of radius `on_plate_mm`."""
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
     if not there.any():

@@ -73,8 +73,8 @@ def targets(
 ) -> str:
     """The measured responses as YAML, an overlay for the configuration of a study.
 
-    The range is the mean and its standard error to each side, at least 1 % of the mean. One pile shows no scatter:
-    its standard deviation and range are null, and a study refuses them until the user fills them in.
+    The range is the mean and its standard error to each side, at least 1 % of the mean. A single pile has no scatter:
+    its standard deviation and range are null, and a study refuses them until the user gives values.
     """
     grain = "" if how.berry_height_mm is None else f", berry_height_mm: {how.berry_height_mm:.6g}"
     lines = [
@@ -107,7 +107,7 @@ def as_record(made: Tables) -> dict[str, list]:
 
 
 def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
-    """The text that the verb prints; `out` is the folder of the overlays."""
+    """The text that the command prints; `out` is the folder of the overlays."""
     wide = max(len(photograph.path.name) for photograph in photographs)
     lines = []
     for photograph in photographs:

@@ -1,7 +1,7 @@
 """Photographs of many repetitions: each is measured or refused; their mean becomes a target.
 
-The sheet (`repose.measure.sheet`) gives scale, tilt, lens and the plate. With a scale alone the photograph is taken as
-it is: level, without distortion, before a plain background.
+The sheet (`repose.measure.sheet`) gives scale, tilt, lens and the plate. With a scale alone the photograph must be
+level, without distortion, before a plain background.
 """
 
 import math
@@ -55,7 +55,7 @@ class Photograph:
     # mm_per_pixel; with a sheet also tilt_deg and look_down_deg
     facts: dict[str, float] = field(default_factory=dict)
     note: str = ""  # warning for the reader of the numbers
-    doubts: Sequence[str] = ()  # what speaks against one heap
+    doubts: Sequence[str] = ()  # evidence against a single heap
 
     @property
     def remarks(self) -> str:
@@ -76,10 +76,7 @@ def load(path: Path) -> tuple[np.ndarray, float]:
 def cameras(
     paths: Sequence[Path], square_mm: float
 ) -> tuple[dict[Path, sheet.Seen | None], dict[tuple[int, int], camera.Camera]]:
-    """The sheet in each photograph by path, None if not seen; and the camera by (width, height).
-
-    Photographs of one size are taken to come from one camera.
-    """
+    """The sheet in each photograph by path, None if not seen; and the camera by (width, height), one for each size."""
     seen: dict[Path, sheet.Seen | None] = {}
     of_size: dict[tuple[int, int], list[sheet.Seen]] = {}
     focal: dict[tuple[int, int], float | None] = {}
@@ -201,7 +198,7 @@ def _measured(photograph, how):
 
 
 def _doubts(pile, measurement, grain_mm, mm_per_pixel):
-    """Sentences about what speaks against one heap; NoFlankError for a layer."""
+    """Sentences with evidence against a single heap; NoFlankError for a layer."""
     high = measurement.height_mm
     if high < LOWEST_PILE * grain_mm:
         raise NoFlankError(f"it is {high:.1f} mm high, less than {LOWEST_PILE:g} grains: a layer, no pile")
@@ -221,7 +218,7 @@ def _doubts(pile, measurement, grain_mm, mm_per_pixel):
 
 
 def _coarse(measurement, mm_per_pixel):
-    """Sentence about a pile of few pixels: what its boundary, a pixel off at either end of a flank, changes."""
+    """Sentence about a pile of few pixels: the change of its angle by an error of a pixel at either end of a flank."""
     high = math.floor(measurement.height_mm / mm_per_pixel)
     if high >= LEAST_PX:
         return []
@@ -241,10 +238,9 @@ def _meeting(lines, base_row):
 
 
 def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
-    """The measurement with angles as seen by a camera at the height of the crest; the lines stay.
+    """The measurement with angles as seen by a camera at the height of the crest; the lines do not change.
 
-    A cone's outline is flatter from above or below: tan(seen)^2 = tan(true)^2 - tan(look down)^2, exactly, at any
-    distance.
+    A cone's outline is flatter from above or below: tan(seen)^2 = tan(true)^2 - tan(look down)^2, exactly.
     """
     lost = math.tan(math.radians(look_down_deg)) ** 2
 

@@ -1,13 +1,12 @@
 """Angle of repose and Height of a pile, from a photograph or from a simulation seen from the side.
 
-The steps are the paper's (section 2.3, Figure 6): grey, threshold, edge, boundary, a straight line through
-the left and one through the right flank. The angle of repose is the mean of the two arctangents, the Height
-is the height of the highest point over the base. A simulation is projected to a silhouette first and then goes
-the same way.
+The steps are the paper's (section 2.3, Figure 6): grey, threshold, edge, boundary, a straight line through each flank.
+The angle of repose is the mean of the two arctangents, the Height is the height of the highest point over the base. A
+simulation is first projected to a silhouette.
 
-The paper leaves open which part of a lumpy boundary the line goes through. Four definitions are measured on every
-pile (`repose.measure.angles`), and the configuration names one of them as the response. Their biases and their
-noise are in docs/measurement.md.
+The paper does not define the part of a lumpy boundary through which the line goes. Four definitions are measured on
+every pile (`repose.measure.angles`), and the configuration names the response. Their biases and noise are in
+docs/measurement.md.
 """
 
 from collections.abc import Iterator
@@ -120,7 +119,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
         raise InputError(path, "picture", "an empty file", "a picture file (PNG, JPEG, TIFF, BMP)")
     try:
         image = cv2.imdecode(content, cv2.IMREAD_COLOR)
-    except cv2.error:  # a header that promises more pixels than OpenCV takes
+    except cv2.error:  # a header with more pixels than OpenCV accepts
         image = None
     if image is None:
         raise InputError(path, "picture", "not a picture", "a picture file (PNG, JPEG, TIFF, BMP)")
@@ -140,8 +139,8 @@ def measure_pile(
 ) -> PileResult:
     """Measure simulated bodies on the plate z = 0 from `settings.views` sides; `quaternions` (N, 4) are w, x, y, z.
 
-    `members` marks the largest cluster in contact; None means the largest connected part of each silhouette, which
-    cannot exclude a loose berry in front of the pile.
+    `members` marks the largest cluster in contact; None means the largest connected part of each silhouette, which may
+    include a loose berry in front of the pile.
     """
     settings = with_berry_height(settings or MeasureSettings(), particle)
     height_m, views = pile_views(centres_m, quaternions, particle, settings, members, scales)
@@ -194,7 +193,7 @@ def pile_views(
 
 
 def with_berry_height(settings: MeasureSettings, particle: ConvexBody) -> MeasureSettings:
-    """The settings; a missing height of a berry becomes the particle's equivalent diameter."""
+    """The settings with the particle's equivalent diameter in place of a missing height of a berry."""
     if settings.berry_height_mm is not None:
         return settings
     return replace(settings, berry_height_mm=1e3 * equivalent_diameter(particle))

@@ -1,13 +1,11 @@
-"""Points of a pile's boundary that the line along a flank goes through.
+"""Points of a pile's boundary for the line along a flank.
 
-A profile is one side of a pile, as in `repose.measure.angles`: heights (M,) over the plate from outside the foot to the
-crest, one a pixel column, in pixels.
-
-On a lumpy boundary a rule selects the points; `FLANK_RULES` names the rules, and a new rule is added there:
+A profile is one side of a pile, as in `repose.measure.angles`. On a lumpy boundary a rule selects the points;
+`FLANK_RULES` names the rules, and a new rule is added there:
 
 levels
     at every height the middle of the outermost and the innermost place where the boundary crosses it. The
-    heights are not scattered, so the ends of the band bend nothing.
+    heights are not scattered, so the ends of the band do not bias the line.
 rows
     only the outermost crossing.
 columns

@@ -49,10 +49,7 @@ def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
 def pour_arrays(
     arrays: dict[str, np.ndarray], seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
-    """Arrays of one pour by name, such as ``position``, from arrays with the keys NAME_SEED.
-
-    InputError unless the arrays `kinds` are there and good ones of grains; without `kinds` nothing is checked.
-    """
+    """Arrays of one pour by name, from those with the keys NAME_SEED; InputError if one of `kinds` is unusable."""
     ending = f"_{seed}"
     selected = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
     for kind in kinds:
@@ -64,7 +61,7 @@ def pour_arrays(
 
 
 def _check_grains(arrays, source, ending):
-    """Refuse arrays that differ in their grains, or hold impossible ones."""
+    """Raise InputError for arrays of different numbers of grains, or with impossible values."""
     grains = arrays["position"].shape[-2:-1]
     for kind in filter(arrays.__contains__, (*COLUMNS, *ONE_A_GRAIN)):
         values, name = arrays[kind], f"{kind}{ending}"

@@ -11,7 +11,7 @@ import numpy as np
 
 from repose.core.errors import InputError, NoFlankError
 
-# Simulations run side by side, one a core: OpenCV's own threads would only fight over them.
+# Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
 
 SMALLEST = 20  # pixels that a picture has at least, each way
@@ -31,21 +31,16 @@ class Segmentation:
 
 
 def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None) -> Segmentation:
-    """Split a picture, BGR or grey, into pile and background.
+    """Split a picture, BGR or grey, into pile and background; NoFlankError if the picture shows no pile.
 
-    Polarity is never assumed. The border strip (the upper edge and both sides) shows background; the pile differs
-    from it in tone, or in colour (red fruit on a grey board of the same brightness), darker or brighter.
+    The border strip (the upper edge and both sides) shows background, from which the pile differs in tone or colour,
+    darker or brighter. The background is a quadratic surface for each channel, fitted to that strip with outliers
+    trimmed: tilted light and vignetting are removed. Then follow median and Gaussian filters, Otsu's threshold on the
+    distance from the background, and the filling of holes (highlights). A picture of two tones needs neither fit nor
+    filters, which would round its corners.
 
-    The background is a quadratic surface for each channel, fitted to that strip with outliers trimmed, which takes
-    tilted light and vignetting out. Then follow median and Gaussian filters and Otsu's threshold on the distance from
-    the background, and holes (highlights) are filled. A picture of two tones is binary already: it skips fitting and
-    filters, which could only round its corners.
-
-    Rows that are "pile" from border to border are a plate or table that differs from the background as the fruit
-    does: the pile stands on the first of them. Otherwise the base is the pile's lowest row. A given `base_row` comes
-    before both.
-
-    Raises NoFlankError if the picture shows no pile.
+    The base is `base_row`, if given. Otherwise rows that are "pile" from border to border are a plate in the fruit's
+    tone, and the pile stands on the first of them; without a plate the base is the pile's lowest row.
     """
     image = checked(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -150,7 +145,7 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
 def plate_row(mask: np.ndarray) -> float | None:
     """Upper edge, between two rows, of a plate that counts as "pile" from border to border; None without a plate.
 
-    Above a plate the mask narrows abruptly; above the foot of a pile that the picture cuts off it does not.
+    Above a plate the mask narrows abruptly, but not above the foot of a pile that the picture cuts off.
     """
     share = mask.mean(axis=1)
     from_border_to_border = mask[:, :3].any(axis=1) & mask[:, -3:].any(axis=1) & (share > 0.97)

@@ -51,11 +51,7 @@ class MeasureSettings:
 
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
-        """Settings from the section `measure` of a configuration and the result of `repose stage berry`.
-
-        A missing height of a berry becomes the mean berry's equivalent diameter (Eq. 1), if `berry` has its three
-        axes.
-        """
+        """Settings of the section `measure`; the default height of a berry is `berry`'s equivalent diameter (Eq. 1)."""
         settings = cls(**section)
         axes: list[Any] = [berry.get(key) for key in ("long_mm", "major_mm", "minor_mm")]
         if settings.berry_height_mm is None and None not in axes:

@@ -1,7 +1,7 @@
 """The printed sheet for scale, tilt and lens: chessboard and markers (ChArUco), upright on the plate.
 
-Its lower edge stands on the plate, in the plane of the pile's crest, its face to the camera. Places on it are (x, z) in
-millimetres from its lower left corner.
+Its lower edge stands on the plate, in the plane of the pile's crest, and its face is towards the camera. Places on it
+are (x, z) in millimetres from its lower left corner.
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> Seen | None:
 
 
 def drawing(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> tuple[np.ndarray, int]:
-    """The sheet as a grey picture (H, W), white margin included; and its pixels per mm."""
+    """The sheet as a grey picture (H, W), white margin included, and its pixels per mm."""
     width, height = (round(side * pixels_per_mm) for side in size_mm(square_mm))
     margin = round(MARGIN_SHARE * square_mm * pixels_per_mm)
     picture = np.full((height, width), 255, np.uint8)

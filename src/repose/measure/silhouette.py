@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from repose.core.errors import InputError
 from repose.dem.rotations import rotation_matrices
 
-# Simulations run side by side, one a core: OpenCV's own threads would only fight over them.
+# Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
 
 OUTLINE_DIRECTIONS = 64  # a berry's outline as a polygon: at most 0.03 mm inside the smooth one
@@ -25,10 +25,7 @@ Extent = tuple[float, float, float]
 
 
 class ConvexBody(Protocol):
-    """A body by its support points, symmetric about its centre; one made of spheres may have any shape.
-
-    The latter also has `spheres_m`, (M, 4): centre and radius in m.
-    """
+    """A body with support points, symmetric about its centre, or of spheres `spheres_m` (M, 4): centre, radius [m]."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Points (..., 3) in m at which tangent planes touch the body; `n` are unit normals in the body's frame."""
@@ -46,7 +43,7 @@ def outlines(
     """Outline polygons of bodies in orthographic side views: (views, N, OUTLINE_DIRECTIONS, 2), (u, z) in m.
 
     The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the curve of
-    its support points in the directions of the picture plane, so each vertex is exact; half of it is the other half
+    its support points in the directions of the picture plane, so each vertex is exact; its second half is the first,
     turned by 180 degrees. `inset_m` moves the outlines inwards.
     """
     azimuth = np.radians(np.asarray(azimuths_deg, dtype=float))
@@ -101,8 +98,8 @@ def top_of(
 def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.ndarray:
     """One view's outlines (u, z), filled into a picture (H, W): pile dark on light, z = 0 at its lower border.
 
-    OpenCV fills every pixel that an outline touches, half a pixel too many all around. The outlines are therefore
-    expected half a pixel inside the body; a filled disc then has its true area and extents to 0.03 pixel (tested).
+    OpenCV fills every pixel that an outline touches, half a pixel too many all around, so the outlines must lie half a
+    pixel inside the body; a filled disc then has its true area and extents to 0.03 pixel (tested).
     """
     left_m, right_m, top_m = extent
     pixel_m = mm_per_pixel * 1e-3

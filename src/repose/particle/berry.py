@@ -48,11 +48,7 @@ def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
 
 
 def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
-    """E [Pa], nu and G [Pa] from compression tests (`read_compression`).
-
-    E and nu are means over the tests. G follows from the two means by Eq. 4 and is not averaged over the tests, so that
-    the three fit each other.
-    """
+    """E [Pa] and nu as means over the compression tests (`read_compression`), and G [Pa] from both means by Eq. 4."""
     elastic = elastic_modulus(
         tests["force_n"],
         tests["length_1_mm"] * 1e-3,
@@ -171,10 +167,7 @@ def run(
 
 
 def _spread(sizes, published):
-    """Relative standard deviation and extremes of the equivalent diameter.
-
-    They come from the sizes, or from the published range if the sizes are a reconstruction and there is such a range.
-    """
+    """Relative sd and extremes of the equivalent diameter; for reconstructed sizes from the published range."""
     rows = published.set_index("dimension")
     if not sizes.attrs["reconstruction"] or "equivalent_diameter_mm" not in rows.index:
         return size_distribution.of_sizes(equivalent_diameter(*(sizes[column] for column in SIZE_COLUMNS)))
@@ -188,7 +181,7 @@ def check_material(
     shear_modulus_pa: float | None = None,
     source: object = "berry",
 ) -> None:
-    """Raise InputError for an impossible material; None is not checked, `source` stands in the message."""
+    """Raise InputError for an impossible material; None is not checked, `source` is named in the message."""
     for key, value in (("density_kg_m3", density_kg_m3), ("shear_modulus_pa", shear_modulus_pa)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(source, key, value, "a positive number")

@@ -64,8 +64,8 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
 def read_compression(path: str | PathLike) -> "pd.DataFrame":
     """Compression tests: `test`, `force_n`, `length_1_mm`, `length_2_mm`, `width_1_mm`, `width_2_mm`, `breadth_mm`.
 
-    The berry lies on its broad side. The load runs along its minor diameter W (width), and the section that carries it
-    has the axes L (length) and breadth; 1 is before, 2 after.
+    The berry lies on its broad side, the load is along its minor diameter W (width), and the loaded section has the
+    axes L (length) and breadth; 1 is before, 2 after.
     """
     tests = _read_numbers(path, COMPRESSION_COLUMNS)
     if tests.empty:
@@ -81,7 +81,7 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
 
 
 def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> dict[str, Any]:
-    """The file of the verb berry; `needed` are keys that it must have."""
+    """The file of the command `berry`; `needed` are keys that it must have."""
     berry = read_json(path, needed, WRITTEN)
     for key in (*needed, *(key for key in (*POSITIVE, *FROM_ZERO) if key in berry)):
         value, most = berry[key], FROM_ZERO.get(key)

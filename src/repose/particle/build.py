@@ -1,7 +1,7 @@
-"""From a mesh to the particle the simulator takes: an ellipsoid, a smooth body, or spheres that fill the mesh.
+"""From a mesh to the simulated particle: an ellipsoid, a smooth body, or spheres that fill the mesh.
 
-All kinds are made from the same mesh in its principal pose, and judged alike: volume, mass, principal moments and
-extents beside the mesh's own.
+All kinds are made from the same mesh in its principal pose and compared with it: volume, mass, principal moments and
+extents.
 """
 
 import math
@@ -57,8 +57,8 @@ def fit_particle(
     """Convex particle fitted to the support values of a mesh (mm, principal pose).
 
     Mass is density times the particle's own volume: an ellipsoid holds less than a fuller berry of the same axes. A
-    mesh whose vertices lie on an ellipsoid becomes this ellipsoid, a little above the mesh's own volume; deviations
-    include the parts that its facets cut off.
+    mesh whose vertices lie on an ellipsoid becomes this ellipsoid, whose volume is a little above that of the mesh; the
+    deviations include the parts that its facets cut off.
     """
     _check_density(density_kg_m3, source)
     n = sphere_directions(DIRECTIONS)
@@ -120,7 +120,7 @@ def make_particle(
 
 
 def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
-    """The properties of its mesh that a particle keeps."""
+    """Properties of the mesh that a particle keeps."""
     return {
         "density_kg_m3": float(density_kg_m3),
         "stl": str(stl),
@@ -169,10 +169,10 @@ def make(
     surface: str = "smooth",
     source: object = MESH_FILE,
 ) -> Made:
-    """The particle of a berry, with its mesh, and all kinds of particles beside each other.
+    """The particle of a berry, with its mesh, and all kinds of particles for comparison.
 
-    The mesh is the user's scan; or it is built from the mean axes and the mass; without a mass it is the ellipsoid of
-    the mean axes. The particle is made from the mesh as in its file, in single precision.
+    The mesh is the user's scan, or built from the mean axes and the mass (without a mass, their ellipsoid). The
+    particle is made from the mesh as in its file, in single precision.
     """
     density = berry["density_kg_m3"]
     stl = _stl(berry, scan, mass_g)

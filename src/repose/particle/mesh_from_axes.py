@@ -1,9 +1,9 @@
 """A berry without a scan: a closed mesh from three axes and a mass.
 
 The cross-section is an ellipse whose size follows a profile r(t) = (1 - |t|^m)^k along the axis, t from -1 to 1. With
-m = 2, k = 1/2 that is an ellipsoid. A body fuller than that has m > 2, k = 1/m (a superellipse: m = 3 is a plump berry,
-large m a cylinder), a leaner one m = 2, k > 1/2 (pointed ends). The fullness V / (L W T) = pi/4 B(1/m, 2k + 1) / m
-then follows from the mass and the density.
+m = 2, k = 1/2 that is an ellipsoid. A fuller body has m > 2, k = 1/m (a superellipse: m = 3 is a plump berry, large m a
+cylinder), a leaner body m = 2, k > 1/2 (pointed ends). The fullness V / (L W T) = pi/4 B(1/m, 2k + 1) / m then follows
+from the mass and the density.
 """
 
 import math
@@ -24,7 +24,7 @@ RINGS, SECTORS = 64, 96
 
 
 def profile_exponents(shape: float) -> tuple[float, float]:
-    """Exponents (m, k) of the profile (1 - abs(t)^m)^k; of the ellipsoid the shape is 2, above it m, below it 1/k."""
+    """Exponents (m, k) of the profile (1 - abs(t)^m)^k; the shape is 2 for the ellipsoid, m above it, 1/k below it."""
     return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
 
 
@@ -75,8 +75,8 @@ def berry_mesh(
 ) -> tuple[trimesh.Trimesh, float]:
     """Closed mesh [mm] with given axes, mass and density, and its shape number (`profile_exponents`).
 
-    `axes_mm` are full axes, the longest first; with grooves those over the ridges, with a taper the largest widths.
-    `taper` is the excess width at an end over the mean width, `wrinkle_depth_mm` the depth of the grooves at the belly.
+    `axes_mm` are full axes, the longest first: over the ridges of grooves, and the largest widths of a taper. `taper`
+    is the excess width at an end over the mean width, `wrinkle_depth_mm` the depth of the grooves at the belly.
     """
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):

@@ -119,7 +119,7 @@ class Particle:
 
     @classmethod
     def load(cls, path: str | PathLike) -> "Particle":
-        """Read a file of `save`; InputError if it is something else."""
+        """Read a file of `save`; InputError for any other file."""
         kind = "a file of `repose stage shape`"
         keys = ("kind", "density_kg_m3", "stl", *(key for key, _ in FIELDS.values()))
         record = read_json(path, keys, kind)

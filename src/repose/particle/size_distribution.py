@@ -11,7 +11,7 @@ from repose.core.errors import InputError
 # Expected range of n = 50 normal values, in standard deviations (Tippett 1925): all that Table 1 allows.
 PUBLISHED_N, PUBLISHED_RANGE_SD = 50, 4.498
 KEYS = ("scale_sd", "scale_low", "scale_high")
-# A stream of its own: the places and orientations of a pour stay those of berries that are all alike.
+# A stream of its own: the places and orientations of a pour are the same as with equal berries.
 STREAM = 1
 
 

@@ -1,16 +1,14 @@
 """A mesh filled with spheres: the rigid clump of multi-sphere programs.
 
-"smooth": few large overlapping balls. Each is inscribed in the mesh; a greedy search takes the one that lowers the
-mean squared distance of the mesh's surface from the balls most, then exchanges one at a time for a better one; last,
-all radii grow by one length until the union has the mesh's volume. "rough": balls of one smaller radius that touch
-the surface from inside, as far apart as possible, so there are bumps between them; their union holds less than the
-mesh. "rough_full": the same, grown until the union has the mesh's volume. Nothing is random.
+"smooth": few large overlapping balls, inscribed in the mesh. A greedy search adds the ball that lowers the mean squared
+distance of the mesh's surface from the balls most, then exchanges single balls for better ones; at last all radii grow
+by one length until the union has the mesh's volume. "rough": balls of one smaller radius that touch the surface from
+inside, as far apart as possible, with bumps between them; their union holds less than the mesh. "rough_full": the same,
+grown until the union has the mesh's volume. Nothing is random.
 
-A number of spheres is a choice, too. "fewest" makes it by a rule: the fewest spheres, from 14 to 60, whose union is
-within 2 % of the mesh's volume and within 3 % of its shortest axis; they grow no further than these 3 % allow.
-
-Spheres that act at the same place add up in stiffness: a clump of many needs a shorter time step, see
-`repose.dem.time_steps`.
+"fewest" sets the number of spheres: the fewest, from 14 to 60, whose union is within 2 % of the mesh's volume and
+within 3 % of its shortest axis; they grow no further than these 3 % allow. Spheres that act at the same place add up in
+stiffness, so a clump of many spheres needs a shorter time step, see `repose.dem.time_steps`.
 """
 
 import math
@@ -33,7 +31,7 @@ NEAR_VOLUME, NEAR_SHORTEST_AXIS = 0.02, 0.03
 SMALLEST_GAIN = 1e-4
 ROUGH_SHARE = 0.62  # radius of a rough clump's spheres over the radius of the largest inscribed ball
 CANDIDATES, SURFACE_POINTS, VOLUME_POINTS = 3000, 1500, 2**17
-# A union whose volume is further off than this, by a sixteenth of the points, is not looked at again.
+# A union whose volume is further off than this, by a sixteenth of the points, is not calculated with all points.
 SCREENED = 0.03
 # Centres of a smooth packing keep this distance, over the radius of the largest inscribed ball: spheres side by side
 # would act as one stiffer sphere.
@@ -93,7 +91,7 @@ class _Filling:
         return spheres
 
     def fewest(self, source):
-        """The fewest spheres (M, 4) that are near the mesh's volume and shortest axis."""
+        """The fewest spheres (M, 4) with about the mesh's volume and shortest axis."""
         extents = np.ptp(self.box, axis=0)
         shortest, volume = int(extents.argmin()), abs(self.mesh.volume)
         for count in range(FEWEST_FROM, FEWEST_TO + 1):
@@ -160,8 +158,7 @@ def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
 def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINTS) -> float:
     """Volume of the union of spheres (M, 4), by a regular sequence of points in a box (2, 3) that holds most of it.
 
-    With the default number of points the error is below 0.2 % for unions of up to 60 spheres; a test compares with
-    sixteen times as many, and with a closed form.
+    With the default number of points the error is below 0.2 % for unions of up to 60 spheres (tested).
     """
     reach = np.stack(
         [(spheres[:, :3] - spheres[:, 3:]).min(axis=0), (spheres[:, :3] + spheres[:, 3:]).max(axis=0)]
@@ -173,7 +170,7 @@ def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINT
 
 
 def _growth(spheres, mesh, box, count=VOLUME_POINTS):
-    """By how much all radii have to grow for the union to have the mesh's volume."""
+    """Growth of all radii with which the union has the mesh's volume."""
     margin = 0.2 * np.abs(box).max()
     low, high = box[0] - margin, box[1] + margin
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)

@@ -1,7 +1,7 @@
-"""Support functions fitted to a mesh: the sum of a few co-axial ellipsoids, or one.
+"""Support functions fitted to a mesh: the sum of a few co-axial ellipsoids, or a single ellipsoid.
 
 The support function h(n) of a body is its extent in direction n from its centre. An ellipsoid with half axes s has
-h = sqrt(sum s_i^2 n_i^2), and sums of support functions are Minkowski sums: a body whose h is the sum of a few
+h = sqrt(sum s_i^2 n_i^2), and a sum of support functions is that of a Minkowski sum: a body whose h is the sum of a few
 ellipsoids with common axes is smooth, convex and closed-form.
 """
 
@@ -64,7 +64,7 @@ def fit_components(
         starts = _starts(count, extents, radius)
         fits = [_least_squares_fit(n, measured, radius, start) for start in starts]
         semi_axes, rms = min(fits, key=lambda fit: fit[1])
-        # A further component has to earn its place.
+        # A further component has to improve the fit.
         if rms < 0.9 * best_rms:
             best, best_rms = semi_axes, rms
         if best_rms <= GOOD_RMS * radius:
@@ -126,9 +126,9 @@ def _least_squares_fit(n, measured, radius, start):
 
 
 def _surface_quadrature(latitudes=200, longitudes=250):
-    """(directions (N, 3), weights of dOmega (N,)) for functions that are even in x, y and z.
+    """Directions (N, 3) in one octant and weights of dOmega (N,) for all eight, for functions even in x, y and z.
 
-    Gauss-Legendre along x, equal steps around it. One octant stands for all eight.
+    Gauss-Legendre along x, equal steps around it.
     """
     u, du = np.polynomial.legendre.leggauss(latitudes)
     u, du = (u + 1) / 2, du / 2

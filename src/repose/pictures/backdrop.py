@@ -32,10 +32,7 @@ class DrumInside:
         )
 
     def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depth (H, W) in m along the view, infinite for a ray that misses the drum, and unit normal (H, W, 3).
-
-        `rays` (H, W, 3) start at the eye and are scaled to unit depth along the view.
-        """
+        """Depth (H, W) [m], or infinity, and unit normal (H, W, 3) of the drum along rays (H, W, 3) of unit depth."""
         half = 0.5 * self.length_m
         front, back = ((y - eye_m[1]) / rays[..., 1] for y in (-half, half))
         mouth = np.hypot(*((eye_m + front[..., None] * rays)[..., k] for k in (0, 2)))

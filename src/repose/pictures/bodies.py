@@ -11,7 +11,7 @@ from repose.dem.tessellation import tessellate
 
 
 class Drawable(Protocol):
-    """A shape that can be drawn; a shape made of spheres also has `spheres_m`, (M, 4): centre and radius in m."""
+    """A shape that can be drawn; a shape of spheres also has `spheres_m` (M, 4), centre and radius in m."""
 
     @property
     def bounding_radius_m(self) -> float:
@@ -55,14 +55,14 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own."""
+    """The bodies at their places as triangles; each sphere of a body of spheres is a part of its own."""
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)
     return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))
 
 
 def _spheres(shape: Drawable) -> np.ndarray | None:
-    """Spheres (M, 4) of a shape that is made of them, or None."""
+    """Spheres (M, 4) of a shape, or None for a shape without."""
     spheres = getattr(shape, "spheres_m", None)
     return spheres if spheres is not None and len(spheres) else None
 

@@ -36,12 +36,11 @@ def animate_pour(
     max_bytes: int = 3_000_000,
     colour: str = GRAIN,
 ) -> None:
-    """Write an endless animation of a pour as .gif or .webp; frames are spread evenly over the time.
+    """Write an endless animation of a pour as .gif or .webp, in at most `max_bytes`, if need be with fewer colours.
 
-    `trajectory` is an .npz file with time_s (T,), position (T, N, 3) [m], NaN before a berry appears, quaternion (T,
-    N, 4) and perhaps scale (N,). `frame_s` is the time that a frame is shown. Colours are reduced until the file has
-    at most `max_bytes`. `colour` is #rrggbb. Raises InputError for a bad trajectory, another ending or a file that
-    stays too large.
+    `trajectory` is an .npz file with time_s (T,), position (T, N, 3) [m], NaN before a berry appears, quaternion (T, N,
+    4) and perhaps scale (N,). The frames are spread evenly over the time, and each is shown for `frame_s`. `colour` is
+    #rrggbb. Raises InputError for a bad trajectory, another ending or a file that stays too large.
     """
     out_path = _checked(out_path)
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
@@ -73,8 +72,8 @@ def animate(
 ) -> None:
     """Write an endless animation of any simulation; `frames` come from `repose.dem.Recorder.frames`.
 
-    `view` goes to `repose.pictures.render.render_bodies`; without frame_m the picture contains the first and the last
-    frame. Files and errors as of `animate_pour`.
+    `view` goes to `repose.pictures.render.render_bodies`; the default frame_m holds the first and the last frame. Files
+    and errors as of `animate_pour`.
     """
     out_path = _checked(out_path)
     if not len(frames["time_s"]):
@@ -83,7 +82,7 @@ def animate(
     if "planes" in frames:
         walls = zip(frames["planes"], frames["wall_frames"], strict=True)
         settings = [setting_of(simulation, *places) for places in walls]
-    else:  # they stay where they are, or turn about their axis
+    else:  # the walls rest, or turn about their axis
         settings = len(times) * [setting_of(simulation)]
     if view.get("frame_m") is None:
         ends = frames["position"][[0, -1]].reshape(-1, 3)
@@ -171,13 +170,13 @@ def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path
 
 
 def _encoded(pictures: Sequence[Image.Image], shown_ms: list[int], kind: str, effort: int) -> bytes:
-    """The pictures as one file's content, coarser in colour with growing effort (0 to 4)."""
+    """The pictures as the content of a file, with fewer colours for more `effort` (0 to 4)."""
     options: dict[str, Any] = {"format": kind, "save_all": True, "duration": shown_ms, "loop": 0}
     content = io.BytesIO()
     if kind == "WEBP":
         pictures[0].save(content, append_images=pictures[1:], quality=80 - 15 * effort, method=4, **options)
         return content.getvalue()
-    # One palette for all frames, taken from the last one: still parts stay still.
+    # One palette for all frames, taken from the last one: parts at rest keep their colours.
     palette = pictures[-1].quantize((128, 96, 64, 48, 32)[effort])
     reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     reduced[0].save(content, append_images=reduced[1:], optimize=False, disposal=1, **options)

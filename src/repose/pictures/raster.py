@@ -46,9 +46,8 @@ def draw(
     """Draw triangles of N bodies with V points each into a z-buffer (H, W); a larger `near` is nearer.
 
     `x` and `y` (N, V) are in pixels, row 0 on top; `triangles` (T, 3) of closed surfaces are the same for all bodies,
-    anticlockwise seen from outside. Returns `near` of
-    the visible point (minus infinity if none), the body's number (-1 if none), the triangle's number and the shares
-    (H, W, 2) of its second and third point.
+    anticlockwise seen from outside. Returns `near` of the visible point (minus infinity if none), the body's number (-1
+    if none), the triangle's number and the shares (H, W, 2) of its second and third point.
     """
     nearest = np.full(shape, -np.inf, np.float32)
     body, corner = np.full(shape, -1, np.int32), np.zeros(shape, np.int32)
@@ -60,7 +59,7 @@ def draw(
 
 @numba.njit(cache=True)
 def _noise(row, column):
-    """A fixed angle for each pixel, so that few samples turn into fine grain instead of bands."""
+    """A fixed angle for each pixel, so that few samples give fine grain instead of bands."""
     grain = 0.06711056 * column + 0.00583715 * row
     grain = 52.9829189 * (grain - math.floor(grain))
     return 2 * math.pi * (grain - math.floor(grain))
@@ -88,11 +87,11 @@ def place_of(camera, shape, row, column, depth, place):
 
 @numba.njit(cache=True)
 def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
-    """Share (H, W) of the light that reaches each visible point, from a depth map seen from the light.
+    """Share (H, W) of the light that reaches each visible point, from a depth map seen from the light; else 1.
 
-    It is 1 without a point. `light_map` holds the largest height towards the light in m; the rows of `axes` are two
-    axes across the light, then towards it; `origin` is in m across the light. `softness_m` is the radius of the
-    `taps` look-ups, `bias_m` the distance at which a surface begins to shade a point. `camera` is as in `place_of`.
+    `light_map` holds the largest height towards the light in m; the rows of `axes` are two axes across the light, then
+    towards it; `origin` is in m across the light. `softness_m` is the radius of the `taps` samples, `bias_m` the
+    distance at which a surface begins to shade a point. `camera` is as in `place_of`.
     """
     rows, columns = depth.shape
     lit = np.ones((rows, columns), np.float32)

@@ -1,9 +1,8 @@
 """Shaded pictures of berries, drawn in software: no graphics card, no window, the same picture everywhere.
 
-Every shape is tessellated once by its support points x(n), whose normal is n itself, so the shading is as
-smooth as the body (`bodies`). Triangles go through a z-buffer (`view`). A second z-buffer seen from the light gives
-soft shadows, and the hemisphere above each visible point, sampled in the picture, darkens the gaps of the pile
-(`shading`).
+Every shape is tessellated once by its support points x(n), whose normal is n itself, so the shading is as smooth as the
+body (`bodies`). Triangles go through a z-buffer (`view`). A second z-buffer seen from the light gives soft shadows, and
+the hemisphere above each visible point, sampled in the picture, darkens the gaps of the pile (`shading`).
 """
 
 from collections.abc import Sequence
@@ -72,9 +71,9 @@ def render_bodies(
 ) -> np.ndarray:
     """A shaded picture (height, width, 3), RGB, of bodies of several shapes and sizes; same input, same picture.
 
-    A body with a NaN is not drawn. `quaternions` are w, x, y, z, body to world; `shape_ids` are places in `shapes`,
-    None means the first. `setting` None means a plate at z = 0. The picture contains the points `frame_m` (M, 3),
-    None means all bodies and walls. `height` None means 0.6 of the width. `supersample` is the number of rays along
+    A body with a NaN is not drawn. `quaternions` are w, x, y, z, body to world; `shape_ids` are places in `shapes`, by
+    default the first. The default `setting` is a plate at z = 0. The picture contains the points `frame_m` (M, 3), by
+    default all bodies and walls. `height` is 0.6 of the width by default. `supersample` is the number of rays along
     each side of a pixel; `colour` (#rrggbb) is of the first shape.
     """
     setting = setting or Setting()

@@ -1,4 +1,4 @@
-"""Scenery of a picture of bodies: walls, and the camera that sees them."""
+"""Scenery of a picture of bodies: walls, and the camera."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,13 +36,13 @@ class Frustum:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A flat opaque wall, seen from one side only."""
+    """A flat opaque wall, visible from one side only."""
 
     corners_m: np.ndarray  # (M, 3), convex, anticlockwise from the visible side
 
     @property
     def normal(self) -> np.ndarray:
-        """Unit normal towards the side from which the panel is seen (3,)."""
+        """Unit normal (3,) towards the visible side."""
         a, b = self.corners_m[1] - self.corners_m[0], self.corners_m[-1] - self.corners_m[0]
         normal = np.cross(a, b)
         return normal / np.linalg.norm(normal)
@@ -84,7 +84,7 @@ class Camera:
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
     def bands(self, multiple: int = 1) -> Iterator[slice]:
-        """Rows of the picture, band by band: work on a band needs little memory, however large the picture is."""
+        """Rows of the picture in bands, so that a large picture needs little memory."""
         step = multiple * max(1, BAND_PIXELS // (multiple * self.width))
         for first in range(0, self.height, step):
             yield slice(first, first + step)
@@ -113,7 +113,7 @@ def look_at(
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:
-    """A `Camera` that sees all points from a direction."""
+    """A `Camera` in a given direction with all points in view."""
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
     right = np.array([-math.sin(az), math.cos(az), 0.0])

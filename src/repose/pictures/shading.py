@@ -22,7 +22,7 @@ LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # i
 
 
 def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN) -> np.ndarray:
-    """Colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1; no two bodies are alike."""
+    """Colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1, slightly different for each body."""
     first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     colours = np.array([first, *(OTHERS[k % len(OTHERS)] for k in range(shapes - 1))])
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
@@ -163,7 +163,7 @@ def _blend_walls(
     rays: np.ndarray,
     depth: np.ndarray,
 ) -> None:
-    """Draw translucent frusta over the picture: far sides first, each only if nothing stands before it."""
+    """Draw translucent frusta over the picture: far sides first, each where no body is in front of it."""
     sides = [side for wall in walls for side in _sides(wall, camera, rays)]
     for side in order:
         wall, distance, met = sides[side]

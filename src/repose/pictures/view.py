@@ -11,10 +11,7 @@ from repose.pictures.scenery import Camera, Panel, Setting
 
 @dataclass(frozen=True)
 class View:
-    """Content of each pixel of a picture (H, W): a body, a flat wall, the plate, the backdrop, or nothing.
-
-    A pixel takes 22 bytes, so that a large picture fits into the memory.
-    """
+    """Content of each pixel (H, W), in 22 bytes: a body, a flat wall, the plate, the backdrop, or nothing."""
 
     body: np.ndarray  # int32, number of the body or part, -1 if none
     plate: np.ndarray  # bool

@@ -99,7 +99,7 @@ class MIGA:
         if self.generation % self.generations == 0:
             points, fitness = self._migrate(points, fitness, order)
             order = self._ranked(fitness)
-        # rank is all a tournament looks at: the winner of three is the smallest of three random ranks
+        # a tournament depends on ranks alone: the winner of three is the smallest of three random ranks
         parents = points[order.take(self._winners[step] + self._first)]
         children = self._cross(parents[:, :population], parents[:, population:], step)
         children += self._mutation[step]

@@ -1,12 +1,9 @@
 """The objective of the search, and the archive of the points that it keeps.
 
-`Objective` is Eq. 11-12 for any number of targets, `Preference` prior knowledge of parameters, `Archive` the best
-distinct points, `search` one whole search with `repose.search.miga`.
-
-Constraints, on which the publication is silent: the fitness of a point whose responses all lie in the targets' ranges
-is F (Eq. 11). That of any other point is F + F_max + 10 V. V is how far the responses lie outside, in the units of F,
-and F_max the largest F inside. So every feasible point beats every other point, and without any feasible
-point the search goes to the box. Where it is never met, `constrained=False` asks for the least F alone.
+The publication does not define the constraints. Here the fitness of a point whose responses all lie in the targets'
+ranges is F (Eq. 11), and that of any other point F + F_max + 10 V, with the distance V of the responses from the ranges
+in the units of F, and F_max the largest F inside. So every feasible point is better than every other point, and without
+a feasible point the search moves towards the ranges. Where they cannot be met, `constrained=False` minimises F alone.
 """
 
 import math
@@ -30,8 +27,8 @@ class Objective:
     """Eq. 11-12: deviation of k responses from their targets, each in widths of its range.
 
     Arrays are (k,). `target` None means the centres of the ranges (Eq. 12), `weight` None means 1. `margin` is added to
-    the fitness of points outside the ranges: the most that is ever added inside (`Preference.largest`). Unless
-    `constrained`, the fitness is F everywhere.
+    the fitness of points outside the ranges: the largest cost inside (`Preference.largest`). Unless `constrained`, the
+    fitness is F everywhere.
     """
 
     def __init__(
@@ -72,9 +69,9 @@ class Objective:
 class Preference:
     """Prior knowledge of parameters, as a term that is small beside F.
 
-    A parameter set whose measured parameters lie z standard deviations off costs 0.01 z^2 / 2 more: for z = 1 as much
-    as half a percent of a target's range. So the targets come first. Among the many parameter sets that meet them
-    equally well the search takes those near the measured values.
+    Measured parameters z standard deviations off cost 0.01 z^2 / 2: for z = 1 as much as half a percent of a target's
+    range. So the targets have priority, and among the many parameter sets that meet them equally well the search
+    prefers those near the measured values.
     """
 
     mean: np.ndarray  # (d,), in the search's coordinates [-1, 1]
@@ -107,7 +104,7 @@ class Preference:
 
 
 class Archive:
-    """The best distinct points out of any number met, in bounded memory.
+    """The best distinct points out of any number, in bounded memory.
 
     Two points are distinct when they lie at least `distance` apart, Euclidean in normalised parameters. A point is
     kept, best fitness first, when it is distinct from every better kept point. `points` (kept, dimensions) and
@@ -140,7 +137,7 @@ class Archive:
         kept = distinct(points, fitness, self.distance, self.capacity)
         self.points, self.fitness = points[kept], fitness[kept]
         self._waiting, self._n_waiting = [], 0
-        # fewer than before are left where a new point came between old ones: then any point may fill the gap
+        # a new point between old points may replace several of them: then any point may fill the gap
         self._worst = self.fitness[-1] if len(kept) == self.capacity else math.inf
 
 
@@ -168,7 +165,7 @@ def search(
     """A whole search with `MIGA`: the archive, thinned; a row (`HISTORY`) per round; the number of feasible points met.
 
     `respond` maps points (n, dimensions) in [-1, 1] to responses (n, k). `settings` is the section `miga`. The archive
-    holds five times `solutions` points, as a point that is thinned away may lose its better neighbour later.
+    holds five times `solutions` points, since a point that is thinned away may lose its better neighbour later.
     """
     miga = MIGA(dimensions, **{key: settings[key] for key in OPERATORS}, seed=settings["seed"])
     archive = Archive(dimensions, settings["distance"], 5 * settings["solutions"])

@@ -57,10 +57,7 @@ def run(
     effort: Effort = FULL,
     report: Callable[[str, list[Row]], Any] | None = None,
 ) -> dict[str, list[Row]]:
-    """Run cases of the verification suite, by default all; an unknown name raises InputError.
-
-    `report` is called with the name and the rows of each case as it ends.
-    """
+    """Run cases of the verification suite (by default all) and `report` each; InputError for an unknown name."""
     chosen = list(names or CASES)
     for name in chosen:
         if name not in CASES:

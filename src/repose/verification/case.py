@@ -1,4 +1,4 @@
-"""The rows of a case of the verification suite: numbers beside references."""
+"""The rows of a verification case: results beside references."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

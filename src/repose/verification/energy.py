@@ -1,6 +1,6 @@
-"""Momentum of a free cloud, and energy of many random impacts: none may be created where the contacts damp.
+"""Momentum of a free cloud, and energy of many random impacts: damped contacts must not create energy.
 
-The Hertz potential of a turning ellipsoid is not exactly conservative: R* depends on where the bodies touch, so the
+The Hertz potential of a turning ellipsoid is not exactly conservative: R* depends on the place of the contact, so the
 potential's depth changes during a contact. `elastic_impacts` measures that without damping and friction.
 """
 
@@ -75,7 +75,7 @@ def cloud_momentum(effort: Effort) -> list[Row]:
 
 
 def _ratios(simulation: Simulation, checks: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Largest kinetic energy at any look, and the last one, both over the first (N,)."""
+    """Largest kinetic energy at any check, and the last one, both over the first (N,)."""
     start = simulation.kinetic_energies()
     most = np.zeros(len(start))
     for _ in range(checks):
@@ -91,7 +91,7 @@ def pair_hits(
     step: float = STEP,
     **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy over that before a collision of isolated pairs of ellipsoids: the largest of ten looks, and the last."""
+    """Largest of ten energies, and the last, of isolated pairs of ellipsoids that collide, over the energy before."""
     n = LANE * LANE
     edge = LANE * SPACING
     simulation = berry_simulation(
@@ -126,7 +126,7 @@ def pair_hits(
 def funnel_hits(
     rng: np.random.Generator, contact: Contact, kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same as `pair_hits` of a berry thrown at a funnel from inside; `kind` is "cone", "rim" or "tube"."""
+    """As `pair_hits` for a berry thrown at a funnel from inside; `kind` is "cone", "rim" or "tube"."""
     funnel = TUBED if kind == "tube" else FUNNEL
     simulation = berry_simulation(
         contact,
@@ -151,7 +151,7 @@ def funnel_hits(
 def shell_hits(
     rng: np.random.Generator, contact: Contact, _kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of 40 berries along a drum, each thrown at the shell, over the energy before: as `funnel_hits`, (40,)."""
+    """As `funnel_hits` for 40 berries along a drum, each thrown at the shell, (40,)."""
     n, radius, spacing = 40, 0.06, 0.06
     length = n * spacing
     simulation = berry_simulation(

@@ -28,7 +28,7 @@ QUANTITIES = (("peak force", "kN", 1e-3), ("largest overlap", "um", 1e6), ("cont
 def pair_history(
     solid: Solid, radius_m: float, speed_m_s: float, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time [s], overlap [m] and normal force [N] in an elastic head-on impact of two equal spheres, in contact."""
+    """Time [s], overlap [m] and normal force [N] during an elastic head-on impact of two equal spheres."""
     hertz = hertz_of_pair(solid, radius_m, speed_m_s)
     step = hertz.duration_s / STEPS_PER_CONTACT
     reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
@@ -75,7 +75,7 @@ def plane_history(
 def _history(
     simulation: Simulation, step: float, mass: float, steps: int, look: Callable[[], tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time since the overlap began, overlap and m dv/dt in contact; `look` returns overlap and velocity now."""
+    """Time since the overlap began, overlap and m dv/dt in contact; `look` returns the present overlap and velocity."""
     overlap, speed = np.empty(steps), np.empty(steps)
     for k in range(steps):
         simulation.run_steps(1)

@@ -21,7 +21,7 @@ PVC = Material(1.12e9, 0.4)
 
 
 def smooth(radius_m: float, density_kg_m3: float, material: str) -> Shape:
-    """A sphere as the sum of two of half its radius: the engine's way for smooth bodies, not its own for spheres."""
+    """A sphere as the sum of two of half its radius, which the engine treats as a smooth body and not as a sphere."""
     sphere = Shape.sphere(radius_m, density_kg_m3, material)
     return Shape(np.full((2, 3), 0.5 * radius_m), sphere.mass_kg, sphere.inertia_kg_m2, material)
 
@@ -103,9 +103,9 @@ def simulation_of(
     wall: Material = PVC,
     **keywords: Any,
 ) -> Simulation:
-    """An empty simulation of bodies of one shape, named "body", between walls; without gravity unless asked for.
+    """An empty simulation of bodies of one shape, "body", between walls; by default without gravity and for one body.
 
-    The materials are named "berry" and "wall"; by default the box holds one body and reaches 0.1 m to each side.
+    The materials are named "berry" and "wall"; the default box reaches 0.1 m to each side.
     """
     shapes: Any = {"body": shape}
     keywords.setdefault("capacity", 1)
@@ -130,7 +130,7 @@ def berry_simulation(
 
 
 def stiffer(times: float) -> tuple[Material, Material]:
-    """The materials of berry and wall with so many times their shear moduli."""
+    """The materials of berry and wall with `times` the shear moduli."""
     berry, wall = (Material(times * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
     return berry, wall
 

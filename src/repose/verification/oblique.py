@@ -1,10 +1,10 @@
 """Oblique impacts: tests 4 and 5 of Chung & Ooi (2011), Granular Matter 13, 643-656.
 
-A sphere that slides through the whole impact loses the tangential velocity mu (1 + e) V_n and gains the spin
-5/2 mu (1 + e) V_n / R. This holds when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit
-gives exactly that when it takes the elastic normal force and the contact may pull, or all of the normal force and the
-contact is released. Where the sphere sticks, the result is determined by the tangential spring, and stands beside the
-equation of that spring (`equation_of_hit`).
+A sphere that slides through the whole impact loses the tangential velocity mu (1 + e) V_n and gains the spin 5/2 mu (1
++ e) V_n / R. This holds when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit gives
+exactly that when it takes the elastic normal force and the contact may pull, or all of the normal force and the contact
+is released. Where the sphere sticks, the tangential spring determines the result; the reference is the equation of that
+spring (`equation_of_hit`).
 """
 
 import math
@@ -63,7 +63,7 @@ def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
 
 
 def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str = "keep") -> float:
-    """Size of the change of spin [rad/s] in gross sliding, by the law that the engine solves.
+    """Size of the change of spin [rad/s] in gross sliding by the engine's law.
 
     It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
     elastic part of the damped impact's force where the contact may pull, all of it where it may not.

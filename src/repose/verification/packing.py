@@ -118,7 +118,7 @@ def poured_packing(effort: Effort) -> list[Row]:
 
 
 def _pour(n: int, contact: Contact, seed: int, laws: Mapping[str, Any]) -> tuple[Simulation, float]:
-    """A box of berries at rest: all let fall at once from a loose lattice, in random orientations."""
+    """A box of berries at rest, all released at once from a loose lattice in random orientations."""
     rng = np.random.default_rng(seed)
     columns = max(2, round((n / 3.5) ** (1.0 / 3.0)))
     pitch = 0.0216

@@ -85,9 +85,9 @@ def berry_at_rest(effort: Effort) -> list[Row]:
 def rocking_period(a: float, c: float) -> float:
     """Period [s] of a berry that rocks without slipping, at small angles.
 
-    Its semi-axes in the plane of the motion are a, level, and c, upright, a above c, in m. Its potential energy is m g
-    h(theta), h the support function; the moment of inertia about the contact is I + m c^2, I = m (a^2 + c^2) / 5, and
-    the stiffness m g h'' = m g (a^2 / c - c).
+    Its semi-axes in the plane of the motion are a, level, and c, upright, a above c, in m. Its potential energy is
+    m g h(theta), h the support function; the moment of inertia about the contact is I + m c^2, I = m (a^2 + c^2) / 5,
+    and the stiffness m g h'' = m g (a^2 / c - c).
     """
     return 2.0 * math.pi * math.sqrt(((a * a + c * c) / 5.0 + c * c) / (GRAVITY * (a * a / c - c)))
 

@@ -1,12 +1,12 @@
-"""Restitution of a hit of two bodies, or of a body and a plane.
+"""Restitution of an impact of two bodies, or of a body and a plane.
 
 The bodies meet without friction and without spin, in random orientations, off centre. Restitution is -u' / u: u is the
 relative velocity of the bodies where they first touch, along the normal there; u' is the same where they part, at that
-time. In the stiff limit the bodies have no time to turn while they touch, so both places are the same, and both
-normals. No other component of the velocity changes there: the share 1 - e^2 of the energy of the normal motion is lost.
+time. In the stiff limit the bodies have no time to turn while they touch, so both places and both normals are the same.
+No other component of the velocity changes there: the share 1 - e^2 of the energy of the normal motion is lost.
 
-At the real softness the bodies turn while they touch: the place of the touch moves, further spheres of a clump come to
-touch, and no law of a single contact returns its e exactly.
+At the real softness the bodies turn while they touch: the contact moves, more spheres of a clump begin to touch, and no
+law of a single contact returns its e exactly.
 """
 
 import functools
@@ -33,9 +33,9 @@ OFFSET = 0.8  # largest distance of the centres across the approach, over the su
 STEEPEST = 0.3  # a plane is hit with at least this share of the speed
 STIFFER = 1e7  # moduli in the stiff limit over the real moduli
 STEPS_PER_CONTACT = 120
-LOOK = 3  # steps between two looks
+LOOK = 3  # steps between two checks
 LEAD = 2.0  # steps until they touch
-LONGEST = 12  # contact times after which a hit is given up
+LONGEST = 12  # contact times after which a hit is abandoned
 SPACING_M, LANE = 0.08, 40
 STIFF_TOLERANCE = 0.02  # of the mean, absolute
 CONTACTS_NOTE = "mean over the hits; where they lie together the pair is as many times as stiff"
@@ -63,7 +63,7 @@ class Hits(NamedTuple):
     """Restitution of hits, and their contacts."""
 
     restitution: np.ndarray  # (count,), NaN for bodies that had not parted after `LONGEST` contact times
-    contacts: np.ndarray  # (count,), most contacts at any look
+    contacts: np.ndarray  # (count,), most contacts at any check
 
 
 class Place(NamedTuple):

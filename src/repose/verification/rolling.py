@@ -1,4 +1,4 @@
-"""Sphere and berry that move along a plane under gravity: sliding, rolling, a slope."""
+"""Sphere and berry on a plane under gravity: sliding, rolling, a slope."""
 
 import math
 from typing import Any
@@ -70,7 +70,7 @@ def slip_to_roll(effort: Effort) -> list[Row]:
 
 
 def slope_acceleration(angle_deg: float, friction: float, **laws: Any) -> float:
-    """Acceleration [m/s2] of a berry that cannot roll, on a slope: mean from 0.06 s to 0.16 s after it is laid down."""
+    """Acceleration [m/s2] of a berry that cannot roll, on a slope: mean from 0.06 s to 0.16 s after the start."""
     slope = math.radians(angle_deg)
     down = (GRAVITY * math.sin(slope), 0.0, -GRAVITY * math.cos(slope))
     simulation = berry_simulation(

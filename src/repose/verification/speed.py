@@ -1,8 +1,8 @@
 """Speed of the engine on this machine, and of the machine itself.
 
-The reference kernel is a plain loop of dependent divisions and multiplications: it measures how fast one processor is
-at this moment. The ratio of a time step to it compares engines on machines of one type, not types with each other: a
-step needs vectors and caches, which the loop does not.
+The reference kernel is a loop of dependent divisions and multiplications, so it measures the present speed of one
+processor. The ratio of a time step to it compares engines on machines of one type, but not types of machines: a step
+also depends on vectors and caches.
 """
 
 import math
@@ -29,10 +29,7 @@ SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide fac
 
 @numba.njit
 def reference_kernel(n):
-    """A chain of n dependent steps of arithmetic with a square root and a division each.
-
-    The returned value keeps the compiler from removing the loop.
-    """
+    """A chain of n dependent steps with a root and a division each; its value is returned, so the compiler keeps it."""
     x = 1.0
     for k in range(n):
         x = math.sqrt(x * 1.0000001 + 1e-9 * k) / (1.0 + 1e-7 * x)
@@ -46,13 +43,13 @@ def run(
     parameters: Mapping[str, float],
     seed: int = 1,
 ) -> dict[str, Any]:
-    """Time whole pours and settled piles on one core, the particles in turn so that all see the same machine.
+    """Time whole pours and settled piles on one core, the particles in turn so that all have the same conditions.
 
     The first of the particles is the reference of the others; `berry` holds the moduli. Returns the `summary`, with
     `berries` and `time_step_s` of the pours and the `machine`.
     """
     warm = {**config, "funnel": {**config["funnel"], "berries": 2, "duration_s": 1.0}}
-    for particle in particles.values():  # compiles what is timed afterwards
+    for particle in particles.values():  # compiles the code that is timed afterwards
         timed_pour(warm, parameters, seed, particle, berry)
     reference_kernel(10)
     references: list[float] = []
@@ -67,7 +64,7 @@ def run(
 
 
 def machine() -> dict[str, Any]:
-    """The kind of processor by LLVM's name, and the width of the vectors of the compiled loops."""
+    """The type of processor by LLVM's name, and the width of the vectors of the compiled loops."""
     features = binding.get_host_cpu_features()
     bits = next((bits for name, bits in VECTOR_BITS.items() if features.get(name)), 128)
     return {"processor": binding.get_host_cpu_name(), "vector_bits": bits}

@@ -1,7 +1,4 @@
-"""Impacts of spinning spheres: tests 6 to 8 of Chung & Ooi (2011), Granular Matter 13, 643-656.
-
-The gross sliding of a sphere is explained in `repose.verification.oblique`.
-"""
+"""Impacts of spinning spheres: tests 6 to 8 of Chung & Ooi (2011), Granular Matter 13, 643-656; see also `oblique`."""
 
 from typing import Any
 
@@ -29,7 +26,7 @@ def _on_sphere(
 ) -> tuple[float, float]:
     """The same for the upper of two spheres; the spin of the other is `sense` times its own.
 
-    `radius` is of the other sphere, `factor` its stiffness and density over the first sphere's; with a factor
+    `radius` is that of the other sphere, `factor` its stiffness and density over the first sphere's; with a factor
     above 1 it is at rest.
     """
     other = Solid(
@@ -68,8 +65,8 @@ def plane_spins(effort: Effort) -> list[Row]:
 def equal_spheres(effort: Effort) -> list[Row]:
     """Test 7: two equal spheres of test 6's materials, each 0.2 m/s, spins of the same and of opposite sense.
 
-    With one sense of rotation, as vectors, the surfaces move against each other and the contact point stays: each
-    sphere is one on a plane of its own. With opposite vectors the surfaces move together and nothing is exchanged.
+    With equal spin vectors the surfaces move against each other and the contact point stays: each sphere behaves as on
+    a plane. With opposite vectors the surfaces move together and nothing is exchanged.
     """
     rows = []
     for solid in SOLIDS:

@@ -1,1 +1,1 @@
-"""What a simulation writes and reads: checkpoints, recordings, VTK files, progress."""
+"""Input and output of a simulation: checkpoints, recordings, VTK files, progress."""

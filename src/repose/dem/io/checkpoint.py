@@ -67,7 +67,7 @@ def _read(path):
 
 
 def _arrays(simulation):
-    """Every array that a simulation holds by itself or in a named tuple, with its name."""
+    """Every array of a simulation, single or in a named tuple, with its name."""
     for name, value in vars(simulation).items():
         if isinstance(value, np.ndarray):
             yield name, value
@@ -77,7 +77,7 @@ def _arrays(simulation):
 
 
 def _restore(simulation, arrays):
-    """Give a newly made simulation the arrays of another."""
+    """Give a new simulation the arrays of another."""
     made = dict(_arrays(simulation))
     if set(made) != set(arrays):
         raise KeyError(f"arrays {sorted(set(made) ^ set(arrays))}")
@@ -103,7 +103,7 @@ def _may_grow(name):
 
 
 def _aligned(values):
-    """A copy that begins at a cache line, as the kernels have it."""
+    """A copy that begins at a cache line, as the kernels need it."""
     if values.dtype != np.float64:
         return values.copy()
     copy = st.zeros(*values.shape)
@@ -112,7 +112,7 @@ def _aligned(values):
 
 
 def _description(simulation):
-    """What a simulation was made of, for JSON."""
+    """The arguments of a simulation, for JSON."""
     physics = simulation.physics
     walls = simulation.wall_set.surfaces
     return {
@@ -142,7 +142,7 @@ def _description(simulation):
 
 
 def _arguments(about):
-    """Arguments of the simulation that was described."""
+    """Arguments of the described simulation."""
     walls = {}
     for name, (kind, fields) in about["walls"].items():
         motion = Motion(**_tuples(fields["motion"]))
@@ -162,7 +162,7 @@ def _shape(fields):
 
 
 def _plain(value):
-    """A value as JSON takes it; objects as mappings of their fields."""
+    """A value in the types of JSON; an object becomes a mapping of its fields."""
     if dataclasses.is_dataclass(value):
         return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, np.ndarray | np.generic):
@@ -175,7 +175,7 @@ def _plain(value):
 
 
 def _tuples(value):
-    """A value of JSON with tuples for its lists."""
+    """A value of JSON with tuples in place of lists."""
     if isinstance(value, dict):
         return {name: _tuples(item) for name, item in value.items()}
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

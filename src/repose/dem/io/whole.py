@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Files that are either complete or absent."""
 
 import os
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from typing import IO, Any
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move, so that an interrupt leaves the earlier one; `write` gets the open file."""
+    """Write a file in one move, so that an interrupt leaves the earlier file; `write` gets the open file."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")

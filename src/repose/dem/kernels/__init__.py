@@ -1,1 +1,1 @@
-"""The hot loops: pure functions of floats and arrays, compiled by numba."""
+"""The inner loops: pure functions of floats and arrays, compiled by numba."""

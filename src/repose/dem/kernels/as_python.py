@@ -1,4 +1,4 @@
-"""What `simd` writes as LLVM, in Python: used where the compiler is switched off (NUMBA_DISABLE_JIT=1)."""
+"""The functions of `simd`, which are LLVM there, in Python for a run without the compiler (NUMBA_DISABLE_JIT=1)."""
 
 import numpy as np
 
@@ -30,11 +30,11 @@ def add_lanes_to_rows(table, column, index, k, tile, at, stride):
 
 
 def prefetch(_table, _row, _column):
-    """Nothing: Python has no say in what the processor fetches."""
+    """No operation: Python cannot prefetch."""
 
 
 def rsqrt_seed(x):
-    """A first guess of 1 / sqrt(x) from the exponent's bits."""
+    """First approximation of 1 / sqrt(x) from the bits of the exponent."""
     bits = 0x5FE6EB50C7B537A9 - (int(np.float64(x).view(np.int64)) >> 1)
     return np.int64(bits).view(np.float64)
 

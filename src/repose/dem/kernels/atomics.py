@@ -1,4 +1,4 @@
-"""A barrier for a few threads that run one kernel each: atomic counters, declared to LLVM as such."""
+"""A barrier for threads that run a kernel each: counters that LLVM changes by atomic instructions."""
 
 from llvmlite import ir
 from numba import types
@@ -9,7 +9,7 @@ from .jit import inlined
 INT32, INT64 = ir.IntType(32), ir.IntType(64)
 ARRIVED, ROUND = 0, 8  # places of the two counters of a barrier, a cache line apart
 BARRIER_SIZE = 16
-PATIENCE = 4000  # looks at the counter before the processor is offered to others
+PATIENCE = 4000  # reads of the counter before the processor is offered to others
 
 
 def _place(context, builder, signature, values):
@@ -25,7 +25,7 @@ def _is_counter(array):
 
 @intrinsic
 def atomic_add(typingctx, array, index, value):
-    """Add to an element of an int64 array; returns what it was."""
+    """Add to an element of an int64 array; returns its value before."""
 
     def generate(context, builder, sig, values):
         value = context.cast(builder, values[2], sig.args[2], types.int64)
@@ -72,7 +72,7 @@ def offer_processor(typingctx):
 
 @inlined
 def wait_for_all(counters, threads):
-    """Return when all threads have come here."""
+    """Wait until all threads have called it."""
     if threads == 1:
         return
     this_round = atomic_load(counters, ROUND)

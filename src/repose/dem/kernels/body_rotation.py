@@ -1,7 +1,7 @@
 """Rotation of the bodies of a tile: world-frame angular momentum, rolling resistance, midpoint rotation.
 
-Angular momentum is the state; the angular velocity follows from it at the middle of the step, so free rotation keeps
-the momentum to the bit and the energy to second order.
+Angular momentum is the state, and the angular velocity at the middle of the step follows from it; so free rotation
+keeps the momentum to the bit and the energy to second order.
 """
 
 import math
@@ -11,9 +11,9 @@ from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, L
 from .jit import inlined, kernel
 from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, SHAPE, SQUARES, alive
 
-SURE = 1.0 - 1e-12  # what rounding leaves of a budget
+SURE = 1.0 - 1e-12  # share of a budget that rounding leaves
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
-# They leave the size of a resistance 4e-8 off where the moments differ sixfold, 4e-4 where they differ thirtyfold.
+# With these steps the size of a resistance is 4e-8 off where the moments differ sixfold, 4e-4 for a factor of thirty.
 NEWTON_STEPS = 3
 
 
@@ -70,7 +70,7 @@ def inverse_inertia_times(m, k, x, y, z):
 
 @inlined
 def into_body(c, k, x, y, z):
-    """A vector of the world in the frame of lane k's body."""
+    """A vector of the world in the axes of lane k's body."""
     qw, qx, qy, qz = (
         c[QUATERNION + k],
         c[QUATERNION + L + k],
@@ -84,7 +84,7 @@ def into_body(c, k, x, y, z):
 
 @inlined
 def into_world(c, k, x, y, z):
-    """A vector in the frame of lane k's body in the world."""
+    """A vector of lane k's body in the axes of the world."""
     qw, qx, qy, qz = (
         c[QUATERNION + k],
         c[QUATERNION + L + k],
@@ -97,7 +97,7 @@ def into_world(c, k, x, y, z):
 
 @kernel
 def might_turn(m, dt):
-    """How many bodies of a tile that rests might begin to turn: the rolling budget is less than the torque."""
+    """Number of bodies of a tile at rest that may begin to turn: the torque exceeds the rolling budget."""
     n = 0
     for k in range(L):
         lx, ly, lz = dt * m[LOAD + 3 * L + k], dt * m[LOAD + 4 * L + k], dt * m[LOAD + 5 * L + k]
@@ -108,7 +108,7 @@ def might_turn(m, dt):
 
 @kernel
 def twist_lanes(m, c, dt):
-    """Give each lane's body the angular momentum of its torque; returns how many may still turn."""
+    """Add the torque of each lane's body to its angular momentum; returns how many may still turn."""
     n = 0
     for k in range(L):
         lx = c[ANGULAR_MOMENTUM + k] + dt * m[LOAD + 3 * L + k]
@@ -134,10 +134,10 @@ def stop_lanes(m, c):
 def resistance(x, y, z, i1, i2, i3, size, budget):
     """Direction of the rolling resistance of a body that it does not stop, in the body's frame.
 
-    (x, y, z), size: angular momentum, without resistance and relative to the frame, and its size; i1, i2, i3: inverse
-    moments. The rotation that is left has the direction n that is returned: its angular velocity is s n with
-    I s n = l - B n, so (s + B J) n = J l, J the inverse inertia. The speed s is the root of |n(s)| = 1. Newton's
-    method on 1 / |n(s)|, which is concave, comes to it from below; the unit is the speed without resistance.
+    (x, y, z), size: angular momentum without resistance, relative to the frame, and its size; i1, i2, i3: inverse
+    moments. The remaining rotation has the returned direction n and the angular velocity s n with I s n = l - B n, so
+    (s + B J) n = J l, J the inverse inertia. The speed s is the root of |n(s)| = 1. Newton's method on 1 / |n(s)|,
+    which is concave, converges to it from below; the unit is the speed without resistance.
     """
     ox, oy, oz = i1 * x, i2 * y, i3 * z
     unit = 1.0 / max(math.sqrt(ox * ox + oy * oy + oz * oz), SLOWEST)
@@ -162,9 +162,9 @@ def resistance(x, y, z, i1, i2, i3, size, budget):
 def resist_lanes(m, c, dt):
     """Rolling resistance; returns how many lanes turn.
 
-    It acts as a budget B, the sum of mu_r F_n R over a body's contacts, against the rotation that is left when it has
-    acted: l' = l - B o' / |o'|, o' the angular velocity of l'. That has one solution. The body stands still where
-    |l| <= B, whatever its orientation, and its rotation is never reversed, so a settled pile is at rest.
+    The budget B, the sum of mu_r F_n R over a body's contacts, acts against the rotation that remains after it:
+    l' = l - B o' / |o'|, o' the angular velocity of l'. This has one solution. The body stands still where |l| <= B in
+    any orientation, and its rotation is never reversed, so a settled pile is at rest.
     """
     n = 0
     for k in range(L):
@@ -172,7 +172,7 @@ def resist_lanes(m, c, dt):
         budget = dt * m[LOAD + st.ROLL * L + k]
         square = lx * lx + ly * ly + lz * lz
         i1, i2, i3 = c[INVERSE_MOMENTS + k], c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]
-        # the lane of a body that is not there may hold a torque and has no moments
+        # the lane of an absent body may hold a torque and has no moments
         turns = (square > budget * budget) & (i1 > 0.0)
         n += 1 if turns else 0
         x, y, z = into_body(c, k, lx, ly, lz)
@@ -193,10 +193,7 @@ def resist_lanes(m, c, dt):
 
 @kernel
 def resist_in_frame(m, c, dt, fx, fy, fz):
-    """Rolling resistance against the rotation relative to a frame that turns with (fx, fy, fz); see `resist_lanes`.
-
-    A body whose budget outweighs that rotation turns with the frame.
-    """
+    """Rolling resistance as in `resist_lanes`, but relative to a frame, with which a stopped body turns."""
     for k in range(L):
         lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
         budget = dt * m[LOAD + st.ROLL * L + k]
@@ -230,7 +227,7 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
 def advance_orientation(m, c, dt):
     """Turn each lane's body with the angular velocity at the middle of the step.
 
-    omega = J l with J the inverse inertia; as l stays, omega changes by -J (omega x l) a second.
+    omega = J l with J the inverse inertia; l is constant, so omega changes at the rate -J (omega x l).
     """
     for k in range(L):
         lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
@@ -274,10 +271,7 @@ def inertia_lanes(m, c):
 
 @kernel
 def shape_lanes(m, c, parts):
-    """Inverse inertia and shapes of the bodies of a tile in their present orientation.
-
-    Clumps (no parts) have their quaternions for a shape.
-    """
+    """Inverse inertia and shape of each body of a tile as it is oriented; the shape of a clump is its quaternion."""
     inertia_lanes(m, c)
     if parts == 0:
         for k in range(4 * L):
@@ -292,16 +286,12 @@ def shape_lanes(m, c, parts):
 
 @inlined
 def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
-    """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns.
-
-    rests: whether none rotated in the last step. (fx, fy, fz): angular velocity of the frame against which rolling is
-    resisted.
-    """
+    """Turn the bodies of a tile by one step, at little cost if none turned in the last; returns whether any turns."""
     framed = fx != 0.0 or fy != 0.0 or fz != 0.0
     if rests and not framed and might_turn(m, dt) == 0:
         return False
     twisted = twist_lanes(m, c, dt)
-    if rests:  # the columns of what stands still were not read
+    if rests:  # the columns of bodies at rest were not read
         inertia_lanes(m, c)
     if framed:
         resist_in_frame(m, c, dt, fx, fy, fz)
@@ -320,10 +310,10 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
 
 @kernel
 def turn_spheres(m, c, dt, fx, fy, fz):
-    """Turn each lane's sphere against its rolling resistance, as `resist_in_frame`; returns how many rotate.
+    """Turn each lane's sphere against its rolling resistance, as `resist_in_frame`; returns how many turn.
 
-    Momentum and angular velocity are parallel, so the resistance only shortens both, and the velocity stays as it is
-    within the step. The surface stays in its place: no path is added.
+    Momentum and angular velocity are parallel: the resistance shortens both, and the velocity is constant within the
+    step. No path is added, since the surface of a turning sphere stays in its place.
     """
     n = 0
     for k in range(L):

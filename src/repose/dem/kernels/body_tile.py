@@ -1,11 +1,11 @@
-"""Rows of the scratch tile in which the bodies of a tile are moved."""
+"""Rows of the scratch tile in which one tile of bodies is moved."""
 
 from . import state as st
 from .state import LANES
 
 L = LANES  # short, for the index arithmetic
 
-# The columns of `rows` and of `load` (see `state`), then what the step finds.
+# The columns of `rows` and of `load` (see `state`), then the results of the step.
 ROWS = 0
 OMEGA = ROWS + st.ANGULAR_VELOCITY * L
 INVERSE_INERTIA = ROWS + st.INVERSE_INERTIA * L

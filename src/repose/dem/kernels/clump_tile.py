@@ -1,8 +1,7 @@
-"""The hot loops of clumps: contacts of one sphere of a body with one sphere of another, or with a plane, 32 at a time.
+"""The inner loops of clumps: 32 contacts at a time, of two spheres in closed form or of a sphere with a plane.
 
-As in `tile`, whose force law takes over from here. What a contact knows of its spheres, their places in their bodies
-and their radii, does not change as long as it lasts and persists with it; the bodies' rows hold where they are and, in
-the columns of the shape, their quaternions. Two spheres have a closed form, so nothing is iterated.
+A contact stores the places of its spheres in their bodies and their radii; the rows of the bodies have their positions
+and, in the columns of the shape, their quaternions.
 """
 
 import math
@@ -16,19 +15,19 @@ from .state import LANES, OFFSET, SHAPE
 L = LANES  # short, for the index arithmetic below
 
 N = st.NORMAL
-# Rows of what persists of a pair of spheres: centres in their bodies' frames, radius of the first, sum of the radii,
-# effective radius.
+# Rows that a pair of spheres keeps: centres in their bodies' frames, radius of the first, sum of the radii, effective
+# radius.
 _pair = Rows(st.PAIR_STATE)
 CENTRE_A, CENTRE_B = _pair.take(3), _pair.take(3)
 RADIUS_A, REACH, CURVATURE = _pair.take_each(3)
 PAIR_STATE = _pair.end  # where the force laws' rows begin
-# Rows of what persists of a sphere on a wall: centre, radius.
+# Rows that a sphere on a wall keeps: centre, radius.
 _wall = Rows(st.WALL_STATE)
 CENTRE, RADIUS = _wall.take(3), _wall.take()
 WALL_STATE = _wall.end
 # Rows of the scratch tile: the centres of the spheres from those of the bodies, in world axes.
 ARM_A, ARM_B = tl.SUPPORT, tl.BETWEEN
-# Two centres are never nearer than this for a direction [m].
+# Shortest distance of two centres in the calculation of a direction [m].
 NEAREST = 1e-30
 
 
@@ -47,7 +46,7 @@ def rotated_vector(w, x, y, z, px, py, pz):
 
 @inlined
 def write_arms(t, c, body, centre, to):
-    """Write the arm of each lane: from the centre of the body to the centre of its sphere, in world axes."""
+    """Write the arm of each lane, in world axes: from the centre of the body to the centre of its sphere."""
     for k in range(L):
         w, x = t[body + SHAPE * L + k], t[body + (SHAPE + 1) * L + k]
         y, z = t[body + (SHAPE + 2) * L + k], t[body + (SHAPE + 3) * L + k]

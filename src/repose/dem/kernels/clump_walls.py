@@ -1,8 +1,8 @@
-"""Clumps against walls: contacts of single spheres, in closed form but for meshes.
+"""Clumps against walls: contacts of single spheres, in closed form except with meshes.
 
-A sphere touches a plane, the inside of a cone or a ring edge in one place at most, so a bit says whether it does and
-nothing is followed from step to step. The limits are those of `walls`, one for a wall and a body: the shortest way to
-a contact of any of its spheres that do not touch.
+A sphere touches a plane, the inside of a cone or a ring edge in one place at most, so one bit stores whether it does,
+and no contact is tracked from step to step. The limits are those of `walls`, one for each wall and body: the shortest
+path to a contact of any of its spheres that do not touch.
 """
 
 import math
@@ -26,7 +26,7 @@ L = LANES
 
 @inlined
 def sphere_arm(row, tile, lane):
-    """From the centre of the body to that of its sphere, in world axes."""
+    """Vector from the centre of the body to that of its sphere, in world axes."""
     return ct.rotated_vector(
         row[SHAPE],
         row[SHAPE + 1],
@@ -40,7 +40,7 @@ def sphere_arm(row, tile, lane):
 
 @inlined
 def sphere_on_plane(x, y, z, radius, plane, out):
-    """Contact of a sphere with a plane: fills `out`; returns how far beyond the disc's edge its centre is [m]."""
+    """Contact of a sphere with a plane: fills `out`; returns how far its centre is beyond the disc's edge [m]."""
     nx, ny, nz = plane[3], plane[4], plane[5]
     dx, dy, dz = plane[0] - x, plane[1] - y, plane[2] - z
     along = nx * dx + ny * dy + nz * dz
@@ -50,7 +50,7 @@ def sphere_on_plane(x, y, z, radius, plane, out):
 
 @inlined
 def sphere_on_curved(walls, wall, x, y, z, radius, out):
-    """Contact of a sphere with a cone or ring: fills `out` in the world; returns what the functions above do."""
+    """Contact of a sphere with a cone or ring: fills `out` in world axes; returns its distance beyond the end [m]."""
     displaced = walls.displaced[wall]
     if displaced:
         frame = walls.frames[wall]
@@ -97,10 +97,10 @@ def drop_sphere(contacts, counts, slot, known, k, ghost):
 
 @inlined
 def free_way(gap, beyond, radius, past, sphere, leans):
-    """How far a sphere may move before it can touch a wall, by its gap and its way to the wall's end; 0.0: it touches.
+    """How far a sphere may move before it can touch a wall, by its gap and its way beyond the end; 0.0: it touches.
 
     A sphere that overlaps the surface beyond the wall's end, or with its centre behind it, is past the wall (a bit of
-    `past`, one word) until it is clear of the surface, but where its body leans on another wall.
+    `past`, one word) until it is clear of the surface, unless its body leans on another wall.
     """
     if gap > 0.0:
         clear_bit(past, sphere)
@@ -133,7 +133,7 @@ def sphere_slid_off(bodies, contacts, walls, clumps, k):
 
 @kernel
 def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
-    """Find the spheres of body i that have come to a plane; returns how far it may move before the next look."""
+    """Find the spheres of body i that begin to touch a plane; returns how far it may move before the next search."""
     nearest = math.inf
     for k in range(clumps.sizes[clumps.shape[i]]):
         if is_set(clumps.flat_known[wall, i : i + 1], k):
@@ -153,7 +153,7 @@ def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
 
 @kernel
 def spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
-    """Find the spheres of body i that have come to a cone or ring, as `spheres_at_plane`."""
+    """Find the spheres of body i that begin to touch a cone or ring, as `spheres_at_plane`."""
     nearest = math.inf
     held = touching(clumps.curved_known, i)
     for k in range(clumps.sizes[clumps.shape[i]]):
@@ -164,7 +164,7 @@ def spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
         beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
         past = clumps.curved_past[wall, i : i + 1]
         if (held >> np.uint64(k)) & np.uint64(1) != np.uint64(0):
-            clear_bit(past, k)  # the wall that it touches hands it over
+            clear_bit(past, k)  # the wall that the sphere touches hands it over
         free = free_way(out[3], beyond, radius, past, k, held != np.uint64(0))
         if free > 0.0:
             nearest = min(nearest, free)
@@ -192,7 +192,7 @@ def place_clump(bodies, clumps, i, s):
 
 @inlined
 def sphere_row(walls, frame, x, y, z, radius, local):
-    """Write the row of a sphere, as `meshes` knows bodies, in a frame."""
+    """Write the row of a sphere in a frame, in the form that `meshes` takes."""
     if walls.displaced[frame]:
         home = walls.frames[frame]
         x, y, z = into_frame(home, x - home[0], y - home[1], z - home[2])
@@ -205,7 +205,7 @@ def sphere_row(walls, frame, x, y, z, radius, local):
 
 @inlined
 def by_sphere(meshed, clumps):
-    """The contacts with meshes, with the numbers of spheres in place of those of bodies."""
+    """The contacts with meshes, with the numbers of spheres instead of those of bodies."""
     return st.WallContacts(
         clumps.mesh_sphere,
         meshed.wall,
@@ -249,7 +249,7 @@ def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, 
 
 @inlined
 def spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, out, other, local):
-    """Find the spheres of body i that have come to a mesh; returns how far it may move before the next look."""
+    """Find the spheres of body i that begin to touch a mesh; returns how far it may move before the next search."""
     n = counts[st.N_MESHED]
     touches = by_sphere(meshed, clumps)
     for k in range(n):

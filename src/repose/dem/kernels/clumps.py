@@ -1,8 +1,7 @@
-"""Which spheres of which clumps touch.
+"""The pairs of touching spheres of clumps.
 
-A pair of clumps has an entry when two of its spheres that do not touch are nearer than the skin. `sphere_search` says
-when an entry is looked at. Contacts name their entry, so entries stay where they are and leave holes, which are used
-again.
+A pair of clumps has an entry when two of its spheres that do not touch are nearer than the skin; `sphere_search` checks
+the entries. Contacts store the place of their entry, so entries keep their places, and holes are used again.
 """
 
 import math
@@ -30,9 +29,9 @@ Clumps = namedtuple(
     "spheres sizes shape scale flat_known curved_known flat_past curved_past mesh_sphere mesh_known",
 )
 # Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
-# has those of the ghost), near_limit, how many contacts are live, which pairs of spheres those are (known, a bit
-# each), the holes (free). Of an entry's pairs of spheres that do not touch: those watched (n, SLOTS, 2), how many that
-# are (n_watched), their limits (watched_limit), and the limit of all others (near_rest).
+# has those of the ghost), near_limit, number of contacts (live), their pairs of spheres (known, a bit each), the holes
+# (free). Of an entry's pairs of spheres that do not touch: the watched pairs (n, SLOTS, 2), their number (n_watched)
+# and limits (watched_limit), and the limit of all others (near_rest).
 SpherePairs = namedtuple(
     "SpherePairs",
     "first second entry spheres data ended gap near_first near_second near_limit near_rest live known watched "
@@ -41,10 +40,7 @@ SpherePairs = namedtuple(
 
 
 def new_clumps(shapes, shape, scale, walls, n_meshed):
-    """The spheres of shapes, and which shape and scale each body has.
-
-    walls: how many planes, how many cones and rings, and how many meshes; n_meshed: room for contacts with meshes.
-    """
+    """The spheres of shapes, and each body's shape and scale; walls: number of planes, curved walls and meshes."""
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
     for k, clump in enumerate(shapes):
         spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T
@@ -72,7 +68,7 @@ def with_room(clumps, n_meshed):
 
 
 def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
-    """Room for contacts of spheres and entries of bodies of at most `most` spheres, as `state.new_pairs`."""
+    """Arrays for contacts of spheres and for entries of bodies of at most `most` spheres, as `state.new_pairs`."""
     n_contacts = L * -(-n_contacts // L)
     data = st.new_contacts(n_contacts, ct.PAIR_STATE // L + n_state)
     return SpherePairs(
@@ -99,7 +95,7 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
 
 
 def grown_sphere_pairs(old, counts, most, ghost, n_state):
-    """The same with twice the room where a list is filling up; see `engine.has_room`."""
+    """The same arrays with twice the room where a list is filling up; see `engine.has_room`."""
     n, m = int(counts[st.N_PAIRS]), int(counts[st.N_NEAR])
     contacts, entries = len(old.first), len(old.near_limit)
     bigger = new_sphere_pairs(
@@ -138,7 +134,7 @@ def clear_bit(words, bit):
 
 @inlined
 def bits_set(word):
-    """How many bits of a word are set: pairs of bits are added up, then fours, then bytes."""
+    """Number of bits of a word that are set: pairs of bits are added up, then fours, then bytes."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -147,7 +143,7 @@ def bits_set(word):
 
 @inlined
 def most_spheres(clumps):
-    """How many spheres the largest clump has."""
+    """Number of spheres of the largest clump."""
     most = 0
     for size in clumps.sizes:
         most = max(most, size)
@@ -205,7 +201,7 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
 
 @inlined
 def add_entry(pairs, counts, grid, i, j):
-    """An entry of two bodies, in a hole or behind the last one; returns its place, or -1 where there is no room."""
+    """An entry of two bodies, in a hole or at the end; returns its place, or -1 where there is no room."""
     if counts[st.N_FREE] > 0:
         counts[st.N_FREE] -= 1
         k = pairs.free[counts[st.N_FREE]]
@@ -224,7 +220,7 @@ def add_entry(pairs, counts, grid, i, j):
 
 @inlined
 def drop_entry(pairs, counts, grid, k, ghost):
-    """Make a hole of an entry without contacts."""
+    """Delete an entry without contacts, which leaves a hole."""
     grid.near[pairs.near_first[k]] -= 1
     grid.near[pairs.near_second[k]] -= 1
     pairs.near_first[k] = ghost

@@ -17,10 +17,7 @@ LONGEST_STEP = 0.4
 
 @inlined
 def newton_step(x, y, z, xx, xy, xz, yy, yz, zz, f):
-    """One Newton step on the sphere, or a scaled gradient step where the Hessian is not definite.
-
-    (x, y, z) is the gradient, xx to zz the curvature of both bodies; see `tile.newton_step`.
-    """
+    """One Newton step on the sphere from gradient and curvature, or a scaled gradient step at an indefinite Hessian."""
     trace = xx + yy + zz
     det = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)
     if trace + 2.0 * f > 0.0 and det > 1e-3 * trace * trace:
@@ -41,11 +38,10 @@ def newton_step(x, y, z, xx, xy, xz, yy, yz, zz, f):
 
 @kernel
 def solve_gap(rows, parts, i, j, normal, tolerance, early):
-    """Maximise f for bodies i and j from a starting normal.
+    """Maximise f for bodies i and j; returns the gap f [m], and the solution in `normal`, which holds the first guess.
 
-    rows: the bodies' rows (see `state`), parts: of a shape; normal (3,) start, overwritten by the solution;
-    tolerance: the step (radians) at which it stops; early: return as soon as some n proves a gap above this [m]
-    (a separating axis needs no iteration). Returns the gap f [m].
+    `tolerance` is the step [rad] at which the iteration stops; it also stops when a normal proves a gap above `early`
+    [m] (a separating axis).
     """
     dx = rows[j, 0] - rows[i, 0]
     dy = rows[j, 1] - rows[i, 1]

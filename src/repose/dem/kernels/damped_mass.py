@@ -1,4 +1,4 @@
-"""The mass that the damping of a contact is for: with it a hit returns its restitution.
+"""The mass in the damping of a contact, with which an impact has its nominal restitution.
 
 A unit impulse along the normal n gives the place of a contact at r from a body's centre the velocity
 
@@ -7,8 +7,8 @@ A unit impulse along the normal n gives the place of a contact at r from a body'
 along n, J the inverse inertia. The sum over both bodies is the inverse of their mass at the contact: there and in this
 direction they move as two spheres of that mass would. Two clumps may touch with several spheres at once. Stiffnesses S
 in one place add up to N S, so for the damping ratio of one contact the dampings 2 beta sqrt(S m) must add up to
-2 beta sqrt(N S m): each of the N contacts has the mass m / N. All contacts of two clumps share like this, and all
-spheres of a clump on one wall, wherever they touch.
+2 beta sqrt(N S m): each of the N contacts has the mass m / N. All contacts of two clumps share the mass in this way,
+and all spheres of a clump on one wall, wherever they touch.
 
 References
 ----------
@@ -58,7 +58,7 @@ def mass_of_pairs(t, c, pairs, parts, clumps, base, lanes):
 
 @inlined
 def share_on_wall(t, touches, known, base, lanes):
-    """Divide the masses by the number of spheres on the wall; known (walls, N): which those are, one bit for each."""
+    """Divide the masses by the number of spheres on the wall; known (walls, N): a bit for each sphere that touches."""
     for lane in range(lanes):
         k = base + lane
         t[tl.INVERSE_MASS + lane] *= bits_set(known[touches.wall[k], touches.body[k]])

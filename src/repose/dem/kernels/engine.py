@@ -28,7 +28,7 @@ def has_room(pairs, flat, curved, meshed, counts):
 
 @inlined
 def begin_step(bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost):
-    """What comes before the search for contacts: bodies that went and walls that move."""
+    """Before the search for contacts: drop the contacts of bodies that are gone, and move the walls."""
     if counts[st.N_GONE] > 0:
         drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost)
     if walls.approach[st.WALLS_MOVE] > 0.0:
@@ -59,10 +59,7 @@ def wall_contacts_and_forces(
 def advance(
     bodies, pairs, flat, curved, meshed, clumps, grid, walls, meshes, counts, physics, t, bodies_tile, numbers, steps
 ):  # fmt: skip
-    """Advance the simulation by a number of steps; stops before a step for which a list may be too short.
-
-    t, bodies_tile: scratch tiles; numbers: SCRATCH of them. Returns the steps made.
-    """
+    """Advance by a number of steps, or fewer where a list may become too short; returns the number of steps made."""
     ghost = grid.cell.shape[0]
     scratch = st.scratch_of(numbers)
     for step in range(steps):
@@ -91,7 +88,7 @@ def advance(
 
 @kernel
 def add_wall_loads(bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, numbers, ghost):
-    """Fill walls.loads by the forces of the present state; the other arrays are changed as by a step."""
+    """Fill walls.loads with the forces of the present state; the other arrays change as in a step."""
     scratch = st.scratch_of(numbers)
     wall_contacts_and_forces(
         bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost

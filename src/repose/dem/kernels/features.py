@@ -1,10 +1,10 @@
-"""A triangle mesh split into what a body can touch: faces, convex edges, convex vertices, and cells to find them.
+"""The features of a triangle mesh that a body can touch: faces, convex edges and convex vertices, in a grid of cells.
 
-The mesh is eroded by the edge radius (every vertex goes inwards until it lies that deep below all its faces) and the
-wall is the eroded mesh dilated by it: faces come back to where they were, edges become cylinders and vertices spheres
-tangent to them, and the normals of neighbouring features fit without gap or overlap whatever the mesh. Edges between
-coplanar triangles and concave edges bound no set of normals and are no features. An open border is a rim, rounded
-down to the back of its face.
+The mesh is eroded by the edge radius (every vertex moves inwards until it lies that deep below all its faces), and the
+wall is the eroded mesh dilated by the edge radius. Faces return to their old places; edges become cylinders and
+vertices spheres, tangent to the faces. The normals of neighbouring features fit together without gap or overlap, for
+any mesh. Edges between coplanar triangles and concave edges bound no set of normals and are no features. An open border
+is a rim, rounded down to the back of its face.
 """
 
 from collections import namedtuple
@@ -24,9 +24,10 @@ COLUMNS = 20
 FLAT, FLAT_GROUP = 1e-6, 1e-5
 # Normals of one vertex that differ by less (singular values) do not say where it moves.
 SAME_NORMAL = 0.01
-# A group of coplanar triangles keeps its plane when its corners come out so deep below it (share of the edge radius).
+# A group of coplanar triangles keeps its plane when its corners lie one edge radius below it, to this share of the
+# radius.
 SAME_DEPTH = 1e-5
-# Of faces that meet in a concave kink of less than this angle [rad] only the one that is overlapped most is touched.
+# Of faces that meet in a concave kink of less than this angle [rad] only the face of the largest overlap is touched.
 GENTLE = 0.35
 # Margin by which a direction must lie within a vertex's normals (sine).
 LEAST_CONE = 1e-7
@@ -34,8 +35,8 @@ LEAST_CONE = 1e-7
 # kind, data, mesh (F,): the features of all meshes, each in its own frame; span (F, 2): of a face its neighbours over
 # gentle kinks in `near`, of a vertex its edges in `rays`; corners (F, 2): of a vertex its faces' normals in `normals`.
 # Cells: box (M, 7) lower corner, upper corner, edge of a cell; cells (M, 4): how many each way and the first in
-# `begin`; items: features of each cell. seen (F,), stamp (1,): which were met in this search. slide (1,): how far a
-# body's deepest point may slide when the body moves by 1.
+# `begin`; items: features of each cell. seen (F,), stamp (1,): which this search has met. slide (1,): how far a body's
+# deepest point may slide when the body moves by 1.
 Meshes = namedtuple(
     "Meshes", "kind data mesh span corners near rays normals box cells begin items seen stamp slide"
 )
@@ -102,7 +103,7 @@ def coplanar_groups(vertices, faces, edges, beside):
     np.minimum.at(low, group, heights.min(axis=1))
     np.maximum.at(high, group, heights.max(axis=1))
     curved = (high - low > FLAT_GROUP * size)[group]
-    # what only looked flat step by step stays as it is, triangle by triangle
+    # a group that is flat only from triangle to triangle, not as a whole, is not made one plane
     group[curved] = count + np.arange(curved.sum())
     old, first, group = np.unique(group, return_index=True, return_inverse=True)
     chosen = np.where(curved[first, None], normal[first], common[np.minimum(old, count - 1)])
@@ -117,10 +118,10 @@ def _distinct(pairs):
 
 
 def inward_steps(vertices, faces, edges, beside, group, normals):
-    """How far each vertex moves for an edge radius of 1 (V, 3), and which planes meet there: (vertex, plane) pairs.
+    """Displacement of each vertex for an edge radius of 1 (V, 3), and its planes as pairs (vertex, plane).
 
-    The step is 1 deep below all planes, or as near to that as least squares come. Planes are the groups', then those
-    that stand upright on the rims (returned as an array with the groups').
+    A vertex moves 1 deep below all its planes, or as near to that as least squares give. The planes are those of the
+    groups, then those upright on the rims (returned as an array with the groups').
     """
     rim = np.flatnonzero((beside < 0).any(axis=1))
     face = beside[rim].max(axis=1)
@@ -266,15 +267,12 @@ def _gentle_neighbours(core, faces, group, normals):
 
 
 def split(vertices, faces, radius):
-    """The features of one mesh (a `Part`): vertices (V, 3) [m], faces (F, 3), edge radius [m].
-
-    Raises ValueError for a mesh that is no surface, or has no room for the edge radius.
-    """
+    """The features (a `Part`) of a mesh (V, 3) [m], (F, 3); ValueError for no surface, or no room for the radius."""
     edges, beside = edge_table(faces)
     group, normals = coplanar_groups(vertices, faces, edges, beside)
     steps, pairs, planes = inward_steps(vertices, faces, edges, beside, group, normals)
     core = eroded(vertices, faces, steps, radius)
-    # groups whose corners did not come out equally deep fall apart into triangles with their own planes
+    # groups whose corners are not equally deep fall apart into triangles with their own planes
     depth = np.einsum("fki,fi->fk", (core - vertices)[faces], normals[group]) + radius
     bent = np.zeros(len(normals), bool)
     bent[group[np.abs(depth).max(axis=1) > SAME_DEPTH * radius]] = True
@@ -332,7 +330,7 @@ def _cells(core, faces, kind, data, radius):
 
 @kernel
 def put_in_cells(low, high, kind, data, lower, cell, shape, place, items):
-    """Count the features of each cell in `place`, or, given room for the items, write them from `place` on."""
+    """Count the features of each cell in `place`, or, given an array for the items, write them from `place` on."""
     for f in range(low.shape[0]):
         i0, i1 = int((low[f, 0] - lower[0]) / cell), int((high[f, 0] - lower[0]) / cell)
         j0, j1 = int((low[f, 1] - lower[1]) / cell), int((high[f, 1] - lower[1]) / cell)

@@ -1,9 +1,8 @@
-"""Forces of all contacts: one set of loops for smooth bodies and for clumps of spheres.
+"""Forces of all contacts: the same loops for smooth bodies and for clumps of spheres.
 
 `clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The length of a tuple is part of
-its type: numba drops the branch that the type rules out before it compiles a function, so a loop costs what it would
-cost if it were written for one kind of body alone. What differs is the geometry of a contact: `tile`,
-`walls` and `meshes` have it for smooth bodies, `clump_tile` and `clump_walls` for spheres.
+its type, so numba compiles only the branch for the bodies of the simulation. The geometry of a contact is in `tile`,
+`walls` and `meshes` for smooth bodies, in `clump_tile` and `clump_walls` for spheres.
 """
 
 from ..laws.law import contact_forces, reach, rolling_resistance, surfaces
@@ -46,7 +45,7 @@ def mark_touched(bodies, share, index, base):
 
 @inlined
 def fetch_bodies(rows, load, index, base):
-    """Ask for what a tile of contacts will gather and scatter."""
+    """Prefetch the rows and loads of the bodies of a tile of contacts."""
     for k in range(base, base + L):
         for column in range(0, rows.shape[1], WIDTH):
             prefetch(rows, index[k], column)
@@ -55,10 +54,7 @@ def fetch_bodies(rows, load, index, base):
 
 @inlined
 def fetch_contacts(pairs, load, rows, base):
-    """Ask for the next tile but one of contacts and the next one's second bodies, which in a large simulation are far.
-
-    The first bodies come nearly in order, which a processor foresees by itself.
-    """
+    """Prefetch the next tile but one, and the second bodies of the next tile; first bodies come nearly in order."""
     if base + 2 * L < pairs.first.shape[0]:
         for column in range(0, pairs.data.shape[1], WIDTH):
             prefetch(pairs.data, base // L + 2, column)
@@ -92,7 +88,7 @@ def lane_laws(t, lane, physics, a, b):
 
 @inlined
 def apply_laws(t, c, physics, at):
-    """Forces and torques of each lane by the force laws, which keep their rows of `c` from place `at` on."""
+    """Forces and torques of each lane by the force laws, whose rows of `c` begin at place `at`."""
     contact_forces(physics.law, t, c, at, physics.dt)
     tl.torques(t)
     rolling_resistance(physics.rolling, t, c, at + physics.n_state * L, physics.dt)
@@ -147,9 +143,9 @@ def pair_geometry(t, contacts, parts, clumps):
 
 @kernel
 def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
-    """Forces of the touching pairs begin to end (whole tiles), added to a share of the loads.
+    """Add the forces of the touching pairs begin to end (whole tiles) to a share of the loads; returns how many parted.
 
-    Pairs that parted are written to pairs.ended from place `begin` on, their gaps to pairs.gap; returns how many.
+    The pairs that parted are written to pairs.ended from place `begin` on, their gaps to pairs.gap.
     """
     n = min(counts[st.N_PAIRS], end)
     load = bodies.load[share]
@@ -186,7 +182,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
 
 @kernel
 def still_wall(t):
-    """Zero what the force law reads of body B: a wall that neither moves nor turns, of infinite mass."""
+    """Set body B of each lane to a wall of infinite mass that neither moves nor turns."""
     for k in range(L):
         for c in range(st.SHAPE):
             t[tl.B + c * L + k] = 0.0
@@ -196,7 +192,7 @@ def still_wall(t):
 
 @inlined
 def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
-    """Law and motion of the walls of a tile of contacts; `first_wall`: number of wall 0 of this kind of contacts."""
+    """Constants of the laws and motion of the walls of a tile of contacts; `first_wall`: number of the first wall."""
     if not (physics.mixed_walls or walls.approach[st.WALLS_MOVE] > 0.0):
         return
     for lane in range(L):
@@ -222,7 +218,7 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
 
 @inlined
 def look_soon(bodies, contacts, walls, k, gap):
-    """Ask for a new look at the body and the wall of a contact when the two may have closed a gap."""
+    """Let the body and the wall of a contact be checked again when they may have closed a gap."""
     wall, i = contacts.wall[k], contacts.body[k]
     limit = bodies.displacement[i] + walls.approach[st.WALL_PATH] + max(gap, 0.0)
     contacts.limit[wall, i] = min(contacts.limit[wall, i], limit)
@@ -310,7 +306,7 @@ def past_edge(flat, clumps, k):
 
 @inlined
 def over_end(bodies, curved, clumps, walls, n, k, depth):
-    """Note that contact k with a cone, tube or ring slid over the wall's end, with an overlap."""
+    """Note that contact k with a cone, tube or ring slid over the end of the wall with an overlap of `depth`."""
     if len(clumps) == 0:
         slid_off(bodies, curved, n, k, depth)
     else:
@@ -330,7 +326,7 @@ def is_double(contacts, k):
 
 @inlined
 def write_lane(t, contacts, lane, out):
-    """Write the geometry of a contact, found alone, to its lane."""
+    """Write the geometry of one contact to its lane."""
     for c in range(3):
         contacts[tl.N + c * L + lane] = out[c]
         t[tl.RA + c * L + lane] = out[5 + c]
@@ -340,7 +336,7 @@ def write_lane(t, contacts, lane, out):
 
 @inlined
 def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, local):
-    """Geometry of contact k with a cone, tube or ring, written to its lane; returns whether the contact ended."""
+    """Write the geometry of contact k with a cone, tube or ring to its lane; returns whether the contact ended."""
     contacts = curved.data[k // L]
     row = bodies.rows[curved.body[k]]
     if len(clumps) == 0:
@@ -398,7 +394,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
 
 @inlined
 def mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local):
-    """Geometry of contact k with a mesh, left in `out`; returns whether there is one."""
+    """Write the geometry of contact k with a mesh to `out`; returns whether there is a contact."""
     end = wall_reach(meshed.data[k // L], physics, clumps, k % L)
     if len(clumps) == 0:
         return follow_mesh(bodies, physics.parts, walls, meshes, meshed, n, k, end, out, other, local)

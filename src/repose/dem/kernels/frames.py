@@ -1,4 +1,4 @@
-"""Walls that lie anywhere and move: their frames, the velocity of their surface, and the load on them."""
+"""Walls in any place and motion: their frames, the velocity of their surface, and the load on them."""
 
 import math
 
@@ -83,7 +83,7 @@ def rotated_about(angle, ux, uy, uz, x, y, z):
 
 @kernel
 def move_walls(walls, dt):
-    """Move all walls that move by one time step."""
+    """Move all moving walls by one time step."""
     planes = walls.planes
     n_planes = planes.shape[0]
     for w in range(walls.moves.shape[0]):
@@ -113,7 +113,7 @@ def move_walls(walls, dt):
 
 @kernel
 def move_plane_contacts(flat, walls, n):
-    """Bring the contacts with moving planes to where the planes are now."""
+    """Move the contacts with moving planes to the present places of the planes."""
     for k in range(n):
         wall = flat.wall[k]
         if walls.moves[wall]:
@@ -136,7 +136,7 @@ def write_plane(tile, lane, plane):
 def load_walls(walls, first_wall, contacts, base, n, t):
     """Add the forces of a tile of contacts, and their torques about the origin, to the loads of the walls, if asked.
 
-    The torque on B of a wall, whose arm is zero, is the couple of a law of rolling alone.
+    The arm of a wall is zero, so the torque on B is only the couple of a law of rolling.
     """
     if walls.loads.shape[0] == 0:
         return

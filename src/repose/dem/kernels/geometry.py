@@ -1,8 +1,8 @@
 """Directions and support functions of one body, as scalars.
 
-A body is a sum of K ellipsoids with common axes (a Minkowski sum): its support function is
-h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R', smooth and convex for any K. The S_k of a body stand in its row
-(see `state`), in the world frame, so no kernel turns a vector into the body's frame.
+A body is a sum of K ellipsoids with common axes (a Minkowski sum): its support function is h(n) = sum_k sqrt(n' S_k n)
+with S_k = R diag(a_k^2) R', smooth and convex for any K. The row of a body (see `state`) holds the S_k in the world
+frame, so no kernel turns a vector into the body's frame.
 """
 
 import math
@@ -77,17 +77,13 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
 
 @inlined
 def area(xx, xy, xz, yy, yz, zz):
-    """Product of the two principal radii of a curvature matrix, whose third eigenvalue is 0."""
+    """Product of the two principal radii of curvature; the third eigenvalue of the curvature matrix is 0."""
     return xx * yy - xy * xy + (xx * zz - xz * xz) + (yy * zz - yz * yz)
 
 
 @inlined
 def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
-    """Support value, tangential support point and curvature radii of a body.
-
-    n is the direction, u and w the two tangents. Returns h, x.u, x.w and the tangential matrix Q = grad grad h as
-    (Q_uu, Q_uw, Q_ww).
-    """
+    """h, x.u, x.w, Q_uu, Q_uw, Q_ww in direction n with tangents u, w: support value and point, Q = grad grad h."""
     if parts == SPHERES:
         return row[SPHERE_RADIUS], 0.0, 0.0, row[SPHERE_RADIUS], 0.0, row[SPHERE_RADIUS]
     h = 0.0

@@ -1,8 +1,8 @@
-"""The compiler settings of every kernel, in one place.
+"""The compiler settings of every kernel.
 
-Only `contract` (fused multiply-add) of the fast-math flags is on: it never reorders a sum, so the machine code and
-with it every bit of a result does not depend on what the optimiser happened to inline. Kernels allocate nothing, so
-arrays are not counted (`_nrt`): each view of a row would otherwise cost two atomic operations.
+Of the fast-math flags only `contract` (fused multiply-add) is on. It does not reorder sums, so the bits of a result do
+not depend on how the optimiser inlined the code. Kernels allocate nothing, so reference counting is off (`_nrt`): it
+would cost two atomic operations for each view of a row.
 """
 
 import math
@@ -21,9 +21,9 @@ INLINED: dict[str, Any] = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": Fa
 
 
 def use_widest_vectors() -> None:
-    """Let loops take vectors of 512 bits where the processor has them; LLVM prefers 256 on many, which is slower here.
+    """Use vectors of 512 bits where the processor has them; a user's NUMBA_CPU_NAME or NUMBA_CPU_FEATURES has priority.
 
-    The bits of a result are the same. A user's NUMBA_CPU_NAME or NUMBA_CPU_FEATURES is left as it is.
+    LLVM prefers 256 bits on many processors, which is slower here; the bits of the results are the same.
     """
     config: Any = numba.config  # numba makes its settings when it is imported, so their types are not seen
     features = binding.get_host_cpu_features()
@@ -41,7 +41,7 @@ _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x)
 
 
 def _as_python(function):
-    """A kernel as a Python function that divides by zero as the compiled one does."""
+    """A kernel as a Python function that divides by zero as the compiled kernel does."""
     function.__globals__["math"] = _MATH
     return function
 

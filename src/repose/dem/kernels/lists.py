@@ -1,4 +1,4 @@
-"""Contacts in tiles: write one, move one."""
+"""Contacts in tiles: write a contact, or move it."""
 
 from . import state as st
 from .jit import inlined
@@ -8,7 +8,7 @@ L = st.LANES
 
 @inlined
 def put_contact(data, k, nx, ny, nz):
-    """Begin contact k: its normal, and zero for all that the geometry and the force laws keep."""
+    """Begin contact k with a normal; all else that the geometry and the force laws keep is zero."""
     tile = data[k // L]
     lane = k % L
     tile[st.NORMAL + lane] = nx

@@ -3,7 +3,7 @@
 The overlap of a body is the largest f(n) = n.(place - centre) - h(n) - edge radius over the normals n of a feature: one
 normal for a face, an arc about an edge, a patch of the sphere at a vertex. These sets fit together without gap or
 overlap, and so do the conditions under which a feature is touched: the body's deepest point along n lies within the
-face, beyond its side along the arc of the edge, and so on. Everything is in the frame of the mesh.
+face, beyond its side along the arc of the edge, and so on. All vectors are in the frame of the mesh.
 """
 
 import math
@@ -14,7 +14,7 @@ from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
 from .wall_contact import effective_radius
 
-# A handed over contact may lie so far outside its new feature [m]: rounding must not lose it between two.
+# A contact that is handed over may lie so far outside its new feature [m], or rounding could lose it between two.
 SLACK = 1e-8
 # An edge bends to its full curvature over this angle from its faces' normals [rad], so that R* has no jump there.
 BLEND = 0.2
@@ -62,10 +62,7 @@ def write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, w
 
 @kernel
 def face_contact(row, parts, face, out):
-    """Contact with a face: fills `out`; returns how far inside the triangle the deepest point lies [m].
-
-    A point on a side belongs to one of the two triangles that share it; for the other it lies just outside.
-    """
+    """Contact with a face: fills `out`; returns how far inside the triangle the deepest point lies [m]."""
     nx, ny, nz = face[0], face[1], face[2]
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
@@ -145,10 +142,10 @@ def climb_edge(row, parts, edge, angle):
 
 @kernel
 def solve_edge(row, parts, edge, out):
-    """Maximum of f within the arc of an edge: fills `out`; returns its angle, how far inside, and the largest f met.
+    """Maximum of f within the arc of an edge: fills `out`; returns its angle, how far inside, and the largest f found.
 
-    Inside means: between the ends and between the normals of the two faces, all as lengths [m]; OUTSIDE without a
-    maximum in the arc.
+    Inside means between the ends and between the normals of the two faces, as lengths [m]; OUTSIDE without a maximum in
+    the arc.
     """
     low, high = 0.0, edge[13]
     first = edge_terms(row, parts, edge, low)
@@ -179,7 +176,7 @@ def solve_edge(row, parts, edge, out):
 
 @inlined
 def vertex_terms(row, parts, vertex, nx, ny, nz):
-    """Gap f of a vertex for a normal, the step to the next normal and what `write_contact` needs."""
+    """Gap f of a vertex for a normal, and the step (s1, s2) to the next normal."""
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     dx, dy, dz = vertex[0] - row[0], vertex[1] - row[1], vertex[2] - row[2]
@@ -203,7 +200,7 @@ def stepped(nx, ny, nz, s1, s2):
 def vertex_contact(row, parts, meshes, feature, nx, ny, nz, out):
     """Contact with a vertex for a normal (already a maximum of f): fills `out`; returns the least sine inside.
 
-    Inside is what lies between the normals of all its faces, that is across from every edge.
+    Inside means between the normals of all its faces, that is, on the inner side of every edge.
     """
     vertex = meshes.data[feature]
     inside = 1e300
@@ -218,7 +215,7 @@ def vertex_contact(row, parts, meshes, feature, nx, ny, nz, out):
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
         normal = meshes.normals[k]
         nearest = max(nearest, nx * normal[0] + ny * normal[1] + nz * normal[2])
-    # along the nearest edge the curvature begins with nothing, as on the edge itself
+    # along the nearest edge the curvature begins at zero, as on the edge itself
     along = nx * ux + ny * uy + nz * uz
     ux, uy, uz = ux - along * nx, uy - along * ny, uz - along * nz
     inv = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
@@ -273,8 +270,8 @@ def solve_vertex(row, parts, meshes, feature, out):
 def solve_feature(row, parts, meshes, feature, radius, out):
     """Contact of a body (in the frame of the mesh) with a feature: fills `out`.
 
-    Returns the azimuth (edges), how far inside the feature it lies [m], a distance that the body must go at least
-    before it can touch the feature where it does not.
+    Returns the azimuth (edges), how far inside the feature the contact lies [m], and a lower bound of the distance to
+    the feature for a body that does not touch it.
     """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:

@@ -1,6 +1,6 @@
-"""Contacts of bodies with meshes: found anew, tracked on their feature, handed over to the next (see `mesh_contact`).
+"""Contacts of bodies with meshes (`mesh_contact`): found anew, and tracked on their feature.
 
-A contact whose feature is no longer the one touched is handed over to the feature that is, with its spring.
+A contact that leaves its feature is handed over, with its spring, to the feature that the body touches now.
 """
 
 import math
@@ -22,10 +22,10 @@ from .mesh_contact import (
 )
 from .walls import DEEPEST_NEW, NEXT_LOOK_BEYOND, NEXT_LOOK_KNOWN, add_wall_contact
 
-# A look searches this far beyond the body's box (share of its radius).
+# A search reaches this far beyond the body's box (share of its radius).
 MARGIN = 0.5
-# The next feature of a contact is looked for this far about its place (share of the body's radius), among features
-# whose normal turned by at most the angle of this cosine.
+# The next feature of a contact is sought this far about its place (share of the body's radius), among features whose
+# normal differs by at most the angle of this cosine.
 NEARBY = 0.05
 SAME_NORMAL = 0.9
 
@@ -43,7 +43,7 @@ def are_near(meshes, a, b):
 
 @inlined
 def is_touched(contacts, meshes, n, body, feature, but):
-    """Whether a contact of a body, other than `but`, is the one with a feature or with its gentle neighbour."""
+    """Whether a contact of a body, other than `but`, is with a feature or with a gentle neighbour of it."""
     for k in range(n):
         if contacts.body[k] == body and k != but:
             other = contacts.feature[k]
@@ -63,7 +63,7 @@ def cell_range(meshes, mesh, axis, low, high):
 
 @inlined
 def away_from_box(row, parts, meshes, mesh):
-    """How far a body is from the box of a mesh, at least."""
+    """Lower bound of the distance of a body from the box of a mesh."""
     away = 0.0
     for axis in range(3):
         reach = extent(
@@ -76,7 +76,7 @@ def away_from_box(row, parts, meshes, mesh):
 
 @inlined
 def look_at_feature(row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, out):
-    """Add the contact of body i with a feature if there is one; returns how far it may move before the next look."""
+    """Add the contact of body i with a feature if there is one; returns how far it may move before the next check."""
     angle, inside, free = solve_feature(row, parts, meshes, feature, radius, out)
     if free > 0.0 and out[3] > 0.0:
         return free
@@ -97,7 +97,7 @@ def look_at_feature(row, contacts, counts, parts, walls, meshes, mesh, feature, 
 
 @kernel
 def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, out):
-    """Look for contacts of body i with a mesh; returns how far it may move before the next look."""
+    """Search for contacts of body i with a mesh; returns how far it may move before the next search."""
     away = away_from_box(row, parts, meshes, mesh)
     if away > 0.0:
         return away
@@ -129,7 +129,7 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ou
 
 @inlined
 def track(row, parts, meshes, contacts, lane, feature, nx, ny, nz, out):
-    """Contact with the feature it had in the last step: fills `out`; returns how far inside it lies."""
+    """Contact with the feature of the last step: fills `out`; returns how far inside the feature it lies."""
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
         return face_contact(row, parts, data, out)
@@ -148,10 +148,7 @@ def track(row, parts, meshes, contacts, lane, feature, nx, ny, nz, out):
 
 @kernel
 def hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other):
-    """Find the feature that a contact has come to; returns whether there is one, `out` then holds the contact.
-
-    end: the gap at which the contact ends.
-    """
+    """Find the feature that a contact has moved to, with a gap up to `end`: fills `out`; returns whether one exists."""
     mesh = contacts.wall[k]
     old = contacts.feature[k]
     reach = NEARBY * radius
@@ -186,7 +183,7 @@ def hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other):
 
 @inlined
 def deepest_near(row, parts, meshes, contacts, k, out, other):
-    """Where faces meet in a gentle concave kink, leave a contact with the one that is overlapped most."""
+    """Where faces meet in a gentle concave kink, keep the contact with the face of the largest overlap."""
     face = contacts.feature[k]
     for m in range(meshes.span[face, 0], meshes.span[face, 1]):
         feature = meshes.near[m]
@@ -199,7 +196,7 @@ def deepest_near(row, parts, meshes, contacts, k, out, other):
 
 @inlined
 def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, end, out, other, local):
-    """Track contact k with a mesh through one step; returns whether there is one, `out` in the world."""
+    """Track contact k with a mesh through one step; returns whether it lasts, with `out` in world axes."""
     mesh, i = contacts.wall[k], contacts.body[k]
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
     tile, lane = contacts.data[k // st.LANES], k % st.LANES
@@ -225,7 +222,7 @@ def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, end, out, other, l
 
 @inlined
 def bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, other, local):
-    """Hand the contacts of body i over to the features they have come to, which are not new ones then."""
+    """Hand the contacts of body i over to their present features, so that the search does not find these as new."""
     n = counts[st.N_MESHED]
     for k in range(n):
         if contacts.body[k] == i and contacts.wall[k] == mesh:
@@ -236,7 +233,7 @@ def bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, ot
 
 @inlined
 def body_at_mesh(bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local):
-    """Find new contacts of smooth body i with a mesh; returns how far it may move before the next look."""
+    """Find new contacts of smooth body i with a mesh; returns how far it may move before the next search."""
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
     bring_along(bodies, parts, walls, meshes, meshed, counts, mesh, i, out, other, local)

@@ -1,11 +1,10 @@
 """The neighbour (Verlet) list with a skin, kept pair by pair and body by body.
 
-Every body has a displacement: the sum over all steps of how far any of its points may have moved. A pair of bodies
-that do not touch stands in the list of near pairs with a limit, the gap at the last check plus both displacements at
-that time. The pair cannot touch as long as the sum of the displacements is below the limit, and is not checked until
-then. A pair with a gap of a skin or more is not listed. When a body has moved by half a skin since its pairs were
-listed, they are listed anew, those of this body alone. So two bodies of an unlisted pair move by less than the skin,
-both together, before one of them is looked at.
+Every body has a displacement: the sum over all steps of how far any of its points may have moved. A near pair has a
+limit, the gap at the last check plus both displacements at that time; as long as the sum of the displacements is below
+the limit, the bodies cannot touch and are not checked. A pair with a gap of a skin or more is not listed. The pairs of
+a body are listed anew when it has moved by half a skin since the last listing. So two bodies of an unlisted pair
+together move by less than the skin before the pairs of one of them are listed anew.
 """
 
 import math
@@ -139,10 +138,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 @inlined
 def check_near(bodies, pairs, counts, grid, parts, k, normal):
-    """Solve for the gap of near pair k: it becomes a contact or gets a new limit.
-
-    Returns whether it stays in the list.
-    """
+    """Solve for the gap of near pair k, make it a contact or set a new limit; returns whether it stays in the list."""
     i = pairs.near_first[k]
     j = pairs.near_second[k]
     for c in range(3):
@@ -162,7 +158,7 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
 def next_due(displacement, first, second, limit, begin, end):
     """First pair of begin to end whose displacements have used up its gap, or `end`.
 
-    Unsigned indices: numba looks at signed ones for negative numbers, which would double the time of this loop.
+    The indices are unsigned: for signed indices numba checks for negative numbers, which would double the time.
     """
     for k in range(begin, end):
         u = np.uint64(k)
@@ -173,7 +169,7 @@ def next_due(displacement, first, second, limit, begin, end):
 
 @kernel
 def update_near(bodies, pairs, counts, grid, parts, normal):
-    """Look at the near pairs whose displacements have used up their gap."""
+    """Check the near pairs whose displacements have used up their gap."""
     first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
     k = next_due(bodies.displacement, first, second, limit, 0, counts[st.N_NEAR])
     while k < counts[st.N_NEAR]:
@@ -237,7 +233,7 @@ def bounding_radius(bodies, i):
 
 @inlined
 def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
-    """List a pair anew: touching, near with the gap found, or not at all where the gap is a skin or more."""
+    """List a pair anew: as touching, as near with its gap, or not at all where the gap is a skin or more."""
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
     dx = rows[b, 0] - rows[a, 0]
@@ -261,7 +257,7 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
 
 @kernel
 def retire_pairs(bodies, pairs, counts, grid, begin, ended, ghost):
-    """List the pairs that parted as near, the last first."""
+    """Move the pairs that parted to the list of near pairs, the last first."""
     for e in range(begin + ended - 1, begin - 1, -1):
         k = pairs.ended[e]
         i = pairs.first[k]

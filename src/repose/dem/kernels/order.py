@@ -1,7 +1,7 @@
-"""Bodies in the order of space: what lies near in the pile lies near in memory.
+"""Bodies in spatial order: bodies that are near each other in the pile are near each other in memory.
 
 Large simulations do not fit into the caches. From time to time their bodies are numbered anew along a Morton curve
-through the cells, and contacts put in the order of their bodies; users keep the numbers that `add` returned.
+through the cells, and contacts are sorted by their bodies; users keep the numbers that `add` returned.
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ def relink(grid, n):
 
 
 def _permute_lanes(tiles, order):
-    """Put the first lanes of an array of tiles (tiles, rows * L) in an order."""
+    """Permute the first lanes of an array of tiles (tiles, rows * L)."""
     rows = tiles.shape[1] // L
     flat = tiles.reshape(-1, rows, L).transpose(0, 2, 1).reshape(-1, rows)
     flat[: len(order)] = flat[order]
@@ -48,7 +48,7 @@ def _permute_lanes(tiles, order):
 
 
 def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
-    """Number the bodies along the Morton curve; returns the old number of each (n,). Between steps only."""
+    """Number the bodies along the Morton curve, between two steps; returns the old number of each (n,)."""
     n = int(counts[st.N_BODIES])
     order = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
     place = np.empty(n, np.int64)
@@ -84,7 +84,7 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
 
 
 def sort_contacts(pairs, n):
-    """Put the first n contacts in the order of their bodies."""
+    """Sort the first n contacts by their bodies."""
     order = np.argsort(np.minimum(pairs.first[:n], pairs.second[:n]), kind="stable")
     for numbers in (pairs.first, pairs.second):
         numbers[:n] = numbers[:n][order]
@@ -92,7 +92,7 @@ def sort_contacts(pairs, n):
 
 
 def sort_plane_contacts(flat, n):
-    """Put the first n contacts with planes in the order of their bodies."""
+    """Sort the first n contacts with planes by their bodies."""
     order = np.argsort(flat.body[:n], kind="stable")
     for numbers in (flat.body, flat.wall, flat.feature):
         numbers[:n] = numbers[:n][order]
@@ -100,7 +100,7 @@ def sort_plane_contacts(flat, n):
 
 
 def sort_near(pairs, n):
-    """Put the first n near pairs in the order of their bodies."""
+    """Sort the first n near pairs by their bodies."""
     order = np.argsort(np.minimum(pairs.near_first[:n], pairs.near_second[:n]), kind="stable")
     for array in (pairs.near_first, pairs.near_second, pairs.near_limit, pairs.near_normal):
         array[:n] = array[:n][order]

@@ -1,9 +1,9 @@
 """One simulation on several threads.
 
-The work of a step is cut into SHARES, a number that does not depend on the threads: each share of the contacts adds to
-loads of its own, and these are added up in one order. So the result is the same, bit for bit, for any number of
-threads. What changes lists (pairs that meet, part or move on) is done by one thread between the others' work.
-Every thread runs `advance_shared`; they meet at barriers.
+The work of a step is cut into SHARES, a number that does not depend on the threads: each share of the contacts has
+loads of its own, and these are added up in a fixed order. So the result is the same, bit for bit, for any number of
+threads. One thread changes the lists (pairs that meet, part or move on) while the others wait at a barrier. Every
+thread runs `advance_shared`.
 """
 
 import math
@@ -24,8 +24,8 @@ from .rigid import act_on_events, integrate
 SHARES = 8
 FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
 REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
-CALM = 1e-3  # of the skin: paths of one step below which whole blocks of pairs can be left alone
-CHANGED, DUE = 0.0, -1.0  # of a block of near pairs, in place of the path that calls for a look
+CALM = 1e-3  # of the skin: paths of one step below which whole blocks of pairs can be skipped
+CHANGED, DUE = 0.0, -1.0  # of a block of near pairs, in place of the path at which it is checked
 UP_TO_NOW, LAST_STEP = 0, 1  # rows of `Grid.paths`
 STOP = 0  # place in `orders` that ends the run
 L = st.LANES
@@ -40,7 +40,7 @@ def share_of(n, share, grain):
 
 @kernel
 def slack(displacement, first, second, limit, begin, end):
-    """By how much the pairs begin to end may at least come nearer before one is due [m]."""
+    """Lower bound of the distance by which the pairs begin to end may come nearer before one is due [m]."""
     least = math.inf
     for k in range(begin, end):
         u = np.uint64(k)
@@ -50,7 +50,7 @@ def slack(displacement, first, second, limit, begin, end):
 
 @inlined
 def group_bits(bodies):
-    """By how many bits a body's number is shifted to give its group: whole tiles, at most st.MOST_GROUPS groups."""
+    """Shift of bits that gives the group of a body's number: whole tiles, at most st.MOST_GROUPS groups."""
     bits = 5
     while bodies.displacement.shape[0] >> bits >= st.MOST_GROUPS:
         bits += 1
@@ -82,7 +82,7 @@ def paths_of(paths, groups):
 
 @kernel
 def note_paths(bodies, counts, grid):
-    """Note the longest path of each group's bodies in this step."""
+    """Store the longest path of each group's bodies in this step."""
     tiles = (counts[st.N_BODIES] + L - 1) // L
     size = (1 << group_bits(bodies)) // L
     for begin in range(0, tiles, size):
@@ -95,10 +95,7 @@ def note_paths(bodies, counts, grid):
 
 @inlined
 def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
-    """Solve for the gaps of the near pairs begin to end that are due; lists those that touch from a place on.
-
-    Returns how many.
-    """
+    """Find the near pairs begin to end that are due and touch, list them from `place` on and return their number."""
     early = EARLY * grid.lengths[st.SKIN]
     first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
     found = 0
@@ -122,10 +119,10 @@ def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
 
 @inlined
 def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
-    """Solve for the gaps of the near pairs begin to end that are due; lists those that touch, returns how many.
+    """Solve for the gaps of the near pairs begin to end that are due; lists those that touch and returns their number.
 
-    A block whose bodies are nearly at rest is left alone until its slack may be used up: two bodies have come nearer by
-    at most twice the sum of the longest paths of all the groups that have bodies in it.
+    A block whose bodies are nearly at rest is skipped until its slack may be used up: two bodies come nearer by at most
+    twice the sum of the longest paths of all groups with bodies in the block.
     """
     first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
     bits = group_bits(bodies)
@@ -165,10 +162,7 @@ def advance_shared(
     bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics, tiles, body_tiles, scratches, shared,
     thread, steps
 ):  # fmt: skip
-    """What one thread does of a number of steps; see `engine.advance`. Returns the steps made.
-
-    tiles, body_tiles, scratches: one row a thread. shared: arrays that the threads share (`Shared`).
-    """
+    """The part of one thread in a number of steps, with a row of each scratch array; returns the steps made."""
     threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
     lead = thread == 0

@@ -14,10 +14,7 @@ from .sphere_search import list_clumps
 
 @inlined
 def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, room):
-    """List the pair of two bodies where they touch or are near.
-
-    room: to write down a normal, or the spheres of both.
-    """
+    """List the pair of two bodies where they touch or are near; room: scratch for a normal, or the spheres of both."""
     if len(clumps) == 0:
         list_pair(bodies, pairs, counts, grid, parts, i, j, room)
     else:
@@ -26,7 +23,7 @@ def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, room):
 
 @kernel
 def find_partners(bodies, pairs, clumps, counts, grid, parts, i, room):
-    """List body i's pairs anew, but for those with bodies marked with i, which are listed already."""
+    """List the pairs of body i anew, except with bodies marked with i: these are listed already."""
     cell = grid.cell[i]
     kz = cell % grid.shape[2]
     ky = (cell // grid.shape[2]) % grid.shape[1]
@@ -49,7 +46,7 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, room):
 
 @inlined
 def mark_partners(pairs, grid, i, mark):
-    """Mark all bodies that have a place in the lists with body i."""
+    """Mark all bodies that are listed in a pair with body i with the number `mark`."""
     k = grid.chain[i]
     while k >= 0:
         grid.mark[pairs.partner[k]] = mark
@@ -58,10 +55,7 @@ def mark_partners(pairs, grid, i, mark):
 
 @kernel
 def renew(bodies, pairs, clumps, counts, grid, parts, room, ghost):
-    """List the pairs of the bodies that moved on anew.
-
-    Touching pairs stay, and so do the entries of pairs of clumps, which name their contacts.
-    """
+    """List anew the pairs of the bodies that moved far; touching pairs stay, and so do the entries of clumps."""
     n_moved = counts[st.N_MOVED]
     if n_moved == 0:
         return

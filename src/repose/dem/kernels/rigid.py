@@ -36,10 +36,7 @@ def move_lanes(m, gx, gy, gz, dt):
 
 @kernel
 def noteworthy(m, c, displacement, base, exit_height, floor):
-    """Add to the displacements of a tile's bodies.
-
-    Returns how many of them need new neighbours, fell through the exit or went below the floor.
-    """
+    """Add to the displacements of a tile's bodies; returns how many have an event (see `event_of`)."""
     n = 0
     for k in range(L):
         reading = displacement[base + k] + m[PATH + k]
@@ -53,7 +50,7 @@ def noteworthy(m, c, displacement, base, exit_height, floor):
 
 @inlined
 def longest_path(m):
-    """Longest path of a tile's bodies in this step; the paths are used up."""
+    """Longest path of a tile's bodies in this step; overwrites the paths."""
     half = L // 2
     while half > 0:
         for k in range(half):
@@ -64,7 +61,7 @@ def longest_path(m):
 
 @inlined
 def event_of(bodies, physics, m, c, lane, i):
-    """What happened to a body: fell through the exit, needs new neighbours, went below the floor."""
+    """The event of a body: it fell through the exit, needs new neighbours, or went below the floor."""
     z = m[ROWS + 2 * L + lane]
     event = 0
     if m[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
@@ -78,7 +75,7 @@ def event_of(bodies, physics, m, c, lane, i):
 
 @kernel
 def act_on_events(bodies, grid, counts, begin, n, time):
-    """Deal with what happened to n bodies listed in bodies.events from place `begin` on."""
+    """Handle the events of n bodies, listed in bodies.events from place `begin` on."""
     for e in range(begin, begin + n):
         i = bodies.events[e]
         event = bodies.event[i]
@@ -93,7 +90,7 @@ def act_on_events(bodies, grid, counts, begin, n, time):
 
 @inlined
 def take_loads(bodies, tile, m):
-    """Add up the shares of a tile's loads, and clear them; a share that no contact touched is zero and skipped."""
+    """Add up the shares of a tile's loads and clear them; a share that no contact touched is zero and is skipped."""
     base = tile * L
     for k in range(st.LOAD_COLUMNS * L):
         m[LOAD + k] = 0.0
@@ -110,7 +107,7 @@ def take_loads(bodies, tile, m):
 
 @inlined
 def take_only_load(bodies, tile, m):
-    """Take a tile's loads where there is one share of them, and clear them."""
+    """Take a tile's loads, of which there is one share, and clear them."""
     base = tile * L
     load = bodies.load[0]
     for k in range(0, L, WIDTH):
@@ -143,11 +140,10 @@ def fetch_next(bodies, tile):
 
 @kernel
 def integrate(bodies, counts, physics, m, begin, end):
-    """Advance bodies begin (a whole tile's first) to end by one time step and clear their loads.
+    """Advance bodies begin (the first of a tile) to end by one step and clear their loads; returns how many had events.
 
-    m: scratch tile of TILE_ROWS x LANES. Bodies to which something happened are listed in bodies.events from place
-    `begin` on; returns how many. Where loads have several shares the longest path of each tile goes to bodies.longest
-    and shortens bodies.wall_margin.
+    Bodies with events are listed in bodies.events from place `begin` on. Where the loads have several shares, the
+    longest path of each tile is written to bodies.longest and subtracted from bodies.wall_margin.
     """
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
@@ -195,7 +191,7 @@ def integrate(bodies, counts, physics, m, begin, end):
 
 @kernel
 def place_shape(bodies, i, parts, m):
-    """Write inverse inertia and shape of body i in its present orientation, without moving anything."""
+    """Write inverse inertia and shape of body i in its present orientation, without moving it."""
     if parts == st.SPHERES:
         bodies.rows[i, st.SPHERE_RADIUS] = bodies.motion[i // L, st.RADIUS + i % L]
         return
@@ -207,7 +203,7 @@ def place_shape(bodies, i, parts, m):
 
 @kernel
 def take_away(bodies, i):
-    """Stop a body that is gone for good: without mass nothing moves it."""
+    """Stop a body that is gone: without mass no force moves it."""
     for c in range(3):
         bodies.rows[i, st.VELOCITY + c] = 0.0
         bodies.rows[i, st.ANGULAR_VELOCITY + c] = 0.0

@@ -1,16 +1,10 @@
-"""Numbers for the rows of a tile: every quantity gets the next free rows."""
+"""Places of the rows of a tile, given to the quantities one after another."""
 
 LANES = 32
 
 
 class Rows:
-    """Gives rows of LANES numbers to quantities, one after another.
-
-    Parameters
-    ----------
-    first : int
-        Place of the first number of the first row.
-    """
+    """Gives rows of LANES numbers to quantities, one after another; `first` is the place of the first number."""
 
     def __init__(self, first: int = 0) -> None:
         self.first = self.end = first
@@ -27,5 +21,5 @@ class Rows:
 
     @property
     def count(self) -> int:
-        """How many rows were given so far."""
+        """Number of rows given so far."""
         return (self.end - self.first) // LANES

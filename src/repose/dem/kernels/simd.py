@@ -1,9 +1,9 @@
-"""Eight bodies at a time: what numba's own loops do not turn into vector code.
+"""Vector code that numba's own loops do not give: transpositions of eight bodies at a time, and reciprocal roots.
 
-Bodies lie in rows (one body after another), the hot loops want lanes (one quantity of many bodies after another).
-Going from one to the other is a transposition of 8 x 8 numbers: 16 loads of half a row, 16 shuffles, eight wide stores,
-instead of 64 of each. `rsqrt` replaces pairs of square roots and divisions, which are what a contact costs otherwise;
-the roots of an AMD Zen are faster than that. Everything here is plain LLVM, so it compiles for any processor.
+Bodies lie in rows (one body after another); the inner loops need lanes (one quantity of many bodies after another). The
+change is a transposition of 8 x 8 numbers: 16 loads of half a row, 16 shuffles and eight wide stores, instead of 64
+loads and stores. `rsqrt` replaces pairs of square roots and divisions, which take most of a contact's time, except on
+an AMD Zen, whose own roots are faster. All is plain LLVM, so it compiles for any processor.
 """
 
 import math
@@ -34,8 +34,8 @@ def _load(builder, pointer, kind=VECTOR):
 def _transposed(builder, pointers):
     """The 8 x 8 transpose of the eight numbers at each of eight places.
 
-    Halves of two rows make a vector: the second one is loaded and put in by one instruction, which is no shuffle. So
-    16 shuffles are left, where whole rows would need 24.
+    A vector is made of halves of two rows: one instruction, which is no shuffle, loads and inserts the second half. So
+    16 shuffles are needed instead of 24 with whole rows.
     """
     vectors = []
     for side in (0, 4):
@@ -53,7 +53,7 @@ def _store(builder, value, pointer):
 
 
 class _Call:
-    """What the intrinsics below share: the arrays and integers of (table, column, index, k, tile, at, stride)."""
+    """The arguments of the intrinsics below: arrays and integers (table, column, index, k, tile, at, stride)."""
 
     def __init__(self, context, builder, signature, values):
         self.builder = builder
@@ -69,7 +69,7 @@ class _Call:
         self.row_bytes = builder.extract_value(arrays["table"].strides, 0)
 
     def body(self, lane):
-        """Pointer to the first wanted number of the body of a lane."""
+        """Pointer to the first number of the body of a lane."""
         builder = self.builder
         place = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
         number = builder.load(place)
@@ -147,7 +147,7 @@ def add_lanes_to_rows(typingctx, table, column, index, k, tile, at, stride):
 
 @intrinsic
 def prefetch(typingctx, table, row, column):
-    """Ask for the cache line of table[row, column], which will be read and written soon."""
+    """Prefetch the cache line of table[row, column] for reading and writing."""
     signature = types.void(table, row, column)
 
     def generate(context, builder, sig, values):
@@ -167,7 +167,7 @@ def prefetch(typingctx, table, row, column):
 
 @intrinsic
 def _rsqrt_seed(typingctx, x):
-    """A first guess of 1 / sqrt(x) from the exponent's bits, 3.5 % off at most."""
+    """First approximation of 1 / sqrt(x) from the bits of the exponent, with an error of 3.5 % at most."""
 
     def generate(context, builder, sig, values):
         bits = builder.bitcast(values[0], INT64)

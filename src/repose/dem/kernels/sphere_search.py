@@ -1,11 +1,11 @@
-"""The search for spheres of two clumps that have come to touch.
+"""The search for spheres of two clumps that begin to touch.
 
-An entry of `clumps` is looked at when the displacements of its bodies have reached its limit, as in `neighbours`: the
-displacement of a body bounds the motion of every point of it, so of every sphere. A full look finds the gaps of all
-pairs of spheres. The entry then watches the nearest of those that do not touch, and the others have a limit of their
-own, `near_rest`: displacements at the full look plus the smallest gap of a pair that is not watched. Each watched pair
-has a limit, too. Until `near_rest` is reached a look finds the gaps of those watched pairs alone that have reached
-theirs. A contact that ends is watched; where no slot is left it lowers `near_rest`.
+An entry of `clumps` is checked when the displacements of its bodies have reached its limit, as in `neighbours`: the
+displacement of a body bounds the motion of each of its spheres. A full search finds the gaps of all pairs of spheres.
+Then the entry watches the nearest pairs that do not touch, each with a limit of its own. All other pairs share the
+limit `near_rest`: displacements at the full search plus their smallest gap. Until it is reached, a check finds the gaps
+of only those watched pairs that have reached their limits. A pair whose contact ends is watched; where no slot is free,
+it lowers `near_rest` instead.
 """
 
 import math
@@ -27,12 +27,12 @@ from .jit import inlined, kernel
 from .neighbours import bounding_radius, next_due
 from .state import MOST_SPHERES
 
-WATCHED = SLOTS - 4  # pairs that a full look leaves to be watched; the other slots are for contacts that end
+WATCHED = SLOTS - 4  # pairs that are watched after a full search; the other slots are for contacts that end
 # Places in `Scratch.spheres`: the spheres of either body as rows of x, y, z and radius. Of one sphere of A and each of
-# B: squared distance, and by how much it exceeds that of a pair worth a closer look.
+# B: squared distance, and by how much it exceeds that of a pair whose gap is calculated.
 PLACES_A, PLACES_B = 0, 4 * MOST_SPHERES
 SQUARES, EXCESS = 8 * MOST_SPHERES, 9 * MOST_SPHERES
-# The smallest gaps found, in order, and the spheres that they are between.
+# The smallest gaps found, in order, and their spheres.
 GAPS = 10 * MOST_SPHERES
 OF_A, OF_B = GAPS + st.SMALLEST_GAPS, GAPS + 2 * st.SMALLEST_GAPS
 
@@ -100,10 +100,9 @@ def watch_nearest(bodies, pairs, entry, i, j, skin, s):
 
 @kernel
 def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
-    """A full look at two bodies: add the contacts that are new, to an entry, or to one that is made if it is -1.
+    """Full search of two bodies: adds the new contacts to an entry; -1 makes one for a contact or a gap below the skin.
 
-    An entry is made for a contact or for a gap below the skin. Returns the smallest gap of two spheres that do not
-    touch, or the skin where none is smaller.
+    Returns the smallest gap of two spheres that do not touch, or the skin where none is smaller.
     """
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
@@ -168,9 +167,9 @@ def sphere_gap(bodies, clumps, i, j, a, b):
 
 @inlined
 def look_at_watched(bodies, pairs, counts, clumps, entry, i, j):
-    """Look at the watched pairs of spheres that are due: add their contacts, and set the limits of pairs and entry.
+    """Check the watched pairs of spheres that are due: add their contacts, and set the limits of pairs and entry.
 
-    Inlined: a call would take longer than the look, since the arrays are some 300 arguments.
+    Inlined: a call would take longer than the check, since the arrays are some 300 arguments.
     """
     total = bodies.displacement[i] + bodies.displacement[j]
     next_look = pairs.near_rest[entry]
@@ -197,7 +196,7 @@ def look_at_watched(bodies, pairs, counts, clumps, entry, i, j):
 
 @inlined
 def update_near_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
-    """Look at the entries that are due; those without contacts and with a skin or more left are dropped."""
+    """Check the entries that are due, and drop those without contacts and with a gap of a skin or more."""
     first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
     n = counts[st.N_NEAR]
     k = next_due(bodies.displacement, first, second, limit, 0, n)
@@ -224,7 +223,7 @@ def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
 
 @kernel
 def retire_spheres(bodies, pairs, counts, clumps, ended, ghost):
-    """Drop the contacts that ended, the last first; their entries watch them, and look when a gap may be closed."""
+    """Drop the contacts that ended, the last first; their entries watch them and are checked when a gap may close."""
     for e in range(ended - 1, -1, -1):
         k = pairs.ended[e]
         entry = pairs.entry[k]

@@ -1,4 +1,4 @@
-"""The arrays of a simulation, grouped as named tuples that numba kernels take as they are."""
+"""The arrays of a simulation, grouped as named tuples that numba kernels take as arguments."""
 
 from collections import namedtuple
 
@@ -10,15 +10,15 @@ from .rows import LANES, Rows
 # Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
 
 CACHE_LINE = 8  # numbers
-BLOCK = 256  # near pairs of a large simulation that are looked at together
+BLOCK = 256  # near pairs of a large simulation that are checked together
 MOST_GROUPS = 60  # of bodies that lie together; each is one bit of a whole number
 DEAD = 1e-100  # size below which motion and springs have died out [SI units]; its square is no denormal number yet
 ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to this [m]
 # Places of `Grid.lengths`.
 CELL, REACH, SKIN = range(3)
-# Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
-# The first eight are all that changes of a body that does not turn. Clumps have their quaternion for a shape.
-# Then the inverse inertia in the world as xx, xy, xz, yy, yz, zz, and the shape. Spheres have their radius there alone.
+# Columns of `rows` (N, a multiple of 8): the data of a body for its contacts, one body after another.
+# Of a body that does not turn only the first eight change. Then follow the inverse inertia in the world as xx, xy, xz,
+# yy, yz, zz, and the shape: for clumps their quaternion. Spheres have only their radius there.
 POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, INVERSE_INERTIA, SHAPE = 0, 3, 6, 7, 10, 16
 SPHERE_RADIUS = INVERSE_INERTIA
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
@@ -28,9 +28,9 @@ MOST_SPHERES = 64  # of a clump
 # Columns of `load` (shares, N, 8), to be added up over the shares: force, torque, budget of the rolling torque.
 ROLL = 6
 LOAD_COLUMNS = 8
-# Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
-# displacement at which its neighbours are listed anew, 1 / principal moments, squared semi-axes of each part, radius.
-# Of a tile that rests, a step reads only the row RELIST.
+# Rows of a tile of `motion`, data for the motion alone: quaternion (w x y z, body to world), angular momentum,
+# displacement at which the neighbours are listed anew, 1 / principal moments, squared semi-axes of each part, radius.
+# Of a tile at rest, a step reads only the row RELIST.
 _motion = Rows()
 QUATERNION = _motion.take(4)
 ANGULAR_MOMENTUM = _motion.take(3)
@@ -39,7 +39,8 @@ INVERSE_MOMENTS = _motion.take(3)
 SQUARES = _motion.take(3 * MOST_PARTS)
 RADIUS = _motion.take()
 MOTION_ROWS = _motion.count
-# Rows of a tile of contacts: the normal of A towards B or the wall, what the geometry keeps, what the force laws keep.
+# Rows of a tile of contacts, kept from step to step: normal of A towards B or the wall, rows of the geometry, rows of
+# the force laws.
 _pair = Rows()
 NORMAL = _pair.take(3)
 PAIR_STATE = _pair.end  # where the force laws' rows begin, for pairs
@@ -59,8 +60,8 @@ ABSENT, PRESENT, GONE = 0, 1, 2
 
 CELLS_PER_BODY, FEWEST_CELLS = 64, 4096  # of the search for neighbours
 
-# displacement: how far any point of a body may have moved up to now. wall_check: the displacement, with that of the
-# walls, at which the body is checked against walls again; wall_margin: how much of that is left, the least of a tile.
+# displacement: how far any point of a body may have moved until now. wall_check: the displacement, with that of the
+# walls, at which the body is checked against walls again; wall_margin: the way left until then, the least of a tile.
 Bodies = namedtuple(
     "Bodies",
     "rows load touched motion displacement wall_check presence passed exit_time every resting kind event events "
@@ -75,10 +76,11 @@ Pairs = namedtuple(
     "first second data near_first near_second near_limit near_normal near_check near_groups ended gap "
     "partner link",
 )
-# deepest (walls, N): the overlap with which a contact of a smooth body may begin; endless unless it is past the wall.
+# deepest (walls, N): largest overlap with which a contact of a smooth body may begin; infinite unless it is past the
+# wall.
 WallContacts = namedtuple("WallContacts", "body wall feature data limit ended deepest")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
-# loads: force on each wall and torque about the origin, (walls, 6) where someone asks for them, else (0, 6).
+# loads: force on each wall and torque about the origin, (walls, 6) where a user asks for them, else (0, 6).
 Walls = namedtuple("Walls", "planes cones rings frames displaced motion moves material approach loads")
 Physics = namedtuple(
     "Physics",
@@ -89,8 +91,8 @@ Physics = namedtuple(
 # Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.
 # Walls.frames (curved and meshes, 12): origin and rotation, frame to world; displaced: whether it is not the world's.
 # motion (walls, 9): velocity, angular velocity, pivot. moves: whether any of these is not zero. material: of each wall,
-# as bodies.kind. approach: how far any wall may have come nearer up to now [m], how fast the fastest comes [m/s],
-# whether any moves.
+# as bodies.kind. approach: how far any wall may have come nearer until now [m], speed of the fastest [m/s], whether any
+# moves.
 # Places of `Walls.approach`.
 WALL_PATH, WALL_SPEED, WALLS_MOVE = range(3)
 # Columns of Walls.planes: point (3), normal from the inside into the wall (3), radius of the disc.
@@ -98,26 +100,23 @@ WALL_PATH, WALL_SPEED, WALLS_MOVE = range(3)
 # Columns of Walls.rings: core radius, height, edge radius, two gates (g_r, g_z) that the normal must not oppose.
 PLANE_COLUMNS, CONE_COLUMNS, RING_COLUMNS = 7, 8, 7
 
-# What a thread writes down for a moment: a normal, the geometry of a contact and of another, a body's row in the frame
-# of a wall, overlaps at STARTS places about an axis, the spheres of two bodies.
+# Scratch of a thread: a normal, the geometry of a contact and of another, a body's row in the frame of a wall,
+# overlaps at STARTS places about an axis, the spheres of two bodies.
 Scratch = namedtuple("Scratch", "normal out other local profile spheres")
 STARTS = 24
-SMALLEST_GAPS = 16  # that a look at the spheres of two bodies keeps, at most
+SMALLEST_GAPS = 16  # that a search of the spheres of two bodies keeps, at most
 SCRATCH = 64 + 32 + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
 
 
 @inlined
 def alive(x):
-    """A velocity or a path, or 0.0 where it has died out.
-
-    What decays without an end becomes a denormal number, with which processors calculate slowly.
-    """
+    """A velocity or a path, set to 0.0 below DEAD: processors are slow with denormal numbers, to which decay leads."""
     return 0.0 if abs(x) < DEAD else x
 
 
 @inlined
 def scratch_of(numbers):
-    """The places of a `Scratch` in SCRATCH numbers."""
+    """The parts of a `Scratch` in an array of SCRATCH numbers."""
     return Scratch(
         numbers[0:3],
         numbers[8:16],
@@ -129,7 +128,7 @@ def scratch_of(numbers):
 
 
 def zeros(*shape):
-    """An array of zeros that begins at a cache line: vectors that straddle two lines cost twice."""
+    """An array of zeros that begins at a cache line: a vector that straddles two lines costs twice."""
     size = int(np.prod(shape))
     store = np.zeros(size + CACHE_LINE)
     skip = -store.ctypes.data % (8 * CACHE_LINE) // 8
@@ -137,15 +136,15 @@ def zeros(*shape):
 
 
 def row_end(parts):
-    """How many columns of `rows` are used."""
+    """Number of used columns of `rows`."""
     return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
 
 
 def new_bodies(n, parts, shares=1):
-    """Arrays for n bodies of up to `parts` parts, none of them present yet; shares: of the loads, see `parallel`.
+    """Arrays for n bodies of up to `parts` parts, all absent; shares: number of shares of the loads, see `parallel`.
 
-    They end with whole tiles and at least one body that is never there: body n stands in the unused lanes of contact
-    tiles. It has no mass, so nothing moves it, and a shape, so its geometry is finite.
+    The arrays have whole tiles and at least one body more than n. This body n is always absent and stands in the unused
+    lanes of contact tiles: it has no mass, so no force moves it, and a shape, so its geometry is finite.
     """
     padded = LANES * (n // LANES + 1)
     rows = zeros(padded, CACHE_LINE * -(-row_end(parts) // CACHE_LINE))
@@ -177,7 +176,7 @@ def new_bodies(n, parts, shares=1):
 
 
 def lanes_of(motion, row, columns, n):
-    """The first n bodies' quantity that starts at a row of `motion`, a copy (n, columns)."""
+    """The quantity of the first n bodies that starts at a row of `motion`, a copy (n, columns)."""
     first = row // LANES
     tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[:, first : first + columns]
     return tiles.transpose(0, 2, 1).reshape(-1, columns)[:n].copy()
@@ -186,12 +185,11 @@ def lanes_of(motion, row, columns, n):
 def new_grid(n, lower, upper, cell):
     """Cells of edge `cell` [m] over a box, at most CELLS_PER_BODY for each of n bodies (or FEWEST_CELLS).
 
-    The cells repeat in space like the tiles of a floor: what lies outside of the box, or of the part of it that the
-    cells cover, belongs to the cell at the same place of its repetition. So the memory depends on the bodies, not on
-    the box.
-    touching, near: how many pairs of either list a body has; lengths: edge of a cell, largest distance of two
-    centres that may touch, skin; paths, in simulations that threads may share: how far a body of each group may have
-    moved up to now, and in the last step (see `parallel`).
+    The cells repeat in space like the tiles of a floor: a place outside of the box, or of the part of it that the cells
+    cover, belongs to the cell at the same place of the repetition. So the memory depends on the number of bodies and
+    not on the box. touching, near: number of pairs of each body in either list; lengths: edge of a cell, largest
+    distance of two centres that may touch, skin; paths, in simulations that threads may share: how far a body of each
+    group may have moved until now, and in the last step (see `parallel`).
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     shape = np.maximum(1.0, np.ceil((upper - lower) / cell))
@@ -217,7 +215,7 @@ def new_grid(n, lower, upper, cell):
 
 
 def new_contacts(n, rows):
-    """Tiles for n contacts; unused lanes hold a harmless normal."""
+    """Tiles for n contacts; unused lanes hold a valid normal."""
     data = zeros(-(-n // LANES), rows * LANES)
     data[:, 2 * LANES : 3 * LANES] = 1.0
     return data
@@ -234,10 +232,7 @@ def _whole_tiles(n):
 
 
 def new_pairs(n_contacts, n_near, ghost, n_state):
-    """Room for touching pairs and for pairs that lie near; unused contacts are those of body `ghost`.
-
-    n_state: rows that the force laws keep.
-    """
+    """Arrays for touching and near pairs; unused contacts have body `ghost`, and n_state rows are of the force laws."""
     n_contacts = _whole_tiles(n_contacts)
     return Pairs(
         first=np.full(n_contacts, ghost, np.uint32),
@@ -257,9 +252,9 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
 
 
 def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
-    """Room for contacts with walls of one kind; `limit` is the displacement at the next look.
+    """Arrays for contacts with walls of one kind; `limit` is the displacement at the next check.
 
-    feature: for walls that are meshes, which of their features, else for clumps which of their spheres.
+    `feature` is the number of the feature of a mesh, or else of the sphere of a clump.
     """
     n_contacts = _whole_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)

@@ -1,9 +1,8 @@
-"""The hot loops: geometry of 32 contacts at a time.
+"""The inner loops: geometry of 32 contacts at a time.
 
-A tile is one array of ROWS x LANES doubles; a row is one quantity, a lane one contact. Every loop runs over the lanes
-with a constant count and touches nothing but the tile and the tile of what persists (`c` below), so
-the compiler turns it into vector code: rows lie at constant distances in two arrays, and whether those overlap is one
-check a loop. Unused lanes hold a body that is not there and are thrown away.
+A tile is one array of ROWS x LANES doubles: a row is one quantity, a lane one contact. Each loop has a constant number
+of lanes and uses only the tile and the tile `c` of the quantities that contacts keep from step to step, so the compiler
+makes vector code of it. Unused lanes hold an absent body; their results are not used.
 """
 
 import math
@@ -17,7 +16,7 @@ from .state import LANES, LOAD_COLUMNS, MOST_PARTS, NORMAL, OFFSET, PART, SHAPE
 
 L = LANES  # short, for the index arithmetic below
 
-N = NORMAL  # row of what persists (see `state`)
+N = NORMAL  # row of the contact's own tile (see `state`)
 
 _rows = Rows()
 MOST_COLUMNS = 40
@@ -25,7 +24,7 @@ A, B = (
     _rows.take(MOST_COLUMNS),
     _rows.take(MOST_COLUMNS),
 )  # columns of the bodies (see `state`), B only of pairs
-# Of A, and then of both: the support point, what it leaves of the way between the centres, the curvature matrix.
+# The support point of A; the vector between the centres less the support points; curvature matrices of A and of both.
 SUPPORT, BETWEEN = _rows.take(3), _rows.take(3)
 CURVED, BOTH = _rows.take(6), _rows.take(6)
 AREA_A, AREA_B = _rows.take_each(2)  # product of the principal radii of curvature
@@ -39,8 +38,8 @@ CIRCLE = _rows.take()  # radius of the contact circle, written by the contact la
 STEP = _rows.take(3)  # how far the normal turns
 V = _rows.take(3)  # tangential velocity of A against B
 VN = _rows.take()  # normal velocity
-# Inverse of the mass that the damping is for: that of both bodies at the contact, along the normal, divided by the
-# number of contacts that share it.
+# Inverse of the mass in the damping: the mass of both bodies at the contact, along the normal, divided by the number
+# of contacts that share it.
 INVERSE_MASS = _rows.take()
 # Rows of the force laws, each beginning with its constants.
 MOST_ROLLING_ROWS = 16
@@ -48,9 +47,9 @@ ROLLING = _rows.take(MOST_ROLLING_ROWS)
 LAW = _rows.end
 LAW_ROW = _rows.count
 
-# The gap of a body beyond the edge of a plane [m]: the next look comes when it has moved at all.
+# The gap of a body beyond the edge of a plane [m]: the next search comes when it has moved at all.
 BEYOND = math.inf
-# Two centres are never nearer than this for a direction [m].
+# Shortest distance of two centres in the calculation of a direction [m].
 NEAREST = 1e-30
 # A contact normal turns by at most this much in a step [rad].
 LARGEST_TURN = 0.2
@@ -109,7 +108,7 @@ def body_a(t, c, parts):
 
 @inlined
 def body_b(t, c, parts):
-    """Rows BETWEEN, BOTH and AREA_B, of a body that has the same normal with the opposite sign."""
+    """Rows BETWEEN, BOTH and AREA_B; for the opposite normal the support point of a body has the opposite sign."""
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         x, y, z, xx, xy, xz, yy, yz, zz = body_terms(t, B + SHAPE * L, parts, k, nx, ny, nz)
@@ -126,9 +125,9 @@ def body_b(t, c, parts):
 def newton_step(t, c):
     """One Newton step on the gap of each lane's pair, the gap after it, and the effective radius.
 
-    The step s lies in the tangent plane, where the curvature C of both is a 2 x 2 matrix, and so does the gradient
-    g. With T = C + f I, s = T^-1 g = (tr T g - T g) / det T by Cayley and Hamilton: no tangents are needed. The gap at
-    the new normal comes from the expansion at the old one, to third order in the step. The effective radius is
+    The step s lies in the tangent plane, as does the gradient g; there the curvature C of both bodies is a 2 x 2
+    matrix. With T = C + f I, s = T^-1 g = (tr T g - T g) / det T by Cayley and Hamilton: no tangents are needed. The
+    gap at the new normal comes from the expansion at the old one, to third order in the step. The effective radius is
     R* = sqrt(det Q_A det Q_B / det(Q_A + Q_B)).
     """
     for k in range(L):
@@ -161,7 +160,7 @@ def newton_step(t, c):
 
 @inlined
 def contact_points(t, c):
-    """Turn each lane's normal by its step; the contact point there, from the expansion to second order."""
+    """Turn each lane's normal by its step, and find the contact point by an expansion to second order."""
     for k in range(L):
         sx, sy, sz = t[STEP + k], t[STEP + L + k], t[STEP + 2 * L + k]
         mx, my, mz = c[N + k] + sx, c[N + L + k] + sy, c[N + 2 * L + k] + sz
@@ -187,14 +186,14 @@ def contact_points(t, c):
 
 @inlined
 def both_bodies(t, c, parts):
-    """What the Newton step needs of both bodies."""
+    """The terms of both bodies that the Newton step needs."""
     body_a(t, c, parts)
     body_b(t, c, parts)
 
 
 @inlined
 def sphere_pair_geometry(t, c):
-    """The same of each lane's pair of spheres, in closed form; two centres in one place keep the last normal."""
+    """The same for each lane's pair of spheres, in closed form; where both centres coincide the last normal stays."""
     for k in range(L):
         dx = t[B + k] - t[A + k]
         dy = t[B + L + k] - t[A + L + k]
@@ -228,8 +227,8 @@ def sphere_pair_geometry(t, c):
 def pair_geometry(t, c, parts):
     """Gap, effective radius and contact point of each lane's pair, one Newton step on from the last normal.
 
-    Several short loops, not one: a processor runs as many lanes at once as its window holds. The number of parts is a
-    constant in each of them, so that they become vector code.
+    Several short loops instead of one: a processor runs as many lanes at once as its window holds. The number of parts
+    is a constant in each, so that they become vector code.
     """
     if parts == st.SPHERES:
         sphere_pair_geometry(t, c)
@@ -259,8 +258,8 @@ def sphere_a(t, c):
 def plane_geometry(t, c, parts):
     """Gap, effective radius and contact point of each lane's body against a plane.
 
-    Row N holds the plane's normal, pointing from the body into the wall; row OFFSET its distance from the origin along
-    it, MIDDLE and RADIUS2 the disc it ends with: beyond that the gap is endless.
+    Rows of the tile: N is the plane's normal, pointing from the body into the wall, OFFSET its distance from the origin
+    along the normal, MIDDLE and RADIUS2 its disc, beyond which the gap is infinite.
     """
     if parts == st.SPHERES:
         sphere_a(t, c)
@@ -306,7 +305,7 @@ def torques(t):
 
 @inlined
 def open_lanes(t):
-    """How many lanes have a gap."""
+    """Number of lanes with a gap."""
     n = 0
     for k in range(L):
         n += 1 if t[GAP + k] > 0.0 else 0

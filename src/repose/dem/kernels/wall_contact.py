@@ -1,10 +1,10 @@
 """Contact of a body with one exact curved wall: the inside of a cone or tube, or a rounded ring edge.
 
 The inside of a cone or tube is convex, an intersection of half-spaces whose normals m(theta) turn about the axis. The
-overlap of a body is therefore the largest of phi(theta) = m.c + h(m) - k, a search in one variable; a long body in a
-narrow tube has two maxima and then two contacts. The edge at the end of a cone is a torus of a small stated radius,
-tangent to the cone. Which of the two a body touches is decided by the point projected onto the wall, so force and
-overlap pass continuously from one to the other and no band is left without a contact.
+overlap of a body is therefore the maximum of phi(theta) = m.c + h(m) - k, a search in one variable; a long body in a
+narrow tube has two maxima and two contacts. The edge at the end of a cone is a torus of a small radius, tangent to the
+cone. The projection of the contact point onto the wall decides which of the two a body touches, so force and overlap
+are continuous at the transition and no gap is left between cone and edge.
 
 Cones and rings are solved in their own frame, whose z axis is theirs (`frames`). A sphere has a closed form.
 """
@@ -22,10 +22,7 @@ NEAREST = 1e-30  # of two points, for a direction [m]
 
 @inlined
 def effective_radius(q11, q12, q22, k1, k2):
-    """R* of a body (curvature radii Q) on a wall with principal curvatures k1, k2 along Q's axes.
-
-    1 / R*^2 = det(Q^-1 + K); a concave wall has a negative curvature.
-    """
+    """R* on a wall with principal curvatures k1, k2 along Q's axes, negative if concave: 1 / R*^2 = det(Q^-1 + K)."""
     det = q11 * q22 - q12 * q12
     relative = 1.0 + q11 * k1 + q22 * k2 + det * k1 * k2
     return math.sqrt(det / max(relative, LEAST_RELATIVE_CURVATURE))
@@ -33,7 +30,7 @@ def effective_radius(q11, q12, q22, k1, k2):
 
 @inlined
 def cone_overlap(row, parts, cone, theta):
-    """phi(theta), its first and second derivative, and how far up the wall the body's deepest point lies."""
+    """phi(theta), its first and second derivative, and the distance up the wall of the body's deepest point."""
     cos, sin = math.cos(theta), math.sin(theta)
     mr, mz = cone[0], cone[1]
     nx, ny, nz = mr * cos, mr * sin, mz
@@ -62,9 +59,9 @@ def climb_cone(row, parts, cone, theta):
 
 @kernel
 def cone_contact(row, parts, cone, theta, out):
-    """Contact of a body with a cone at azimuth theta (already a maximum of phi): fills `out`.
+    """Contact of a body with a cone at a maximum theta of phi: fills `out`; returns whether it lies on the wall.
 
-    out: normal (3), gap, R*, contact point relative to the centre (3). Returns whether the contact lies on the wall.
+    out: normal (3), gap, R*, contact point relative to the centre (3).
     """
     cos, sin = math.cos(theta), math.sin(theta)
     mr, mz = cone[0], cone[1]
@@ -91,10 +88,7 @@ def cone_contact(row, parts, cone, theta, out):
 
 @inlined
 def ring_newton(row, parts, ring, theta, nx, ny, nz):
-    """One Newton step for the distance of a body to a circle: maximum over n, minimum over theta.
-
-    Returns the stepped theta and n, the distance at the old ones and the length of the step.
-    """
+    """One Newton step for the distance to a circle: the new theta and n, the distance before, and the step's length."""
     cos, sin = math.cos(theta), math.sin(theta)
     radius = ring[0]
     dx = radius * cos - row[0]
@@ -143,10 +137,7 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
 
 @kernel
 def ring_contact(row, parts, ring, theta, nx, ny, nz, out):
-    """Contact of a body with a ring edge at a solved (theta, n): fills `out` as `cone_contact` does.
-
-    Returns whether the normal points at the part of the torus that is not hidden behind the adjoining walls.
-    """
+    """Contact with a ring edge at a solved (theta, n): fills `out`; returns whether no adjoining wall hides it."""
     cos, sin = math.cos(theta), math.sin(theta)
     # frame: u along the edge as far as it is tangent to the body, w across it
     ux, uy, uz = -sin, cos, 0.0
@@ -207,10 +198,7 @@ def fill_contact(out, nx, ny, nz, gap, curvature, radius):
 
 @inlined
 def sphere_on_cone(x, y, z, radius, cone, out):
-    """Contact of a sphere with the inside of a cone, in its frame: fills `out`.
-
-    Returns how far the point projected onto the wall lies beyond the wall's ends [m]; up to 0 it is on the wall.
-    """
+    """Contact of a sphere with a cone in its frame: fills `out`; returns how far it is beyond the wall's ends [m]."""
     across = math.sqrt(x * x + y * y)
     inv = 1.0 / max(across, NEAREST)
     cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)
@@ -226,10 +214,7 @@ def sphere_on_cone(x, y, z, radius, cone, out):
 
 @inlined
 def sphere_on_ring(x, y, z, radius, ring, out):
-    """Contact of a sphere with a ring edge, in its frame: fills `out`.
-
-    Returns how far it is from where the edge is not hidden behind the adjoining walls [m], at least.
-    """
+    """Contact of a sphere with a ring in its frame: fills `out`; returns a lower bound of its way to the open part."""
     across = math.sqrt(x * x + y * y)
     inv = 1.0 / max(across, NEAREST)
     cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)

@@ -1,7 +1,7 @@
-"""The search for new contacts with walls: of which bodies, and with which walls.
+"""The search for new contacts with walls: which bodies are searched, and against which walls.
 
-What counts for a look is how far a body may have moved since the last one, and the walls with it. `clumps` is empty in
-a simulation of smooth bodies, see `forces`.
+The next search is due when the body and the walls together may have moved by the free distance of the last. `clumps` is
+empty in a simulation of smooth bodies, see `forces`.
 """
 
 import math
@@ -17,7 +17,7 @@ L = st.LANES
 
 @inlined
 def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
-    """Find new contacts of body i with a plane; returns how far it may move before the next look."""
+    """Find new contacts of body i with a plane; returns how far it may move before the next search."""
     if len(clumps) == 0:
         return search_plane(bodies, flat, counts, parts, walls.planes[wall], wall, i, scratch.out)
     return spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
@@ -25,7 +25,7 @@ def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
 
 @inlined
 def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, reading, scratch):
-    """Find new contacts of body i with a cone, tube or ring; returns how far it may move before the next look."""
+    """Find new contacts of body i with a cone, tube or ring; returns how far it may move before the next search."""
     if len(clumps) == 0:
         return search_curved(
             bodies,
@@ -45,7 +45,7 @@ def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, readin
 
 @kernel
 def look_at_walls(bodies, flat, curved, clumps, walls, counts, parts, i, reading, lowest, scratch):
-    """Find new contacts of body i with walls; returns its displacement at the next look."""
+    """Find new contacts of body i with walls; returns its displacement at the next search."""
     if len(clumps) > 0:
         place_clump(bodies, clumps, i, scratch.spheres)
     wall_check = math.inf
@@ -68,7 +68,7 @@ def look_at_walls(bodies, flat, curved, clumps, walls, counts, parts, i, reading
 
 @inlined
 def look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, begin, end):
-    """Look at the walls of the bodies begin to end that may have come to one."""
+    """Search the walls for bodies begin to end that may have reached one."""
     approach = walls.approach[st.WALL_PATH]
     for i in range(begin, end):
         reading = bodies.displacement[i] + approach
@@ -80,10 +80,10 @@ def look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, s
 
 @kernel
 def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch):
-    """Find new contacts with planes, cones, tubes and rings. A body below `lowest` has left the last three for good.
+    """Find new contacts with planes, cones, tubes and rings; a body once below `lowest` is checked against planes only.
 
-    In a large simulation whose walls stand still a tile of bodies is left alone until its fastest, one after another,
-    could have used up its wall_margin.
+    In a large simulation whose walls stand still, a tile of bodies is skipped until the paths of its fastest bodies may
+    have used up its wall_margin.
     """
     n = counts[st.N_BODIES]
     if bodies.load.shape[0] == 1 or walls.approach[st.WALLS_MOVE] > 0.0:
@@ -103,7 +103,7 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
 
 @inlined
 def find_on_mesh(bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch):
-    """Find new contacts of body i with a mesh; returns how far it may move before the next look."""
+    """Find new contacts of body i with a mesh; returns how far it may move before the next search."""
     out, other, local = scratch.out, scratch.other, scratch.local
     if len(clumps) == 0:
         return body_at_mesh(bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local)

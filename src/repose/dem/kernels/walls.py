@@ -1,11 +1,9 @@
-"""Contacts of bodies with planes, cones and ring edges: found anew and tracked from step to step.
+"""Contacts of bodies with planes, cones and ring edges, found anew and tracked from step to step (see `wall_contact`).
 
-`wall_contact` solves a contact with one wall.
-
-A contact begins where a body in front of the wall comes to it. A body that overlaps the wall's surface beyond its end,
-or from behind, is past the wall: it would be thrown if a contact began with that overlap. So it has none until it was
-clear of the surface. `WallContacts.deepest` keeps this: endless, or for a body that is past the wall the overlap with
-which a contact may begin all the same: that of its contact with the wall from which it slides onto this one.
+A contact begins where a body in front of the wall reaches it. A body that overlaps the wall's surface beyond its end,
+or from behind, is past the wall: a contact that began with this overlap would throw it. So it has no contact until it
+has been clear of the surface. `WallContacts.deepest` is the largest overlap with which a contact may begin: infinite,
+but for a body past the wall the overlap at the other wall from which it slides onto this one.
 """
 
 import math
@@ -35,15 +33,15 @@ SINES = np.sin(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
 DEEPEST_NEW = 0.3
 # Two contacts of one body with one wall closer than this (radians about the axis) are the same contact.
 SAME_AZIMUTH = 0.12
-# The next look at a body comes after it moved by these shares of its radius at the latest: where it overlaps a
-# wall's continuation, beyond the wall's end, and where its contact is known (a second one grows out of the first).
+# A body is searched again after it moved by these shares of its radius at the latest: where it overlaps a wall's
+# continuation, beyond the wall's end, and where its contact is known (a second contact grows out of the first).
 NEXT_LOOK_BEYOND = 0.01
 NEXT_LOOK_KNOWN = 0.1
 
 
 @inlined
 def towards_ring(row, ring, start):
-    """Unit vector and distance from a body's centre to a circle's point at one of the st.STARTS."""
+    """Unit vector and distance from a body's centre to a point of a circle, number `start` of st.STARTS."""
     dx = ring[0] * COSINES[start] - row[0]
     dy = ring[0] * SINES[start] - row[1]
     dz = ring[1] - row[2]
@@ -67,7 +65,7 @@ def azimuth(data, k):
 
 @inlined
 def known(contacts, last, body, wall, theta):
-    """Whether a body touches a wall near this azimuth already."""
+    """Whether a body already touches a wall near this azimuth."""
     for k in range(last):
         if (
             contacts.body[k] == body
@@ -110,7 +108,7 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
 
 @inlined
 def touches_others(contacts, n, body, but):
-    """Whether a body has any of the first n contacts, but for contact number `but`."""
+    """Whether a body has any of the first n contacts other than number `but`."""
     for k in range(n):  # noqa: SIM110  (kernels have no generators)
         if contacts.body[k] == body and k != but:
             return True
@@ -119,7 +117,7 @@ def touches_others(contacts, n, body, but):
 
 @inlined
 def overlap_elsewhere(contacts, n, body, wall):
-    """The deepest overlap of a body's contacts with other curved walls than this one; 0.0 where it has none."""
+    """The deepest overlap of a body with the other curved walls; 0.0 where it touches none."""
     depth = 0.0
     for k in range(n):
         if contacts.body[k] == body and contacts.wall[k] != wall:
@@ -129,9 +127,10 @@ def overlap_elsewhere(contacts, n, body, wall):
 
 @inlined
 def slid_off(bodies, contacts, n, k, depth):
-    """Note that contact k with a curved wall slid over the wall's end, with an overlap.
+    """Note that contact k with a curved wall slid over the wall's end with an overlap of `depth`.
 
-    The next wall takes the body over with no more than that. Where it touches another wall it is not past this one.
+    The contact with the next wall begins with this overlap at most. Where the body touches another wall, it is not past
+    this wall.
     """
     wall, i = contacts.wall[k], contacts.body[k]
     for w in range(contacts.deepest.shape[0]):
@@ -139,16 +138,13 @@ def slid_off(bodies, contacts, n, k, depth):
             contacts.deepest[w, i] = depth
     if not touches_others(contacts, n, i, k):
         contacts.deepest[wall, i] = depth
-        # a second contact may have grown out of this one since the last look: the next one counts from there
+        # a second contact may have grown out of this one since the last search: the next search counts from there
         contacts.limit[wall, i] -= NEXT_LOOK_KNOWN * bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
 
 
 @inlined
 def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, deepest, moved, out):
-    """Add a contact that is found and new; returns how far the body may move before the next look.
-
-    deepest: of the body and the wall up to now; moved: how far the body may have moved since the last look.
-    """
+    """Add a contact that is found and new; returns how far the body may move before the next check."""
     if deepest < math.inf:
         deepest = max(deepest, overlap_elsewhere(contacts, counts[st.N_CURVED], body, wall))
     if not on_wall or out[3] < -min(DEEPEST_NEW * radius, deepest + moved):
@@ -167,7 +163,7 @@ def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, deep
 
 @kernel
 def search_cone(row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out):
-    """Look for contacts of body i with a cone; returns how far it may move before the next look."""
+    """Search for contacts of body i with a cone; returns how far it may move before the next search."""
     cone = walls.cones[wall]
     step = 2.0 * math.pi / st.STARTS
     for s in range(st.STARTS):
@@ -193,7 +189,7 @@ def search_cone(row, contacts, counts, parts, walls, wall, i, radius, deepest, m
 
 @kernel
 def search_ring(row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out):
-    """Look for contacts of body i with a ring edge; returns how far it may move before the next look."""
+    """Search for contacts of body i with a ring edge; returns how far it may move before the next search."""
     ring = walls.rings[wall - walls.cones.shape[0]]
     axial = abs(row[2] - ring[1])
     radial = abs(math.sqrt(row[0] * row[0] + row[1] * row[1]) - ring[0])
@@ -222,7 +218,7 @@ def search_ring(row, contacts, counts, parts, walls, wall, i, radius, deepest, m
 
 @kernel
 def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
-    """Look for the contact of body i with a plane; returns how far it may move before the next look."""
+    """Search for the contact of body i with a plane; returns how far it may move before the next search."""
     row = bodies.rows[i]
     nx, ny, nz = plane[3], plane[4], plane[5]
     dx, dy, dz = plane[0] - row[0], plane[1] - row[1], plane[2] - row[2]
@@ -245,7 +241,7 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
 
 @inlined
 def seen_from(walls, wall, row, parts, local):
-    """A body's row in the frame of a curved wall: itself where the frame is the world, else written to `local`."""
+    """The row of a body in the frame of a curved wall, written to `local` unless this frame is the world's."""
     if walls.displaced[wall]:
         row_in_frame(row, parts, walls.frames[wall], local)
         return local
@@ -264,10 +260,7 @@ def sphere_on_wall(row, walls, wall, out):
 
 @inlined
 def search_sphere(row, contacts, counts, walls, wall, i, radius, deepest, moved, out):
-    """Look for the contact of a sphere with a cone or ring, of which there is one at most; see `search_curved`.
-
-    So as long as it lasts nothing is looked for.
-    """
+    """Search for the only contact of a sphere with a cone or ring; while it lasts no further search is due."""
     on_wall = sphere_on_wall(row, walls, wall, out)
     if out[3] > 0.0:
         return out[3]
@@ -277,9 +270,9 @@ def search_sphere(row, contacts, counts, walls, wall, i, radius, deepest, moved,
 
 @inlined
 def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, profile, out, local):
-    """Look for contacts of smooth body i with a cone or ring; returns how far it may move before the next look."""
+    """Find new contacts of smooth body i with a cone or ring; returns how far it may move before the next search."""
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
-    # a body that is past a wall is looked at whenever it moved by NEXT_LOOK_BEYOND
+    # a body that is past a wall is searched whenever it moved by NEXT_LOOK_BEYOND
     deepest, moved = curved.deepest[wall, i], reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
     curved.deepest[wall, i] = math.inf
     row = seen_from(walls, wall, bodies.rows[i], parts, local)
@@ -292,10 +285,7 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, profil
 
 @inlined
 def follow_wall(parts, body, walls, wall, contacts, lane, out, local):
-    """Track a contact with a cone or ring through one step; returns whether it lies on the wall.
-
-    `out` and the contact's normal are in the world, the azimuth in the frame of the wall.
-    """
+    """Follow a contact with a cone or ring by a step: fills `out` in world axes; returns whether it is on the wall."""
     n_cones = walls.cones.shape[0]
     theta = contacts[st.AZIMUTH + lane]
     row = seen_from(walls, wall, body, parts, local)

@@ -1,4 +1,4 @@
-"""Force laws by name. A new law is a file of this folder and its line in one of the two tables below."""
+"""Force laws by name; a new law is a file in this folder and a line in one of the two tables below."""
 
 from collections import UserDict
 from importlib import import_module
@@ -11,7 +11,7 @@ __all__ = ["CONTACT_LAWS", "ROLLING_LAWS", "Laws"]
 
 
 class Laws(UserDict[str, Any]):
-    """Laws by name; that of a file here is imported when it is first used, since it loads the compiler."""
+    """Laws by name; a law's file is imported at its first use, since it loads the compiler."""
 
     def __getitem__(self, name: str) -> "Law":
         law = super().__getitem__(name)

@@ -60,7 +60,7 @@ def constants(a: Material, b: Material, contact: Contact, _tension: str = "keep"
 
 @inlined
 def lever(x: float, y: float, z: float) -> float:
-    """Length of an arm; a wall's, which is none, counts as endless."""
+    """Length of an arm; the arm of a wall is 0 and counts as infinite."""
     square = x * x + y * y + z * z
     return math.sqrt(square) if square > 0.0 else 1e30
 
@@ -88,7 +88,7 @@ def turning(t: np.ndarray, k: int, nx: float, ny: float, nz: float) -> tuple[flo
 
 @inlined
 def oppose(t: np.ndarray, k: int, x: float, y: float, z: float) -> None:
-    """A torque of a lane, against A and along B; no budget of rolling."""
+    """Apply a torque of a lane against A and along B, with no budget of rolling."""
     t[tl.TO_A + 3 * L + k] -= x
     t[tl.TO_A + 4 * L + k] -= y
     t[tl.TO_A + 5 * L + k] -= z

@@ -174,7 +174,7 @@ def oscillator(
 
 @inlined
 def contact_sizes(t: np.ndarray) -> None:
-    """Roots that the forces need, apart from them: a loop of few long chains runs several of them at once.
+    """Roots that the forces need, in a loop of their own, of which the processor runs several lanes at once.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
     t : numpy.ndarray
         Tile of 32 contacts; its rows TO_A and PUSH are written.
     c : numpy.ndarray
-        Tile of what the contacts keep from step to step.
+        Tile of the quantities that the contacts keep from step to step.
     spring : int
         Place of the spring's first row in `c`.
     tension, friction_limit : int
@@ -225,7 +225,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """The forces of each lane, as `law.contact_forces` asks for them.
 
-    Several short loops: a processor runs as many lanes at once as its window holds.
+    Several short loops, because a processor runs as many lanes at once as its window holds.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     t : numpy.ndarray
         Tile of 32 contacts.
     c : numpy.ndarray
-        Tile of what the contacts keep from step to step.
+        Tile of the quantities that the contacts keep from step to step.
     at : int
         Place of the law's first row in `c`.
     dt : float

@@ -66,7 +66,7 @@ LAST_CIRCLE = _state.take()
 ROOT = _state.take()  # sqrt(A); 0 without cohesion
 REACH = _state.take()  # gap at which the contact ends [m]
 
-# Of s^4 - s: the place of its minimum, and how deep that is.
+# Of s^4 - s: the place of its minimum, and its depth.
 AT_LEAST = 0.25 ** (1.0 / 3.0)
 LEAST = 0.75 * AT_LEAST
 START = 1.5 * AT_LEAST * AT_LEAST
@@ -124,7 +124,7 @@ def _root(excess: float) -> float:
 
 @inlined
 def begin(t: np.ndarray, c: np.ndarray, root: int) -> None:
-    """The cube root that a contact needs when it begins; `sizes` follows R* from there."""
+    """The cube root that a contact needs when it begins; `sizes` updates it when R* changes."""
     for k in range(L):
         if c[root + k] == 0.0 and t[tl.GAP + k] < 0.0 and t[BOND + k] * t[tl.RADIUS + k] > 0.0:
             c[root + k] = (t[tl.RADIUS + k] * t[BOND + k]) ** (1.0 / 3.0)

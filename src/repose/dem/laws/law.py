@@ -1,8 +1,8 @@
-"""What a force law is, and how the kernels find the one that a simulation has.
+"""A force law: its data, and the kernel that calculates its forces.
 
-A law is data and one kernel. The kernels of the engine call `contact_forces` and `rolling_resistance`; numba replaces
-the call by the kernel of the law whose options, a named tuple of a type of its own, it gets. So a loop holds the code
-of one law, and a law costs nothing where it is not used.
+The engine calls `contact_forces` and `rolling_resistance` with the options of a law, a named tuple of a type of its
+own. By this type numba puts the kernel of the law in place of the call, so a compiled loop has the code of one law
+only.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,7 +24,7 @@ ELASTIC, TOTAL = range(2)
 FRICTION_LIMITS = {"elastic": ELASTIC, "total": TOTAL}
 # The limit with which a sliding impact changes the tangential velocity by mu_s (1 + e) V_n (`tangential`).
 COULOMB = {"keep": "elastic", "release": "total", "cut": "total"}
-# Both for people.
+# Text for people.
 LIMITS = {"elastic": "the elastic part of the normal force", "total": "the size of the damped normal force"}
 ENDS = {
     "keep": "the damped force may pull at the end of an impact",
@@ -44,25 +44,26 @@ class Law:
     Parameters
     ----------
     name : str
-        What users call it.
+        Its name for users.
     options : type
         A named tuple class of this law alone, with the fields tension and friction_limit: the kernel gets an instance.
     constants : callable
-        (material, material, contact, tension) -> array (n_constants,): what the kernel needs to know of two materials.
+        (material, material, contact, tension) -> array (n_constants,): constants of two materials for the kernel.
     n_constants : int
-        How many those are; a tile has them in the first rows of the law.
+        Their number; a tile has them in the first rows of the law.
     n_rows : int
         Rows of a tile that the law uses, constants included.
     n_state : int
         Rows that the law keeps for each contact from step to step. They are zero when a contact begins.
     kernel : function
-        (options, t, c, at, dt) -> None, a plain function that numba can compile. t: the tile; c: the tile of what
-        persists, the law's rows from place `at` on; dt: time step [s].
+        (options, t, c, at, dt) -> None, a plain function that numba can compile. t: the tile; c: the tile of the
+        quantities that contacts keep, the law's rows from place `at` on; dt: time step [s].
     words : mapping
-        The law for people: from a direction, such as ``normal``, to one sentence. ``{limit}`` in it stands for the
+        Text for people: for each direction, such as ``normal``, one sentence, in which ``{limit}`` stands for the
         normal force that limits friction.
     limits, ends : mapping
-        Of a contact law: what limits friction, and how an impact ends, for people; by default as without cohesion.
+        Of a contact law, text for people: the limit of friction, and the end of an impact; by default those without
+        cohesion.
     contact_time : callable, optional
         (material, material, mass, radius, speed) -> duration of a head-on impact [s], of a contact law.
     oscillator : callable, optional
@@ -74,7 +75,7 @@ class Law:
         (options, c, at, lane) -> gap [m] at which a contact ends, 0 until it has borne a force, below 1 m; of a law
         that attracts across a gap. Other contacts end where the bodies part.
     geometry : callable, optional
-        (options, t, c, of_spheres, on_wall) -> None, called before the kernel: what the law needs of the surfaces
+        (options, t, c, of_spheres, on_wall) -> None, called before the kernel: further quantities of the surfaces
         besides R*.
     """
 
@@ -130,7 +131,7 @@ def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -
     t : ndarray
         Tile of 32 contacts, rows as `repose.dem.kernels.tile` names them.
     c : ndarray
-        Tile of what the contacts keep from step to step.
+        Tile of the quantities that the contacts keep from step to step.
     at : int
         Place of the law's first row in `c`.
     dt : float
@@ -151,7 +152,7 @@ def rolling_resistance(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: floa
     t : ndarray
         Tile of 32 contacts, rows as `repose.dem.kernels.tile` names them.
     c : ndarray
-        Tile of what the contacts keep from step to step.
+        Tile of the quantities that the contacts keep from step to step.
     at : int
         Place of the law's first row in `c`.
     dt : float
@@ -184,7 +185,7 @@ def reach(law: Any, c: np.ndarray, at: int, k: int) -> float:
 
 
 def surfaces(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int) -> None:
-    """What a law needs of each lane's surfaces besides R*."""
+    """Quantities of each lane's surfaces that a law needs besides R*."""
     _GEOMETRIES.get(type(law), _no_geometry)(law, t, c, of_spheres, on_wall)
 
 

@@ -122,7 +122,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     t : numpy.ndarray
         Tile of 32 contacts.
     c : numpy.ndarray
-        Tile of what the contacts keep from step to step.
+        Tile of the quantities that the contacts keep from step to step.
     at : int
         Place of the law's first row in `c`.
     dt : float

@@ -61,7 +61,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     t : numpy.ndarray
         Tile of 32 contacts.
     c : numpy.ndarray
-        Tile of what the contacts keep from step to step; not used.
+        Tile of the quantities that the contacts keep from step to step; not used.
     at : int
         Place of the law's first row in `c`; not used.
     dt : float

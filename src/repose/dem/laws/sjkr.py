@@ -49,7 +49,7 @@ INVERSE_SUM = _rows.take()  # 1 / (r_a + r_b), 0 on a wall
 
 
 def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
-    """Those of `hertz_mindlin`, its other rows, and k (n,); SI."""
+    """Constants of `hertz_mindlin`, its other rows, and k (n,); SI."""
     values = np.zeros(hertz_mindlin.LAW.n_rows + 1)
     values[: hertz_mindlin.LAW.n_constants] = hertz_mindlin.constants(a, b, contact, tension)
     values[-1] = contact.constants[COHESION_ENERGY_DENSITY.name]
@@ -59,7 +59,7 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
 @inlined
 def area(overlap: float, radius: float, inverse_sum: float) -> float:
     """Area of the circle in which two spheres cut each other; radius is R*, inverse_sum 1 / (r_a + r_b)."""
-    share = min(overlap * inverse_sum, 0.5)  # finite in unused lanes, where a body lies on itself
+    share = min(overlap * inverse_sum, 0.5)  # finite in unused lanes, where both bodies are in one place
     middle = max(4.0 * radius - 2.0 * overlap + overlap * share, 0.0)
     return 0.25 * math.pi * overlap * (2.0 - share) * middle / ((1.0 - share) * (1.0 - share))
 
@@ -78,7 +78,7 @@ def geometry(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: i
 
 @inlined
 def pull(t: np.ndarray, c: np.ndarray) -> None:
-    """Take the cohesion from the forces of each lane."""
+    """Subtract the cohesion from the forces of each lane."""
     for k in range(L):
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0

@@ -35,7 +35,7 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -
     t : numpy.ndarray
         Tile of 32 contacts; its rows V (tangential) and VN (normal) are written.
     c : numpy.ndarray
-        Tile of what the contacts keep from step to step.
+        Tile of the quantities that the contacts keep from step to step.
     spring : int
         Place of the spring's first row in `c`; its three rows are written.
     dt : float
@@ -122,7 +122,7 @@ def limited(
     t : numpy.ndarray
         Tile of 32 contacts, with the velocity in row V.
     c : numpy.ndarray
-        Tile of what the contacts keep from step to step; the spring in it is cut.
+        Tile of the quantities that the contacts keep from step to step; the spring in it is cut.
     spring : int
         Place of the spring's first row in `c`.
     k : int

@@ -78,10 +78,7 @@ def draw(
     config: Mapping[str, Any],
     known: Mapping[str, Any] = FIGURES,
 ) -> None:
-    """Draw one of the `known` figures in the format of its path; `inputs` are paths by input name.
-
-    Beside a PNG lie the other formats of the configuration's `figures`.
-    """
+    """Draw a figure of `known` from `inputs`, paths by name; a PNG also gets the other formats of the configuration."""
     from repose.config.models import Figures
 
     out_path, files = Path(out_path), Figures.model_validate(config.get("figures", {}))

@@ -22,7 +22,7 @@ BODY_MM = 12.0  # of the single berry that a sketch shows
 
 
 def lifted_cylinder(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """The tube on its plate, and how it is lifted. Optional inputs: ``runs`` of a job, and ``particle``."""
+    """The tube on its plate, and its motion; optional inputs: ``runs`` of a job, and ``particle``."""
     own = section(config, "lifted_cylinder")
     radius, length, rim = own["diameter_mm"] / 2, own["length_mm"], own["rim_radius_mm"]
     half = 2.2 * radius
@@ -83,7 +83,7 @@ def drop_test(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def drawdown(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Both chambers, slot and gate. Optional inputs: ``runs`` of a job, and ``particle``."""
+    """Both chambers, slot and gate; optional inputs: ``runs`` of a job, and ``particle``."""
     own = section(config, "drawdown")
     width, slot, lower, floor = (
         own[key] / 2 for key in ("width_mm", "slot_mm", "lower_width_mm", "floor_mm")

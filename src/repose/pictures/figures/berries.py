@@ -50,7 +50,7 @@ def sizes_and_sphericity(inputs: Mapping[str, Any], config: Mapping[str, Any]) -
 def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: str) -> None:
     """Histogram of one size with the normal curve of its mean and standard deviation."""
     mean, sd = values.mean(), values.std(ddof=1)
-    # Berries that are all alike still have a bin, and a curve too narrow to see.
+    # Equal berries have one bin, and a curve too narrow to see.
     sd_shown = max(sd, 1e-3 * mean)
     ends = min(values.min(), mean - sd_shown), max(values.max(), mean + sd_shown)
     counts, edges, _ = panel.hist(

@@ -1,4 +1,4 @@
-"""The definitions of the angle of repose drawn on one and the same pile."""
+"""The definitions of the angle of repose, drawn on the same pile."""
 
 from collections.abc import Mapping
 from typing import Any

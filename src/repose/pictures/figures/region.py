@@ -1,7 +1,7 @@
 """The region that the measurements do not exclude, by history matching: its projections on pairs of parameters.
 
-Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619, show a region of many dimensions so: the least implausibility
-over all other parameters on one side of the diagonal, the optical depth on the other.
+The form is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: the least implausibility over all other
+parameters on one side of the diagonal, the optical depth on the other.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""One look for all figures: sizes, fonts, colours for colour-blind readers, labels of responses, saving."""
+"""The common style of all figures: sizes, fonts, colours for colour-blind readers, labels of responses, saving."""
 
 import io
 import math
@@ -64,7 +64,7 @@ SETTINGS = {
     "svg.fonttype": "path",
     "svg.hashsalt": "repose",
 }
-# What would change from run to run.
+# Entries of a file that would change from run to run.
 UNDATED = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 
 
@@ -74,7 +74,7 @@ def applied() -> AbstractContextManager[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of this size in inches, laid out so that nothing is cut off; needs no window."""
+    """An empty figure of this size in inches, laid out so that no part is cut off; it needs no window."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -157,10 +157,7 @@ def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[
 def save(
     figure: Figure, out_path: str | Path, small_run: bool, further: Sequence[str] = (), dpi: int = DPI
 ) -> None:
-    """Write a figure in the format of its path, and beside it in `further` formats; the same bytes in every run.
-
-    A small run is marked across the top.
-    """
+    """Write a figure in the format of its path and in `further` ones, a small run marked; the same bytes each time."""
     if small_run:
         width, height = figure.get_size_inches()
         band = 0.24
@@ -190,7 +187,7 @@ def pixels(config: Mapping[str, Any], at_default: int) -> int:
 
 
 def scale_bar(panel: Axes, camera: "Camera", place_m: np.ndarray, extent_m: float, where: str = "") -> None:
-    """A bar of 1, 2 or 5 times a power of ten, at most 0.3 of an extent, as a camera sees it at a place.
+    """A bar of 1, 2 or 5 times a power of ten, at most 0.3 of an extent, at the scale of a camera at a place.
 
     It lies in the lower right corner of the camera's picture; `where` follows its length in words.
     """

@@ -1,4 +1,4 @@
-"""Figures 10 and 13: the network and how well it predicts."""
+"""Figures 10 and 13: the network, and the quality of its predictions."""
 
 import textwrap
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Figure 9: the workflow's own graph, from the text that `snakemake --rulegraph` prints."""
+"""Figure 9: the graph of the workflow, from the text that `snakemake --rulegraph` prints."""
 
 import re
 import textwrap
@@ -68,10 +68,10 @@ def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
 
 
 def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
-    """Places (x, layer) of a graph's nodes, and the places that each edge passes.
+    """Places (x, layer) of a graph's nodes, and the places that each edge passes; InputError for a cycle.
 
-    Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours. Nodes of
-    a layer are at least 1 apart. Raises InputError for a cycle.
+    Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours. Nodes of a
+    layer are at least 1 apart.
     """
     layer = layers_of(nodes, edges)
     rows = [[n for n in nodes if layer[n] == k] for k in range(max(layer.values()) + 1)]
@@ -100,7 +100,7 @@ def _mean_neighbour(node: Any, links: Sequence, place: Mapping) -> float:
 
 
 def _spread(wishes: Sequence[float]) -> list[float]:
-    """Places at least 1 apart, in order, as near to the sorted wishes as a shift of the row brings them."""
+    """Places at least 1 apart, in order, as near to the sorted wishes as a shift of the row allows."""
     places: list[float] = []
     for wish in wishes:
         places.append(wish if not places else max(wish, places[-1] + 1.0))
@@ -136,7 +136,7 @@ def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def _size_that_fits(words: str, width: float, height: float) -> float:
-    """Font size at which lines stay inside a box of this size, all in points; a letter is 0.6 of its size wide."""
+    """Font size with which lines fit into a box of this size, all in points; a letter is 0.6 of its size wide."""
     lines = words.splitlines()
     return min(LARGEST_SIZE, 0.9 * width / (0.6 * max(map(len, lines))), 0.9 * height / (1.3 * len(lines)))
 

@@ -1,4 +1,4 @@
-"""Pieces of HTML: tables that sort, pictures inside the page that open large."""
+"""Pieces of HTML: tables that sort, and pictures inside the page that open large."""
 
 import base64
 import html
@@ -44,7 +44,7 @@ def _kind(name):
 
 
 def _cell(name, value):
-    """A cell. On a phone the style shows the column's name beside each value."""
+    """A cell; on a phone the style shows the column's name beside its value."""
     return f'<td{_kind(name)} data-head="{html.escape(name)}">{text(value)}</td>'
 
 

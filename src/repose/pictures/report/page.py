@@ -1,4 +1,4 @@
-"""Puts the report together: HTML of the sections, numbers as JSON, style and scripts of this folder."""
+"""The report as one page: HTML of the sections, numbers as JSON, style and scripts of this folder."""
 
 import html
 import json

@@ -1,8 +1,8 @@
-"""The surrogate for a page without Python: data with which the sliders of the page predict.
+"""The surrogate for a page without Python: data from which the page's sliders predict.
 
-A network is stored whole, with the root of its weights' covariance, and so is each network of an ensemble; `network.js`
-predicts from them like `repose.surrogate.network_ensemble`. Other surrogates are stored as curves: one parameter moves
-through its range, the others stay at the answer.
+A network, and each network of an ensemble, is stored whole with the root of its weights' covariance; `network.js`
+predicts from them like `repose.surrogate.network_ensemble`. Other surrogates are stored as curves: one parameter varies
+over its range, the others stay at the answer.
 """
 
 import base64
@@ -25,7 +25,7 @@ def packed(array: np.ndarray, kind: str) -> str:
 
 
 def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
-    """True if the page gets the surrogate itself, False if it gets curves."""
+    """Whether the page has the surrogate itself, and not curves."""
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 

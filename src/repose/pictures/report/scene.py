@@ -1,7 +1,7 @@
-"""A pour for the page's 3-D view: one body's triangles, and the place of each body at each time, in few bytes.
+"""A pour for the page's 3-D view: a body's triangles, and the place of each body at each time, in few bytes.
 
-Positions are whole multiples of 1/65534 of the space that the bodies take, orientations whole multiples of 1/127: a
-berry stands within 0.02 mm and 1 degree of its true place.
+Positions are whole multiples of 1/65534 of the space of the bodies, orientations whole multiples of 1/127: a berry is
+within 0.02 mm and 1 degree of its true place.
 """
 
 import os
@@ -28,9 +28,9 @@ MAX_TRIANGLES = 600_000  # of all bodies together, for a phone
 def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping[str, Any]) -> dict[str, Any]:
     """A pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
 
-    Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`,
-    `turns`, quaternions x, y, z, w, `scales` or None, `walls`, rows of z, r below and z, r above, and `plate_mm`, a
-    radius. `trajectory` is as for `repose.pictures.film.animate_pour`, `section` the configuration's `funnel`.
+    Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`, `turns`,
+    quaternions x, y, z, w, `scales` or None, `walls`, rows of z, r below and z, r above, and `plate_mm`, a radius.
+    `trajectory` is as for `repose.pictures.film.animate_pour`, `section` the configuration's `funnel`.
     """
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
     count = record["position"].shape[1]

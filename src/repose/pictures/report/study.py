@@ -1,4 +1,4 @@
-"""Reads the files of a finished study for its report."""
+"""The files of a finished study, read for its report."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -119,7 +119,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
 
 
 def _require(files, names):
-    """Raise InputError if one of these files is missing."""
+    """Raise InputError if any of these files is missing."""
     for name in names:
         if name not in files:
             raise InputError("report", "--input", None, f"{name}=PATH; a report needs {', '.join(names)}")
