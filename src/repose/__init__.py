@@ -3,7 +3,7 @@
 from typing import Any
 
 __version__ = "0.3.0"
-__all__ = ["Study", "__version__"]  # noqa: F822
+__all__ = ["Study", "__version__"]
 
 
 def __getattr__(name: str) -> Any:

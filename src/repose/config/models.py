@@ -435,7 +435,7 @@ class Settings(Section):
     network: Network
     targets: Annotated[tuple[Target, ...], Field(strict=False)] = Field(
         min_length=1,
-        description="a list of one or more targets, each with response, value, sd and repetitions, or the file of a profile",
+        description="a list of one or more targets: response, value, sd and repetitions, or the file of a profile",
     )
     miga: Miga
     validation: Validation
