@@ -11,6 +11,7 @@ import pandas as pd
 from repose.chain import validate
 from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
+from repose.core.runs import of_bench
 from repose.core.targets import Targets
 from repose.strategies.base import Answer, Studied
 
@@ -45,9 +46,8 @@ def write(
     write_table(out / "solutions.csv", solutions(best, feasible, space, targets))
     write_table(out / "table4.csv", validate.table4(pd.DataFrame([row]), targets.responses))
     table = validate.against_physical(pd.Series(row), targets)
-    write_table(
-        out / "representative.csv", validate.with_chances(table, _by_bench(checked, targets), targets)
-    )
+    runs = {bench: of_bench(checked, bench).to_dict("records") for bench in targets.apparatus}
+    write_table(out / "representative.csv", validate.with_chances(table, runs, targets))
     write_json(out / "summary.json", summary | dict(more))
 
 
@@ -90,21 +90,12 @@ def solutions(best: Answer, feasible: bool, space: ParameterSpace, targets: Targ
     return table
 
 
-def _by_bench(runs, targets):
-    """Single runs of each bench test as rows."""
-    benches = {
-        bench: runs[runs["apparatus"] == bench] if "apparatus" in runs else runs
-        for bench in targets.apparatus
-    }
-    return {bench: own.to_dict("records") for bench, own in benches.items()}
-
-
 def _simulated(runs, targets):
     """Mean, standard error and number of the runs of the answer, as in a row of Table 4."""
     row: dict[str, Any] = {}
     counts = []
     for target in targets:
-        own = runs[runs["apparatus"] == target.response.apparatus] if "apparatus" in runs else runs
+        own = of_bench(runs, target.response.apparatus)
         values = own.loc[own["status"] == "ok", target.name].to_numpy(float)
         counts.append(len(values))
         row[target.response.simulated] = values.mean() if len(values) else np.nan

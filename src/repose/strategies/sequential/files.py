@@ -11,13 +11,10 @@ import pandas as pd
 
 from repose.chain.tables import read_dataset
 from repose.core.files import read_json, read_table, write_json, write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.core.targets import Targets
 from repose.strategies import answer
 from repose.strategies.base import Studied
-from repose.strategies.batches import data_of, propose, read, tables_of, write_samples
+from repose.strategies.batches import propose, read, tables_of, write_samples
 from repose.strategies.sequential import strategy
-from repose.strategies.sequential.kriging import Observed
 
 Path_ = str | os.PathLike
 
@@ -144,13 +141,6 @@ def _out_of_reach(last, targets):
         f"{last['in_reach']:.2f}. "
         f"The answer is the nearest: {', '.join(off)}."
     )
-
-
-def observed_of(
-    dataset: pd.DataFrame, runs: pd.DataFrame, space: ParameterSpace, targets: Targets
-) -> tuple[Observed, np.ndarray]:
-    """The samples with an ok run as arrays, and the failed samples (f, d) in the unit cube."""
-    return strategy.observed_of(data_of(dataset, runs, targets), space, targets)
 
 
 def _pours(runs, targets):
