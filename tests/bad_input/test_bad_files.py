@@ -249,7 +249,7 @@ def answer(read, path):
     content=st.binary(max_size=300),
     name=st.sampled_from(["a.csv", "a.json", "a.npz", "a.stl", "a.png", "a.yaml"]),
 )
-def test_readers_take_any_bytes_or_tell_what_is_wrong(tmp_path, content, name):
+def test_a_reader_reads_any_bytes_or_reports_what_is_wrong(tmp_path, content, name):
     from repose.config import reading
 
     path = tmp_path / name

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shared
+from known_responses import known_function
 
 from repose.chain import train
 from repose.core.errors import InputError
@@ -17,15 +18,6 @@ from repose.surrogate.accuracy import r2
 
 SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
 TARGETS = Targets.of(shared.TARGETS)
-
-
-def known_function(U):
-    """Two smooth responses of six inputs in [-1, 1], as strong and as curved as a pile's."""
-    aor = 23 + 2.2 * U[:, 4] + 2.2 * U[:, 2] - 1.2 * U[:, 0] + 0.6 * U[:, 2] * U[:, 4] - 0.8 * U[:, 4] ** 2
-    height = (
-        61 + 4.7 * U[:, 4] + 4.7 * U[:, 2] - 3.5 * U[:, 0] + 1.5 * U[:, 2] * U[:, 4] + np.sin(2 * U[:, 0])
-    )
-    return np.column_stack([aor, height])
 
 
 @pytest.mark.parametrize(

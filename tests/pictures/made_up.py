@@ -6,12 +6,15 @@ import made_up_studies
 import matplotlib.text
 import numpy as np
 import pandas as pd
-from made_up_config import RANGES
+from made_up_config import RANGES, TARGETS
 
 from repose.core.parameters import PARAMETERS
+from repose.core.responses import derived
+from repose.core.targets import Targets
 from repose.particle import build
 from repose.pictures import figures
 
+PUBLISHED = ("aor_deg", "height_mm")
 DOT = """digraph snakemake_dag {
     graph[bgcolor=white, margin=0];
     0[label = "all", color = "0.0 0.6 0.85", style="rounded"];
@@ -39,31 +42,17 @@ def cone_of_berries(count=260, height_m=0.06, radius_m=0.11):
     return centres, quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
 
 
-def made_up_tables(folder):
-    """Tables of the workflow's columns with smooth made-up responses; returns the frames."""
-    rng = np.random.default_rng(1)
-    table = pd.DataFrame({name: rng.uniform(*RANGES[name], 150) for name in PARAMETERS})
-    unit = {name: (table[name] - low) / (high - low) for name, (low, high) in RANGES.items()}
-    aor = 20 + 4 * unit["mus_gp"] + 4 * unit["mur_gg"] - 2 * unit["e_gg"]
-    height = 50 + 9 * unit["mus_gp"] + 9 * unit["mur_gg"] - 6 * unit["e_gg"]
-    table.insert(0, "sample", np.arange(1, 151))
-    samples_ = table.copy()
-    table["status"], table["reason"], table["n_seeds"] = "ok", "", 8
-    table["aor_deg"], table["aor_se_deg"] = aor + rng.normal(0, 0.5, 150), rng.uniform(0.3, 0.7, 150)
-    table["height_mm"], table["height_se_mm"] = height + rng.normal(0, 1, 150), rng.uniform(0.6, 1.4, 150)
-    table["discharge_s"] = 16.5
-    table.loc[[4, 50, 70], ["status", "reason"]] = ["jammed", "3 berries in the funnel at the end"]
-    table.loc[[4, 50, 70], ["aor_deg", "aor_se_deg", "height_mm", "height_se_mm"]] = np.nan
-    good = table[table["status"] == "ok"]
-    split = np.repeat(["train", "validation", "test"], [103, 22, 22])
-    predictions = pd.DataFrame({"sample": good["sample"], "split": split, "aor_deg": good["aor_deg"]})
-    predictions["aor_predicted_deg"] = aor[good.index]
-    predictions["height_mm"], predictions["height_predicted_mm"] = good["height_mm"], height[good.index]
+def made_up_tables(folder, targets=TARGETS):
+    """Tables of the workflow's columns with smooth made-up responses, and a network of their names."""
+    rng, targets = np.random.default_rng(1), Targets.of(targets)
+    samples_ = pd.DataFrame({name: rng.uniform(*RANGES[name], 150) for name in PARAMETERS})
+    trend = sum((samples_[name] - low) / (high - low) for name, (low, high) in RANGES.items()) - 3
+    samples_.insert(0, "sample", np.arange(1, 151))
+    dataset = samples_.assign(status="ok", reason="", n_seeds=8, discharge_s=16.5)
+    split = np.repeat(["train", "validation", "test"], [106, 22, 22])
+    predictions = pd.DataFrame({"sample": dataset["sample"], "split": split})
     narrow = {n: low + (high - low) * rng.uniform(0.3, 0.55, 90) for n, (low, high) in RANGES.items()}
-    feasible = pd.DataFrame({"solution": np.arange(1, 91), **narrow})
-    feasible["aor_predicted_deg"] = rng.normal(32.8, 0.2, 90)
-    feasible["height_predicted_mm"] = rng.normal(65.6, 0.4, 90)
-    feasible["objective"] = rng.random(90)
+    feasible = pd.DataFrame({"solution": np.arange(1, 91), **narrow, "objective": rng.random(90)})
     feasible["feasible"], feasible["representative"] = True, feasible.index == 0
     generation = np.arange(0, 8701, 10)
     history = pd.DataFrame({"round": generation // 10, "generation": generation})
@@ -72,30 +61,47 @@ def made_up_tables(folder):
     history["mean_objective"] = 0.05 + 1.2 * np.exp(-generation / 400)
     history["feasible_found"] = np.maximum(0, generation - 400) * 3
     table4 = feasible.iloc[[0, 3, 20, 40, 60, 80]][["solution", *PARAMETERS]].copy()
-    table4["aor_predicted_deg"], table4["height_predicted_mm"] = 32.8, 65.6
-    for column, centre, sd in (("aor_simulated_deg", 32, 0.7), ("height_simulated_mm", 65, 1.2)):
-        table4[column] = centre + sd * rng.normal(size=6)
+    published = table4.assign(solution=["22", "15", "56", "84", "2", "representative"])
     table4["role"] = ["representative"] + 5 * ["spread"]
-    table4["aor_se_deg"], table4["height_se_mm"] = 0.5, 1.1
-    published = table4.drop(columns=["role", "aor_predicted_deg", "height_predicted_mm"])
-    published["aor_published_simulated_deg"], published["height_published_simulated_mm"] = 32.0, 65.0
-    published["solution"] = ["22", "15", "56", "84", "2", "representative"]
+    theirs = published[["solution"]][:2].copy()
+    for target in targets:
+        response, sd = target.response, target.sd
+        predictions[response.predicted] = target.value + 2 * sd * trend
+        values = predictions[response.predicted] + rng.normal(0, 0.5 * sd, 150)
+        dataset[response.name] = predictions[response.name] = values
+        dataset[response.error] = rng.uniform(0.2, 0.4, 150) * sd
+        feasible[response.predicted] = rng.normal(target.value, 0.1 * sd, 90)
+        table4[response.predicted] = target.value
+        for table, mean in ((table4, target.value), (published, target.value - 2 * sd)):
+            table[response.simulated], table[response.error] = rng.normal(mean, 0.5 * sd, 6), 0.3 * sd
+        if response.name in PUBLISHED:
+            published[derived(response.name, "published_simulated")] = target.value
+            theirs[response.predicted], theirs[response.simulated] = target.value, 0.99 * target.value
+    failed = [4, 50, 70]
+    dataset.loc[failed, ["status", "reason"]] = ["jammed", "3 berries in the funnel at the end"]
+    dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
     comparison = pd.DataFrame(
         {"method": ["random", "lhsdesign", "optimal"], "samples": 150, "min_distance": [0.13, 0.2, 0.4]}
     )
     frames = {
         "samples": samples_,
-        "dataset": table,
-        "predictions": predictions,
+        "dataset": dataset,
+        "predictions": predictions.drop(failed),
         "feasible": feasible,
         "history": history,
         "table4": table4,
         "published": published,
+        "theirs": theirs,
         "comparison": comparison,
     }
     for name, frame in frames.items():
         frame.to_csv(folder / f"{name}.csv", index=False)
-    return frames
+    network = {"inputs": list(PARAMETERS), "outputs": list(targets.names)}
+    network |= {
+        name: rng.normal(size=size).tolist() for name, size in (("W1", (12, 6)), ("W2", (len(targets), 12)))
+    }
+    (folder / "network.json").write_text(json.dumps(network | {"activation": ["tansig", "purelin"]}))
+    return {path.stem: path for path in folder.iterdir()}
 
 
 def made_up_drum(folder, centres, quaternions):
@@ -133,9 +139,6 @@ def made_up_inputs(folder):
     turns = np.stack([quaternions] * 3).astype(np.float32)
     np.savez(folder / "trajectory.npz", time_s=[0.0, 9.0, 18.0], position=frames, quaternion=turns)
     made_up_drum(folder, centres - [0.0, 0.0, 0.1], quaternions)
-    network = {"inputs": list(PARAMETERS), "outputs": ["aor_deg", "height_mm"]}
-    network |= {"W1": rng.normal(size=(12, 6)).tolist(), "W2": rng.normal(size=(2, 12)).tolist()}
-    (folder / "network.json").write_text(json.dumps(network | {"activation": ["tansig", "purelin"]}))
     (folder / "summary.json").write_text(json.dumps({"feasible": True, "message": ""}))
     (folder / "rules.dot").write_text(DOT)
     intervals = pd.DataFrame({"parameter": PARAMETERS})

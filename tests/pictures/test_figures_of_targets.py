@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from made_up import words
+from made_up import made_up_tables, words
 from made_up_config import RANGES
 from shared import TARGETS
 
@@ -21,7 +21,6 @@ FURTHER = [
     {"response": "drum_slip_deg", "value": 44.0, "sd": 2.0, "repetitions": 5, "range": [40.0, 48.0]},
 ]
 CHOICES = {1: TARGETS[:1], 2: TARGETS, 4: [*TARGETS, *FURTHER]}
-PUBLISHED = ("aor_deg", "height_mm")
 
 
 def config_of(count, **changes):
@@ -34,74 +33,25 @@ def config_of(count, **changes):
     } | changes
 
 
-def made_up(folder, count):
+def made_up(folder, count, feasible=True):
     """Smooth made-up tables for the given number of targets. Returns the paths by the inputs' names."""
-    rng, targets = np.random.default_rng(1), Targets.of(CHOICES[count])
-    samples_ = pd.DataFrame({name: rng.uniform(*RANGES[name], 60) for name in PARAMETERS})
-    samples_.insert(0, "sample", np.arange(1, 61))
-    trend = sum((samples_[name] - low) / (high - low) for name, (low, high) in RANGES.items()) - 3
-    dataset = samples_.assign(status="ok", reason="", n_seeds=8)
-    predictions = pd.DataFrame({"sample": dataset["sample"], "split": np.repeat(["train", "test"], [45, 15])})
-    table4 = samples_.iloc[:5][list(PARAMETERS)].assign(solution=range(1, 6))
-    table4["role"] = ["representative"] + 4 * ["spread"]
-    published = pd.DataFrame({"solution": ["22", "15", "representative"]})
-    theirs = pd.DataFrame({"solution": ["22", "15"]})
-    for target in targets:
-        response, scale = target.response, target.sd
-        predictions[response.predicted] = target.value + 2 * scale * trend
-        values = predictions[response.predicted] + rng.normal(0, 0.5 * scale, 60)
-        dataset[response.name] = predictions[response.name] = values
-        dataset[response.error] = 0.3 * scale
-        table4[response.predicted] = target.value
-        table4[response.simulated] = target.value + 0.5 * scale * rng.normal(size=5)
-        table4[response.error] = 0.3 * scale
-        published[response.simulated] = target.value - 2 * scale + 0.5 * scale * rng.normal(size=3)
-        published[response.error] = 0.3 * scale
-        if response.name in PUBLISHED:
-            published[derived(response.name, "published_simulated")] = target.value
-            theirs[response.predicted], theirs[response.simulated] = target.value, 0.99 * target.value
-    failed = [4, 20]
-    dataset.loc[failed, "status"] = "jammed"
-    dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
-    predictions = predictions.drop(failed)
-    tables = {
-        "samples": samples_,
-        "dataset": dataset,
-        "predictions": predictions,
-        "table4": table4,
-        "published": published,
-        "theirs": theirs,
-    }
-    for name, table in tables.items():
-        table.to_csv(folder / f"{name}.csv", index=False)
-    network = {"inputs": list(PARAMETERS), "outputs": list(targets.names)}
-    network |= {"W1": rng.normal(size=(12, 6)).tolist(), "W2": rng.normal(size=(count, 12)).tolist()}
-    (folder / "network.json").write_text(json.dumps(network))
-    return {path.stem: path for path in folder.iterdir()}
-
-
-def write_solutions(folder, count, feasible):
-    """A table of solutions at the targets."""
-    table = pd.DataFrame(
-        {target.response.predicted: 20 * [target.value] for target in Targets.of(CHOICES[count])}
-    )
-    table.assign(feasible=feasible).to_csv(folder / "feasible.csv", index=False)
-    return folder / "feasible.csv"
+    files = made_up_tables(folder, CHOICES[count])
+    pd.read_csv(files["feasible"]).assign(feasible=feasible).to_csv(files["feasible"], index=False)
+    return files
 
 
 @pytest.mark.parametrize(("count", "panels"), [(2, 1), (4, 6)])
 @pytest.mark.parametrize("feasible", [True, False])
 def test_the_planes_of_the_targets_show_samples_ranges_and_answer(count, panels, feasible, tmp_path):
-    files = made_up(tmp_path, count)
-    inputs = {key: files[key] for key in ("dataset", "table4")}
-    inputs["feasible"] = write_solutions(tmp_path, count, feasible)
+    files = made_up(tmp_path, count, feasible)
+    inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
     with style.applied():
         figure = plane.planes(inputs | {"pool": files["dataset"]}, config_of(count))
         style.save(figure, tmp_path / "figure.png", small_run=False)
     assert len(figure.axes) == panels
     result = texts(figure)
-    assert "58 samples of the design (bars: ± SE)" in result  # two failed
-    assert "58 points of the pool (bars: ± SE)" in result
+    assert "147 samples of the design (bars: ± SE)" in result  # three failed
+    assert "147 points of the pool (bars: ± SE)" in result
     assert ("nearest solutions, none feasible, predicted" in result) is not feasible
     assert ("feasible solutions, predicted" in result) is feasible
     (box,) = figure.axes[0].patches
@@ -138,8 +88,7 @@ def test_a_profile_is_drawn_as_measured_predicted_and_simulated(tmp_path, monkey
     predicted = next(line for line in panel.lines if line.get_label() == "predicted")
     # the made-up prediction is the target, a parabola that three scores describe
     np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
-    inputs = {key: files[key] for key in ("dataset", "table4")}
-    inputs["feasible"] = write_solutions(tmp_path, 5, True)
+    inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
     with style.applied():
         assert len(plane.planes(inputs, config_of(5)).axes) == 1  # scores have no planes
 
@@ -180,10 +129,10 @@ def test_every_mark_of_the_published_solutions_has_its_words(tmp_path):
     files, config = made_up(tmp_path, 2), config_of(2)
     column = derived("aor_deg", "published_simulated")
     table = pd.read_csv(files["published"])
-    table.assign(**{column: [table[column][0], np.nan, np.nan]}).to_csv(files["published"], index=False)
+    table.assign(**{column: [table[column][0], *5 * [np.nan]]}).to_csv(files["published"], index=False)
     with style.applied():
         result = texts(checks.published_solutions({"published": files["published"]}, config))
-    assert result.count("not published") == 2
+    assert result.count("not published") == 5
     assert {"measured ± standard deviation", "measured mean", "published simulation"} <= set(result)
 
 

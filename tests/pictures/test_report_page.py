@@ -7,12 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import scipy.stats
 from made_up_report import made_up_study
-from shared import TARGETS, targets_of
+from shared import TARGETS
 
 from repose import __version__
-from repose.chain.chance import chance_of_meeting
 from repose.core.errors import InputError
 from repose.core.targets import Targets
 from repose.pictures.report import page, prediction, scene
@@ -30,50 +28,6 @@ MORE = [
         "range": [40, 48],
     },
 ]
-
-
-def runs_of(values, names):
-    """Good runs with these responses, of the names' bench test."""
-    return [
-        dict(zip(names, row, strict=True)) | {"status": "ok"} for row in np.asarray(values, float).tolist()
-    ]
-
-
-def test_chance_of_one_response_is_that_of_students_t():
-    targets = targets_of(aor_deg=33.0)
-    values = np.array([32.0, 34.5, 31.0, 36.0, 35.5])
-    chance = chance_of_meeting({"funnel": runs_of(values[:, None], ["aor_deg"])}, targets)
-    t = scipy.stats.t(4, values.mean(), values.std(ddof=1) / 5**0.5)
-    expected = t.cdf(targets[0].high) - t.cdf(targets[0].low)
-    assert 0.1 < expected < 0.9
-    assert chance["all"] == chance["aor_deg"] == pytest.approx(expected, abs=0.005)
-    near = chance_of_meeting({"funnel": runs_of(values[:, None], ["aor_deg"])}, targets, 4.0)
-    wanted = targets[0].aim
-    assert near["all"] == pytest.approx(t.cdf(1.04 * wanted) - t.cdf(0.96 * wanted), abs=0.005)
-
-
-def test_chance_of_two_responses_that_move_as_one_is_that_of_the_worse():
-    a = np.array([31.2, 33.0, 32.1, 34.3])
-    chance = chance_of_meeting({"funnel": runs_of(np.column_stack([a, 2 * a]), BOTH.names)}, BOTH)
-    assert chance["all"] == pytest.approx(min(chance["aor_deg"], chance["height_mm"]), abs=0.06)
-    assert chance["all"] <= min(chance["aor_deg"], chance["height_mm"])
-
-
-def test_chances_of_two_bench_tests_multiply():
-    targets = Targets.of([MORE[0], MORE[2]])
-    rng = np.random.default_rng(0)
-    runs = {"funnel": runs_of(33.5 + 2 * rng.normal(size=(8, 1)), ["aor_deg"])}
-    runs |= {"drum": runs_of(47 + 3 * rng.normal(size=(8, 1)), ["drum_slip_deg"])}
-    chance = chance_of_meeting(runs, targets)
-    product = chance["aor_deg"] * chance["drum_slip_deg"]
-    assert 0.2 < product < 0.9
-    assert chance["all"] == pytest.approx(product, abs=0.005)
-
-
-def test_chance_is_unknown_of_one_run_and_failed_runs_do_not_count():
-    runs = runs_of([[33.0, 66.0], [33.0, 66.0]], BOTH.names)
-    runs[1] = {"status": "jammed", "aor_deg": None, "height_mm": None}
-    assert set(chance_of_meeting({"funnel": runs}, BOTH).values()) == {None}
 
 
 def test_positions_are_kept_within_half_a_step_and_the_absent_stay_absent():

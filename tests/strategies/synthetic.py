@@ -3,19 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
+from shared import RANGES
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 
-RANGES = {
-    "e_gg": [0.1, 0.4],
-    "mus_gg": [0.35, 0.75],
-    "mur_gg": [0.02, 0.07],
-    "e_gp": [0.2, 0.5],
-    "mus_gp": [0.4, 0.8],
-    "mur_gp": [0.1, 0.3],
-}
 SPACE = ParameterSpace.of(RANGES)
 # What `responses` gives at mus_gg 0.61, mur_gg 0.05, mus_gp 0.68.
 TARGETS = Targets.of(

@@ -146,7 +146,7 @@ def test_a_sample_of_one_pour_has_the_common_noise():
     assert model.errors[7] * model._scale**2 == pytest.approx(1.0)
 
 
-def test_predictions_keep_their_word():
+def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means():
     # 95 % intervals of the mean at 20 places, over 40 data sets: within three standard errors of a share of 0.95,
     # were the places independent; they are not, so twice that
     places = np.random.default_rng(5).random((20, 2))

@@ -185,7 +185,7 @@ def test_the_end_of_a_refinement_says_last_whether_the_targets_are_met(outcome, 
     assert row["outcome"] == "within"
     (tmp_path / "verdict.json").write_text(json.dumps(row | {"outcome": outcome, "usable": 1}))
     rounds.run_tables([tmp_path / "verdict.json"], 0, TARGETS, tmp_path)
-    text = rounds.in_words(tmp_path / "summary.json", "wheat").splitlines()
+    text = rounds.describe(tmp_path / "summary.json", "wheat").splitlines()
     assert text[0] == "wheat: the refined parameters:"
     assert [line.split()[:2] for line in text[1:7]] == [[name, "0.5"] for name in PARAMETERS]
     assert text[7].startswith("Simulated: AoR 30.00 ± 0.06 deg (+0.00 %) and Height")

@@ -18,11 +18,13 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.pictures.figures import style
 from repose.pictures.figures.sequential import sequential
+from repose.strategies.batches import data_of
 from repose.strategies.sequential import files
 from repose.strategies.sequential.advise import LEAST_GAIN, OUT_OF_REACH, advise, start
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
 from repose.strategies.sequential.reach import Draws
+from repose.strategies.sequential.strategy import observed_of
 
 SECTION = {
     "start_samples": 12,
@@ -301,7 +303,7 @@ def test_failed_runs_count_for_the_budget_and_failed_samples_are_known(tmp_path)
     found = files.run_batch([tmp_path], study(sequential=SECTION), tmp_path)
     assert found["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
-    seen, failed = files.observed_of(data, runs, SPACE, TARGETS)
+    seen, failed = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
     assert SPACE.values(failed)[0] == pytest.approx(table.loc[2, list(PARAMETERS)].to_numpy(float))
 
@@ -320,7 +322,7 @@ def test_runs_of_several_bench_tests_are_independent():
             "drum_slip_deg": [np.nan] * 4 + [40, 41, 42],
         }
     )
-    seen, _ = files.observed_of(data, runs, SPACE, targets)
+    seen, _ = observed_of(data_of(data, runs, targets), SPACE, targets)
     assert seen.values[0].tolist() == [[60, 40], [61, 41]]
     assert seen.counts.tolist() == [2, 1]
 

@@ -162,7 +162,7 @@ def test_a_sample_of_little_precision_hardly_counts(name):
 
 
 @every
-def test_correlated_noise_is_taken_and_a_matrix_that_is_none_is_refused(name):
+def test_correlated_noise_is_taken_and_what_is_no_covariance_is_refused(name):
     X, Y = samples(60)
     covariance = np.array([[0.04, 0.3], [0.3, 4.0]])
     model = make(name, SETTINGS).fit(X, Y, noise_covariance=covariance)

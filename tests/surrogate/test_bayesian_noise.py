@@ -164,7 +164,7 @@ def test_known_noise_is_kept_where_a_few_means_cannot_tell_it():
         ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
     ],
 )
-def test_a_covariance_that_is_none_is_refused(covariance, allowed):
+def test_what_is_no_covariance_is_refused(covariance, allowed):
     X, Y = noisy_data(20, 33)
     with pytest.raises(ValueError, match=rf"(?s)noise_covariance is .*allowed: {allowed}"):
         BayesianBP().fit(X, Y, noise_covariance=covariance)

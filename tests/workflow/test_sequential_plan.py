@@ -93,24 +93,3 @@ def test_every_bench_test_of_the_targets_is_run(project):
     words = ("--configfile", "config/quick.yaml", "mine.yaml", *TARGET)
     assert planned(project, *words)["batch_pour"] == 16
     assert "--purpose sequential " in snakemake(project, "-n", "-p", *words).stdout
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ("seeds: 1", "sequential.seeds is 1; allowed: at least 2: the noise comes from pours of one sample"),
-        ("most_pours: 15", "sequential.most_pours is 15; allowed: at least sequential.start_samples times"),
-        ("probability: 1", "sequential.probability is 1; allowed: a number from 0.05 to 0.99"),
-    ],
-)
-def test_a_misfit_is_reported_before_any_work(project, changed, message):
-    words = (
-        "--configfile",
-        "config/quick.yaml",
-        "--config",
-        "strategy=sequential",
-        f"sequential={{{changed}}}",
-    )
-    done = snakemake(project, "-n", "--quiet", "all", *words)
-    assert done.returncode != 0
-    assert message in done.stderr

@@ -38,17 +38,11 @@ STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
 # --- responses ------------------------------------------------------------------------------------
 
 VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
+CORE = (*VESSEL, "cylinder.core_margin_mm")
 RESPONSES = (
     Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
     Response(
-        "core_density_kg_m3",
-        "kg/m3",
-        "bulk density of the core",
-        "core density",
-        NAME,
-        0.0,
-        25000.0,
-        (*VESSEL, "cylinder.core_margin_mm"),
+        "core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE
     ),
 )
 MEASURED = tuple(response.name for response in RESPONSES)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import methodcaller
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -35,34 +36,13 @@ WALLS = ("shell", "near_cap", "far_cap")
 
 # Keys that define the surface of the bed, and a slip.
 SEEN = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
+BEFORE, AFTER = (methodcaller("get", f"{when}_surface_deg") for when in ("before", "after"))
 RESPONSES = (
-    Response(
-        "drum_slip_deg",
-        "deg",
-        "drum, slip",
-        "slip",
-        NAME,
-        -90.0,
-        90.0,
-        SEEN,
-        lambda run: run.get("before_surface_deg"),
-    ),
-    Response(
-        "drum_rest_deg",
-        "deg",
-        "drum, after the slip",
-        "rest",
-        NAME,
-        -90.0,
-        90.0,
-        SEEN,
-        lambda run: run.get("after_surface_deg"),
-    ),
+    Response("drum_slip_deg", "deg", "drum, slip", "slip", NAME, -90.0, 90.0, SEEN, BEFORE),
+    Response("drum_rest_deg", "deg", "drum, after the slip", "rest", NAME, -90.0, 90.0, SEEN, AFTER),
 )
-RECORDED = Recorded(
-    means=tuple(response.name for response in RESPONSES),
-    single=tuple(response.name for response in RESPONSES),
-)
+NAMES = tuple(response.name for response in RESPONSES)
+RECORDED = Recorded(means=NAMES, single=NAMES)
 
 # --- the vessel ---------------------------------------------------------------------------------
 

@@ -38,46 +38,18 @@ LOOK_S = 0.05  # simulated time between two looks whether the berries rest, or h
 # --- responses ------------------------------------------------------------------------------------
 
 LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "diameter_mm", "lifting_mm_s"))
+OUTLINE, LOOSE = (*LIFT, *SEEN), (*LIFT, f"{NAME}.plate_diameter_mm")
+ANGLE, FOOT = (*OUTLINE, *LINE, "measure.response"), (*OUTLINE, BERRY)
 RESPONSES = (
     Response(
-        "lifted_aor_deg",
-        "deg",
-        "angle of repose, lifted cylinder",
-        "AoR, lifted",
-        NAME,
-        1.0,
-        89.0,
-        (*LIFT, *SEEN, *LINE, "measure.response"),
+        "lifted_aor_deg", "deg", "angle of repose, lifted cylinder", "AoR, lifted", NAME, 1.0, 89.0, ANGLE
     ),
     Response(
-        "lifted_height_mm",
-        "mm",
-        "Height, lifted cylinder",
-        "Height, lifted",
-        NAME,
-        1.0,
-        2000.0,
-        (*LIFT, *SEEN),
+        "lifted_height_mm", "mm", "Height, lifted cylinder", "Height, lifted", NAME, 1.0, 2000.0, OUTLINE
     ),
+    Response("lifted_foot_mm", "mm", "foot radius, lifted cylinder", "foot, lifted", NAME, 0.0, 1e4, FOOT),
     Response(
-        "lifted_foot_mm",
-        "mm",
-        "foot radius, lifted cylinder",
-        "foot, lifted",
-        NAME,
-        0.0,
-        1e4,
-        (*LIFT, *SEEN, BERRY),
-    ),
-    Response(
-        "lifted_loose_percent",
-        "%",
-        "loose berries, lifted cylinder",
-        "loose, lifted",
-        NAME,
-        0.0,
-        100.0,
-        (*LIFT, f"{NAME}.plate_diameter_mm"),
+        "lifted_loose_percent", "%", "loose berries, lifted cylinder", "loose, lifted", NAME, 0.0, 1e2, LOOSE
     ),
 )
 MEASURED = tuple(response.name for response in RESPONSES)

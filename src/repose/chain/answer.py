@@ -149,9 +149,9 @@ class Answer:
             head = f"{self.label}: {self.message}\nThe nearest parameters"
         elif not self.met:
             head += ", which do NOT meet the targets"
-        rows = parameters_in_words(self.parameters)
+        rows = describe_parameters(self.parameters)
         checks = [f"  {check}" for check in self.checks]
-        checks += [f"  {nearness(self.checks)}", f"  {probability_in_words(self.within)}"]
+        checks += [f"  {nearness(self.checks)}", f"  {describe_probability(self.within)}"]
         tables = (
             f"Tables: {self.tables}; all solutions: {self.solutions}; "
             f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
@@ -197,7 +197,7 @@ def read(
     )
 
 
-def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:
+def describe_parameters(parameters: Mapping[str, float]) -> list[str]:
     """A line for each parameter: name, value and meaning."""
     return [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in parameters.items()]
 
@@ -207,7 +207,7 @@ def nearness(checks: Iterable[Check]) -> str:
     return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
-def probability_in_words(within: Mapping[float, float | None]) -> str:
+def describe_probability(within: Mapping[float, float | None]) -> str:
     """Probability that all means are near their targets, as text; `within` as in `Answer`."""
     if None in within.values():
         return "the distance of the means from their targets is unknown"

@@ -16,6 +16,7 @@ from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import Definitions, derived, require_same_definitions, response
+from repose.core.runs import of_bench
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.surrogate.accuracy import r2
@@ -54,7 +55,7 @@ class Replicates:
         covariance, freedom = np.zeros((len(targets), len(targets))), 0.0
         weights = []
         for apparatus in targets.apparatus:
-            own = ok[ok["apparatus"] == apparatus] if "apparatus" in ok else ok
+            own = of_bench(ok, apparatus)
             columns = [k for k, target in enumerate(targets) if target.response.apparatus == apparatus]
             block, count = within_covariance(own[[targets.names[k] for k in columns]], own["sample"])
             if not (count > len(columns) and np.linalg.eigvalsh(block)[0] > 0):

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,50 +11,43 @@ import pandas as pd
 from repose.chain import validate
 from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
+from repose.core.runs import of_bench
 from repose.core.targets import Targets
-
-
-class Result(NamedTuple):
-    """Result of a strategy."""
-
-    values: np.ndarray  # (p,), the answer
-    predicted: np.ndarray  # (k,), its predicted responses
-    others: np.ndarray  # (n, p), sets that are predicted inside all ranges, the best first
-    others_predicted: np.ndarray  # (n, k)
-    steps: Sequence[str]  # how it was obtained, a sentence each
-    note: str = ""  # a further sentence of the message
+from repose.strategies.base import Answer, Studied
 
 
 def write(
-    result: Result,
+    best: Answer,
     checked: pd.DataFrame,
-    space: ParameterSpace,
-    targets: Targets,
+    study: Studied,
     out_dir: str | os.PathLike,
+    steps: Sequence[str],
     more: Mapping[str, Any],
+    note: str = "",
 ) -> None:
     """Write solutions.csv, table4.csv, representative.csv and summary.json.
 
-    `checked` holds the single runs of the answer, simulated again; `more` is further content of summary.json.
+    `checked` holds the single runs of the answer, simulated again; `steps` says how it was obtained, a sentence each,
+    and `note` is a further sentence of the message; `more` is further content of summary.json.
     """
+    space, targets = study.parameters, study.targets
     row: dict[str, Any] = {"sample": 1, "solution": "1", "role": "representative"}
-    row |= dict(zip(space.names, result.values.tolist(), strict=True))
-    row |= dict(zip(targets.predicted, result.predicted.tolist(), strict=True))
+    row |= dict(zip(space.names, best.values.tolist(), strict=True))
+    row |= dict(zip(targets.predicted, best.mean.tolist(), strict=True))
     row |= _simulated(checked, targets)
-    feasible, message = verdict(result, targets)
+    feasible, message = verdict(best, targets, note)
     summary = {
         "feasible": feasible,
         "message": message,
         "representative": {name: row[name] for name in (*space.names, *targets.predicted)},
-        "steps": list(result.steps),
+        "steps": list(steps),
     }
     out = Path(out_dir)
-    write_table(out / "solutions.csv", solutions(result, feasible, space, targets))
+    write_table(out / "solutions.csv", solutions(best, feasible, space, targets))
     write_table(out / "table4.csv", validate.table4(pd.DataFrame([row]), targets.responses))
     table = validate.against_physical(pd.Series(row), targets)
-    write_table(
-        out / "representative.csv", validate.with_chances(table, _by_bench(checked, targets), targets)
-    )
+    runs = {bench: of_bench(checked, bench).to_dict("records") for bench in targets.apparatus}
+    write_table(out / "representative.csv", validate.with_chances(table, runs, targets))
     write_json(out / "summary.json", summary | dict(more))
 
 
@@ -74,36 +67,27 @@ def separated(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
     return np.array(kept, dtype=int)
 
 
-def verdict(result: Result, targets: Targets) -> tuple[bool, str]:
+def verdict(best: Answer, targets: Targets, note: str = "") -> tuple[bool, str]:
     """Whether the answer is predicted inside all ranges, and a message."""
-    feasible = bool(((result.predicted >= targets.low) & (result.predicted <= targets.high)).all())
-    words = targets.in_words([f"{value:.4g}" for value in result.predicted])
+    feasible = bool(((best.mean >= targets.low) & (best.mean <= targets.high)).all())
+    words = targets.in_words([f"{value:.4g}" for value in best.mean])
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
     message = f"The answer is predicted {words}, {'inside' if feasible else 'NOT inside'} {ranges}."
     message = message if feasible else f"No feasible solution. {message}"
-    return feasible, f"{message} {result.note}".rstrip()
+    return feasible, f"{message} {note}".rstrip()
 
 
-def solutions(result: Result, feasible: bool, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
+def solutions(best: Answer, feasible: bool, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
     """The answer, then the other parameter sets.
 
     Columns: `solution` from 1, parameters, predicted responses, `feasible`, `representative`.
     """
-    table = pd.DataFrame(np.vstack([result.values, result.others]), columns=list(space.names))
+    table = pd.DataFrame(np.vstack([best.values, best.others]), columns=list(space.names))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
-    table[list(targets.predicted)] = np.vstack([result.predicted, result.others_predicted])
-    table["feasible"] = [feasible] + [True] * len(result.others)
+    table[list(targets.predicted)] = np.vstack([best.mean, best.others_mean])
+    table["feasible"] = [feasible] + [True] * len(best.others)
     table["representative"] = table["solution"] == 1
     return table
-
-
-def _by_bench(runs, targets):
-    """Single runs of each bench test as rows."""
-    benches = {
-        bench: runs[runs["apparatus"] == bench] if "apparatus" in runs else runs
-        for bench in targets.apparatus
-    }
-    return {bench: own.to_dict("records") for bench, own in benches.items()}
 
 
 def _simulated(runs, targets):
@@ -111,7 +95,7 @@ def _simulated(runs, targets):
     row: dict[str, Any] = {}
     counts = []
     for target in targets:
-        own = runs[runs["apparatus"] == target.response.apparatus] if "apparatus" in runs else runs
+        own = of_bench(runs, target.response.apparatus)
         values = own.loc[own["status"] == "ok", target.name].to_numpy(float)
         counts.append(len(values))
         row[target.response.simulated] = values.mean() if len(values) else np.nan

@@ -17,6 +17,7 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import read_table
 from repose.core.parameter_space import ParameterSpace
+from repose.core.runs import of_bench
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.strategies.sequential.goal import Goal
@@ -94,7 +95,7 @@ def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs"
     for bench in targets.apparatus:
         own = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
         names = [targets.names[k] for k in own]
-        rows = runs[runs["apparatus"] == bench] if "apparatus" in runs else runs
+        rows = of_bench(runs, bench)
         ok = rows[(rows["status"] == "ok") & rows[names].notna().all(axis=1)]
         covariance, freedom = within_covariance(ok[names].to_numpy(float), ok["sample"])
         if freedom <= len(own) or np.linalg.matrix_rank(covariance) < len(own):

@@ -81,8 +81,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     if observed.freedom < FREEDOM:
         settings |= {"measured_correlation": 0.0}
     posterior = infer(model, support, runs, space, targets, settings, {})
-    written = answer.Result(best.values, best.mean, best.others, best.others_mean, ())
-    feasible, message = answer.verdict(written, targets)
+    feasible, message = answer.verdict(best, targets)
     section = config["sequential"]
     goal = Goal.of(targets, section["tolerance_percent"], space)
     summary = {
@@ -116,7 +115,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
         mean=best.mean,
         error=best.error,
         probability=best.probability,
-        solutions=answer.solutions(written, feasible, space, targets),
+        solutions=answer.solutions(best, feasible, space, targets),
         posterior=posterior,
         summary=summary,
         why=best.why,

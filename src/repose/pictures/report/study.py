@@ -18,8 +18,9 @@ from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.strategies.sequential.files import observed_of
+from repose.strategies.batches import data_of
 from repose.strategies.sequential.kriging import Kriging, SpaceKriging
+from repose.strategies.sequential.strategy import observed_of
 from repose.surrogate import load
 from repose.surrogate.base import Predictor
 
@@ -133,7 +134,8 @@ def _surrogate(files, targets, space):
         return None
     dataset = read_dataset(files["dataset"], targets)
     runs = read_runs(files["runs"], targets, dataset, files["dataset"])
-    return SpaceKriging(Kriging(observed_of(dataset, runs, space, targets)[0]), space)
+    observed, _ = observed_of(data_of(dataset, runs, targets), space, targets)
+    return SpaceKriging(Kriging(observed), space)
 
 
 def _runs(jobs, targets):

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.chain.answer import parameters_in_words
+from repose.chain.answer import describe_parameters
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_sets import read_samples
@@ -266,7 +266,7 @@ def run_tables(
     return summary
 
 
-def in_words(summary_json: str | os.PathLike, label: str) -> str:
+def describe(summary_json: str | os.PathLike, label: str) -> str:
     """Result of a finished refinement for the end of a run; `summary_json` is of `run_tables`."""
     keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
     summary = read_json(summary_json, keys, "output of repose stage refine_tables")
@@ -274,7 +274,7 @@ def in_words(summary_json: str | os.PathLike, label: str) -> str:
     return "\n".join(
         [
             f"{label}: the refined parameters:",
-            *parameters_in_words(summary["solution"]),
+            *describe_parameters(summary["solution"]),
             f"Simulated: {summary['claim']}",
             f"Tables: {Path(summary_json).parent}; pours of all rounds: {summary['pours']}",
             f"{met}; {summary['why']}.",

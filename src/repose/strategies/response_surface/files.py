@@ -35,7 +35,7 @@ def run_check(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> pd.Da
 
     `folders` hold all steps, the check last; their runs are counted.
     """
-    targets, space, section = study.targets, study.parameters, study.config[NAME]
+    targets, section = study.targets, study.config[NAME]
     found = strategy(NAME).answer(study, read(folders, targets))
     check, best = found.notes["check"], found.notes["optimum"]
     write_table(Path(out_dir) / "check.csv", check)
@@ -49,7 +49,6 @@ def run_check(folders: Sequence[Path_], study: Studied, out_dir: Path_) -> pd.Da
         "model for each response, and its optimum.",
         f"Check: the optimum was poured {len(checked)} more times. {pours} pours in all.",
     )
-    result = answer.Result(found.values, found.mean, found.others, found.others_mean, steps)
     details = {"surfaces_meet_targets": best["met"], "pours": pours}
-    answer.write(result, checked, space, targets, out_dir, details)
+    answer.write(found, checked, study, out_dir, steps, details)
     return check

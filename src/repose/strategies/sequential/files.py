@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,10 @@ import pandas as pd
 
 from repose.chain.tables import read_dataset
 from repose.core.files import read_json, read_table, write_json, write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.core.targets import Targets
 from repose.strategies import answer
 from repose.strategies.base import Studied
-from repose.strategies.batches import data_of, propose, read, tables_of, write_samples
+from repose.strategies.batches import propose, read, tables_of, write_samples
 from repose.strategies.sequential import strategy
-from repose.strategies.sequential.kriging import Observed
 
 Path_ = str | os.PathLike
 
@@ -51,7 +49,7 @@ def run_check(
     Returns the table of check.csv. The other files are batches.csv, dataset.csv and runs.csv of all batches, and those
     of `repose.strategies.answer.write`.
     """
-    targets, space = study.targets, study.parameters
+    targets = study.targets
     keys: tuple[str, ...] = (
         "batch",
         "pours",
@@ -83,7 +81,16 @@ def run_check(
         "tolerance_percent": study.config["sequential"]["tolerance_percent"],
         "check_pours": _pours(checked, targets),
     }
-    answer.write(_result(read(folders, targets), last, study, details), checked, space, targets, out, details)
+    best = strategy.answer(
+        study, read(folders, targets)
+    )  # with other sets that the same model predicts inside the ranges
+    best = replace(
+        best,
+        values=np.array([last["answer"][name] for name in study.parameters.names]),
+        mean=np.array([last["responses"][name]["mean"] for name in targets.names]),
+    )
+    note = _out_of_reach(last, targets) if last["stop"] == "out_of_reach" else ""
+    answer.write(best, checked, study, out, _steps(last, study, details), details, note)
     return check
 
 
@@ -107,11 +114,10 @@ def _check(last, dataset, targets):
     return pd.DataFrame(rows)
 
 
-def _result(data, last, study, details):
-    """The answer, with other parameter sets that the same model predicts inside the ranges."""
-    space, targets, section = study.parameters, study.targets, study.config["sequential"]
-    best = strategy.answer(study, data)
-    steps = (
+def _steps(last, study, details):
+    """The way to the answer, in sentences."""
+    section = study.config["sequential"]
+    return (
         f"Start: {section['start_samples']} parameter sets all over the ranges, each poured {section['seeds']} times.",
         f"Batches: {last['batch']}, each about the best point so far; {details['pours']} pours in all. "
         f"They stopped: {details['why']}.",
@@ -119,10 +125,6 @@ def _result(data, last, study, details):
         f"{section['tolerance_percent']:g} % of all targets with probability {last['probability']:.2f}.",
         f"Check: the answer was poured {details['check_pours']} more times.",
     )
-    means = np.array([last["responses"][name]["mean"] for name in targets.names])
-    values = np.array([last["answer"][name] for name in space.names])
-    note = _out_of_reach(last, targets) if last["stop"] == "out_of_reach" else ""
-    return answer.Result(values, means, best.others, best.others_mean, steps, note)
 
 
 def _out_of_reach(last, targets):
@@ -139,13 +141,6 @@ def _out_of_reach(last, targets):
         f"{last['in_reach']:.2f}. "
         f"The answer is the nearest: {', '.join(off)}."
     )
-
-
-def observed_of(
-    dataset: pd.DataFrame, runs: pd.DataFrame, space: ParameterSpace, targets: Targets
-) -> tuple[Observed, np.ndarray]:
-    """The samples with an ok run as arrays, and the failed samples (f, d) in the unit cube."""
-    return strategy.observed_of(data_of(dataset, runs, targets), space, targets)
 
 
 def _pours(runs, targets):
