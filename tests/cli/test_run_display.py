@@ -243,9 +243,12 @@ def test_a_terminal_shows_bars_and_a_failure_with_its_log(naps):
     assert "the same command goes on" in terminal.shown
 
 
+SIGNALS = {"interrupt": signal.SIGINT, "end": signal.SIGTERM, "hangup": signal.SIGHUP, "kill": signal.SIGKILL}
+
+
 @pytest.mark.essential
 @pytest.mark.slow
-@pytest.mark.parametrize("end", ["ctrl-c", "interrupt", "kill"])
+@pytest.mark.parametrize("end", ["ctrl-c", "interrupt", "end", "hangup", "kill"])
 def test_an_ended_run_goes_on_with_the_same_command(naps, end):
     # jobs outlive a killed program: the terminal ends with them
     (naps / "seconds").write_text("5" if end == "kill" else "60")
@@ -254,12 +257,12 @@ def test_an_ended_run_goes_on_with_the_same_command(naps, end):
     if end == "ctrl-c":
         os.write(first.screen, b"\x03")
     else:  # without a terminal only the program itself is signalled, not its jobs
-        os.kill(first.process, signal.SIGINT if end == "interrupt" else signal.SIGKILL)
+        os.kill(first.process, SIGNALS[end])
     status, took_s = first.ended()
     if end == "kill":
         assert status == -signal.SIGKILL
     else:
-        assert status == 130
+        assert status == 128 + SIGNALS.get(end, signal.SIGINT)
         assert took_s < 10
         assert not re.search("failed|FAILED|Error", first.shown)
         assert "the same command goes on: repose run -s Snakefile --cores 2" in first.shown

@@ -89,7 +89,8 @@ def test_every_bench_test_of_the_targets_is_run(project):
         {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
         for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
     ]
-    (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
+    own = {"targets": targets, "posterior": {"shape_study": None}}
+    (project / "mine.yaml").write_text(json.dumps(own))
     words = ("--configfile", "config/quick.yaml", "mine.yaml", *TARGET)
     assert planned(project, *words)["batch_pour"] == 16
     assert "--purpose sequential " in snakemake(project, "-n", "-p", *words).stdout

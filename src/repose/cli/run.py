@@ -2,9 +2,11 @@
 
 import argparse
 import contextlib
+import os
 import shlex
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -60,16 +62,47 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
 
     earlier = signal.signal(signal.SIGINT, stop)
     try:
-        main(snakemake_arguments(words))
+        with _as_interrupts(ended_by):
+            main(snakemake_arguments(words))
     except (KeyboardInterrupt, SystemExit) as end:
         if not ended_by:
             raise
         again = shlex.join(["repose", "run", *words])
-        print(f"\nStopped. What is finished stays; the same command goes on: {again}", file=sys.stderr)
+        with contextlib.suppress(OSError):  # the terminal is closed
+            print(f"\nStopped. What is finished stays; the same command goes on: {again}", file=sys.stderr)
         raise SystemExit(128 + ended_by[0]) from end
     finally:
         signal.signal(signal.SIGINT, earlier)
     return 0
+
+
+@contextlib.contextmanager
+def _as_interrupts(ended_by: list[int]) -> Iterator[None]:
+    """Turn the end of a job by a cluster and a closed terminal into Ctrl-C; snakemake handles the first otherwise."""
+    ends = signal.SIGTERM, signal.SIGHUP
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+
+    def forward():
+        while number := int.from_bytes(os.read(read, 1), "big"):
+            if number in ends and not ended_by:
+                ended_by.append(number)
+                os.kill(os.getpid(), signal.SIGINT)
+
+    earlier = {number: signal.signal(number, lambda *_: None) for number in ends}
+    written_to = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    forwarder = threading.Thread(target=forward, daemon=True)
+    forwarder.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(written_to)
+        for number, handler in earlier.items():
+            signal.signal(number, handler)
+        os.write(write, b"\0")
+        forwarder.join()
+        os.close(read)
+        os.close(write)
 
 
 def check_arguments(words: Sequence[str]) -> None:
