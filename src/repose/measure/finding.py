@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from repose.core.errors import NoFlankError
-from repose.measure.segmentation import Segmentation, require_upright
+from repose.measure.segmentation import Segmentation, another_heap, require_upright
 
 COLOUR_GAIN, BRIGHTNESS_GAIN = 110.0, 45.0
 EQUAL = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)  # brightness counts as colour does
@@ -36,14 +36,14 @@ FAINT = 10.0  # difference of colours that texture and noise have too
 NOTHING = "nothing that stands on the plate differs from its background, or the background is not plain"
 
 
-def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
-    """The pile's mask (H, W), 1 in the pile, in a coarse view of the whole photograph."""
+def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> tuple[np.ndarray, bool]:
+    """The pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
     above = math.ceil(base_row)
     colours = _fill(features(image), hidden)[:above]
     not_behind, rough = hidden[:above], _roughness(colours)
     for _ in range(2):  # the second background is fitted without the first guess
         behind = _background(colours, not_behind)
-        first, others = _first_guess(colours - behind, rough, hidden[:above])
+        first, others, beside = _first_guess(colours - behind, rough, hidden[:above])
         not_behind = hidden[:above] | (cv2.dilate(first.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
     colours = np.where(others[..., None], behind, colours)
     start = np.where(first, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
@@ -53,7 +53,7 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
     start[edge & ~first] = cv2.GC_BGD
     start[hidden[:above] | others] = cv2.GC_BGD
     mask = _largest(_without_shadow(_grab(colours, start), colours - behind, rough))
-    return np.vstack([mask, np.zeros((len(image) - above, mask.shape[1]), np.uint8)])
+    return np.vstack([mask, np.zeros((len(image) - above, mask.shape[1]), np.uint8)]), beside
 
 
 def refine(
@@ -157,7 +157,10 @@ def _roughness(colours):
 
 
 def _first_guess(difference, rough, hidden):
-    """Masks of the largest part that stands on the plate, wider than high, and of other objects, such as a ruler."""
+    """Masks of the largest part that stands on the plate, wider than high, and of other objects, such as a ruler.
+
+    And whether another heap stands beside it.
+    """
     shown = np.where(hidden & ~hidden.all(axis=1, keepdims=True), np.nan, rough)
     usual = np.nanmedian(shown, axis=1, keepdims=True)  # of the row: an edge of the table is rough, too
     size = np.sqrt(
@@ -173,9 +176,14 @@ def _first_guess(difference, rough, hidden):
     for lower in (level, level / 2, level / 4):
         if lower < LEAST_LEVEL:
             break
-        best, others = _standing((size > lower).astype(np.uint8))
+        guess = (size > lower).astype(np.uint8)
+        best, others = _standing(guess)
         if best is not None:
-            return best, cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+            return (
+                best,
+                cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0,
+                another_heap(guess),
+            )
     raise NoFlankError(NOTHING)
 
 

@@ -28,6 +28,7 @@ DOUBT = "doubtful"  # begins a doubt
 LEAST_PX = 80  # pixels in the height of a pile: with fewer its angle changes by up to 1.5 degrees
 LOWEST_PILE = 1.5  # of a grain's height: below it is a layer
 LARGEST_RISE = 1.5, 0.12  # of a grain's and of the pile's height: of the outline, away from the crest
+LARGEST_DROP = 2.0, 0.2  # likewise: of the outline within half a grain
 MEETING = 0.7, 1.3  # of the pile's height: where the lines of a cone's two flanks meet
 LOWEST_FOOT = 0.6  # of a grain's height: of the widest row over the lowest
 LARGEST_SHADOW = 0.3  # of a grain's height: rows below the grains with the background's colour
@@ -127,7 +128,7 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
     coarse, low = camera.side_view(image, pose, on_paper, None, COARSE_PX)
     photograph.view = coarse.image
     photograph.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": coarse.tilt_deg}
-    mask = finding.find(coarse.image, ~coarse.seen | coarse.sheet, coarse.base_row)
+    mask, beside = finding.find(coarse.image, ~coarse.seen | coarse.sheet, coarse.base_row)
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     crest = low + coarse.mm_per_pixel * float(np.median(np.flatnonzero(mask[rows[0]])))
     high = (coarse.base_row - rows[0]) * coarse.mm_per_pixel
@@ -152,6 +153,7 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
         )
     _require_whole(photograph.pile.mask, hidden)
     photograph.measurement = seen_level(_measured(photograph, how), look_down)
+    photograph.pile = replace(photograph.pile, beside=beside)
     doubts = _doubts(photograph.pile, photograph.measurement, grain, fine.mm_per_pixel)
     doubts += _coarse(photograph.measurement, fine.mm_per_pixel)
     faint = finding.faint_share(fine.image, hidden, photograph.pile, 0.25 * berry_px)
@@ -179,8 +181,12 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
         if base is None:
             _require_foot(image, photograph.pile, how)
         photograph.measurement = _measured(photograph, how)
+        high = photograph.measurement.height_mm
+        grain = how.berry_height_mm or high / USUAL_GRAINS
+        photograph.doubts = _doubts(photograph.pile, photograph.measurement, grain, how.mm_per_pixel)
+        photograph.doubts += _coarse(photograph.measurement, how.mm_per_pixel)
     except NoFlankError as error:
-        photograph.refused = error.reason
+        photograph.measurement, photograph.refused = None, error.reason
     return photograph
 
 
@@ -208,12 +214,18 @@ def _doubts(pile, measurement, grain_mm, mm_per_pixel):
     doubts = []
     if rise > max(LARGEST_RISE[0] * grain_mm, LARGEST_RISE[1] * high):
         doubts.append(f"{DOUBT}: away from its crest the outline rises by {rise:.0f} mm, as of two heaps")
+    width = max(1, round(0.5 * grain_mm / mm_per_pixel))
+    drop = mm_per_pixel * max(float((side[:-width] - side[width:]).max(initial=0.0)) for side in sides)
+    if drop > max(LARGEST_DROP[0] * grain_mm, LARGEST_DROP[1] * high):
+        doubts.append(f"{DOUBT}: the outline falls by {drop:.0f} mm at once, as of a box behind the heap")
     flank = measurement.angles.get("flank")
     meeting = _meeting(flank.lines, pile.base_row) * mm_per_pixel if flank else high
     if not MEETING[0] * high < meeting < MEETING[1] * high:
         why = "its top is level" if meeting > high else "something else stands behind it"
         where = f"{meeting:.0f} mm over the plate, its top lies at {high:.0f} mm"
         doubts.append(f"{DOUBT}: the lines of its flanks meet {where}: {why}")
+    if pile.beside:
+        doubts.append(f"{DOUBT}: another heap stands beside it")
     return doubts
 
 

@@ -15,6 +15,7 @@ from repose.core.errors import InputError, NoFlankError
 cv2.setNumThreads(1)
 
 SMALLEST = 20  # pixels that a picture has at least, each way
+SECOND = 0.4  # height of a second heap over that of the highest part
 HIGHEST_CENTROID = 0.55  # over the base, relative to the height of the pile; a rectangle has 0.5
 
 
@@ -28,6 +29,7 @@ class Segmentation:
     mask: np.ndarray  # uint8 (H, W), 1 in the pile; holes are filled, the plate is left out
     base_row: float  # row of the pile's lower edge
     pile_is: str  # "darker" or "brighter" than the background
+    beside: bool = False  # whether another heap stands beside it
 
 
 def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None) -> Segmentation:
@@ -58,11 +60,12 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
         if not 0 < base_row <= mask.shape[0]:
             raise InputError("picture", "base_row", base_row, f"above 0, at most {mask.shape[0]}")
         mask[math.ceil(base_row) :] = 0
+    beside = largest_pile_only and another_heap(mask)
     mask = pile_component(mask, largest_pile_only)
     if base_row is None:
         base_row = lower_edge(mask, contrast, level)
     pile_is = "darker" if cv2.mean(grey, mask)[0] < grey[border(grey.shape)].mean() else "brighter"
-    return Segmentation(grey, contrast, level, mask, float(base_row), pile_is)
+    return Segmentation(grey, contrast, level, mask, float(base_row), pile_is, beside)
 
 
 def checked(image: np.ndarray) -> np.ndarray:
@@ -165,6 +168,18 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, [contours[i] for i in kept], -1, 1, cv2.FILLED)
     return filled
+
+
+def another_heap(mask: np.ndarray) -> bool:
+    """Whether a part of the mask beside the largest stands as low, is wider than high, and `SECOND` as high."""
+    boxes = cv2.connectedComponentsWithStats(mask)[2][1:]
+    if len(boxes) < 2:
+        return False
+    _, tops, wide, high, areas = boxes.T
+    k = int(areas.argmax())
+    low = np.abs(tops + high - (tops[k] + high[k])) <= 0.1 * high[k]
+    heaps = low & (wide > high) & (high >= SECOND * high[k])
+    return bool(heaps.sum() > 1)
 
 
 def require_upright(mask: np.ndarray) -> None:
