@@ -15,6 +15,7 @@ import numpy as np
 from repose.core.errors import NoFlankError
 from repose.measure.sheet import Seen
 
+FROM_AFAR = "assumed (with a zoom from 5 m the angle reads 0.3 degrees too steep)"
 PHONE_FOCAL = 0.75  # of the longer side: the main camera of most phones
 LARGEST_LENS_ERROR = 0.004  # share of the distance from the picture's middle, at half its longer side
 LARGEST_FOCAL_ERROR = 0.05
@@ -91,7 +92,7 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
                 "lens not corrected: the sheet is seen in too few places" if fixed & cv2.CALIB_FIX_K1 else ""
             )
             return Camera(matrix, lens.ravel()[:5], note)
-    how = "uncertain" if found != assumed else "as the camera states it" if focal_px else "assumed"
+    how = "uncertain" if found != assumed else "as the camera states it" if focal_px else FROM_AFAR
     note = f"lens not corrected, focal length {how}: the sheet is seen in too few places"
     return Camera(guess, np.zeros(5), note)
 
