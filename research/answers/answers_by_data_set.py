@@ -126,7 +126,7 @@ def targets_at(names, aim):
 
 def fit(name, samples, space, targets, config):
     """The surrogate as the chain trains it."""
-    split = computed.SPLITS["network"] if name.startswith("network") else computed.SPLIT_WITHOUT_NETWORK
+    split = computed.split_of(name)
     unit = Points(space.unit(samples.X), samples.values)
     settings = config["network"] | {"surrogate": name, "split": split}
     return study_surrogate(unit, space, targets, settings)

@@ -21,6 +21,7 @@ from repose.core.sources import engine_hash, stage_hash
 from repose.dem.cache import source_hash
 from repose.strategies.refined import rounds
 from repose.studies import next_measurement, snapshot
+from repose.surrogate import kind_of
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")

@@ -28,7 +28,7 @@ figure(
     particle=rules.shape.output.particle,
 )
 figure("figure09", "Figure 9", dot=f"{RESULTS}/figures/figure09.dot")
-if config["surrogate"] in ("network", "network_ensemble"):
+if kind_of(config["surrogate"]).is_network:
     figure("figure10", "Figure 10", network=rules.network.output.network)
 figure(
     "figure13",

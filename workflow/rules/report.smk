@@ -38,7 +38,7 @@ if of_the_chain():
         PAGE["posterior"] = POSTERIOR["posterior"]
     if "drum" in config:
         TABLES["The drum: angles and first slip"] = rules.drum.output.summary
-    if config["surrogate"].startswith("network"):
+    if kind_of(config["surrogate"]).is_network:
         TABLES["Starts of the network"] = rules.network.output.starts
     if PUBLISHED_SOLUTIONS:
         TABLES["Published sets in this simulator"] = rules.validate.output.published

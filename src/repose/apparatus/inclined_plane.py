@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
@@ -120,6 +119,8 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
 
     It is the close layer of spheres, stretched as the berry is.
     """
+    from scipy.spatial.transform import Rotation
+
     half = particle.dem_shape("berry").half_extents_m
     axes = np.argsort(half)[::-1]  # of the body: the longest along x, the shortest up
     rows = np.eye(3)[axes]

@@ -12,6 +12,7 @@ from repose.core.parameter_space import range_of
 from repose.core.parameters import PARAMETERS, named
 from repose.core.published import published_sets
 from repose.core.section import AUTO
+from repose.surrogate import kind_of
 
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
@@ -24,8 +25,7 @@ PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
 STEP_SHARE = 0.8
 REST_S = 1.5  # from the last grain on the pile until the pile rests
 # Shares (training, validation, test): only a network has validation samples.
-SPLITS = {"network": [0.70, 0.15, 0.15], "network_ensemble": [0.70, 0.15, 0.15]}
-SPLIT_WITHOUT_NETWORK = [0.85, 0.0, 0.15]
+SPLIT_OF_NETWORK, SPLIT = (0.70, 0.15, 0.15), (0.85, 0.0, 0.15)
 
 Config = Mapping[str, Any]
 
@@ -143,7 +143,12 @@ def _time_step_s(config, berry, particle):
 
 def split(config: Config, _berry: Any = None, _particle: Any = None) -> list[float]:
     """The shares for the configured surrogate."""
-    return list(SPLITS.get(config["surrogate"], SPLIT_WITHOUT_NETWORK))
+    return split_of(config["surrogate"])
+
+
+def split_of(surrogate: str) -> list[float]:
+    """The shares for a surrogate."""
+    return list(SPLIT_OF_NETWORK if kind_of(surrogate).is_network else SPLIT)
 
 
 _OF_THE_FUNNEL = tuple(

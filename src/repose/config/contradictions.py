@@ -11,6 +11,7 @@ from repose.apparatus.bench_test import BenchTest
 from repose.apparatus.settings import SimulationSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
+from repose.surrogate import kind_of
 
 Pairs = Iterator[tuple[str, str]]
 
@@ -44,11 +45,10 @@ def used_tests(config: Mapping[str, Any]) -> list[BenchTest]:
 
 
 def _of_the_surrogate(config):
-    """Too few samples for a quadratic surface: a constant, linear terms, squares and products, and one sample more."""
-    free = ParameterSpace.of(config["parameters"]).dimensions
-    needed = (free + 1) * (free + 2) // 2 + 1
+    """Fewer samples for training than the surrogate needs."""
+    needed = kind_of(config["surrogate"]).least_samples(ParameterSpace.of(config["parameters"]).dimensions)
     training = int(config["network"]["split"][0] * config["design"]["samples"] + 1e-9)
-    if config["surrogate"] == "quadratic" and training < needed:
+    if training < needed:
         allowed = "network or gaussian_process where design.samples times the first of network.split is below"
         yield "surrogate", f"{allowed} {needed}"
 

@@ -56,15 +56,34 @@ class Surrogate(ABC):
         Numbers of the n samples that it was fitted to, in their order; set by `describe`.
     of_all_samples : bool
         Whether a study fits it to all samples, once the split has shown its accuracy on unseen samples.
+    is_network : bool
+        Whether it is trained from several starts, each until its error on validation samples rises.
     """
 
     name: ClassVar[str]
     of_all_samples: ClassVar[bool] = True
+    is_network: ClassVar[bool] = False
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     definitions: Definitions = {}  # noqa: RUF012 - replaced as a whole, never changed in place
     samples: tuple[int, ...] = ()
     offset_: np.ndarray
+
+    @staticmethod
+    def least_samples(inputs: int) -> int:
+        """The number of samples that it needs.
+
+        Parameters
+        ----------
+        inputs : int
+            Number d of the parameters.
+
+        Returns
+        -------
+        int
+            0 for a surrogate that any number determines.
+        """
+        return 0
 
     @classmethod
     @abstractmethod
@@ -288,7 +307,7 @@ def make(name: str, settings: Mapping[str, Any], source: object = "surrogate") -
     InputError
         If no surrogate has this name.
     """
-    return _kind(name, source).of(settings)
+    return kind_of(name, source).of(settings)
 
 
 def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surrogate:
@@ -310,7 +329,7 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
         If the file cannot be read, is not a surrogate's, or has other responses.
     """
     content = read_json(path, KEYS, "a surrogate's JSON file")
-    kind = _kind(content["surrogate"], path)
+    kind = kind_of(content["surrogate"], path)
     try:
         json.dumps(content, allow_nan=False)
     except ValueError:  # `save` never writes NaN or infinity
@@ -328,8 +347,25 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     return model
 
 
-def _kind(name: str, source: object) -> type[Surrogate]:
-    """The class that is registered by a name."""
+def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
+    """The class that is registered by a name.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    source : object, optional
+        What an error names.
+
+    Returns
+    -------
+    type
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
     if name not in _REGISTRY:
         raise InputError(source, "surrogate", name, f"one of {', '.join(sorted(_REGISTRY))}")
     return _REGISTRY[name]

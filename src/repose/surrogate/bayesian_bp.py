@@ -58,6 +58,7 @@ class BayesianBP(Surrogate):
     as "layers" but with an alpha for each input's weights, so that an input without effect fades (M94).
     """
 
+    is_network = True
     of_all_samples = False  # as published: fitted to the training part
 
     def __init__(

@@ -34,6 +34,8 @@ class NetworkEnsemble(Surrogate):
     def __init__(self, network: BayesianBP) -> None:
         self.members_ = [network]
 
+    is_network = True
+
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
         """Untrained networks with the settings of `BayesianBP.of`."""
