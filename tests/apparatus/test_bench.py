@@ -167,3 +167,18 @@ def test_all_bench_tests_run_through_the_same_functions(drop):
     for test in bench_tests():
         assert test.statuses[0] == "ok"
         assert test.settings.model_fields["seeds"].is_required()
+
+
+EXAMPLES = ROOT / "examples/bench_tests"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.yaml")))
+def test_the_example_of_a_bench_test_is_measured_drawn_and_filmed(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    spec = importlib.util.spec_from_file_location("run", EXAMPLES / "run.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    measured = example.main(name, tmp_path, pictures=2, width=100)
+    assert measured["status"] == "ok"
+    assert {path.name for path in tmp_path.glob(f"{name}.*")} >= {f"{name}.png", f"{name}.gif"}
