@@ -11,6 +11,7 @@ from goji import BERRY, PARTICLE, named, recommended
 
 from repose.apparatus import bench, cylinder
 from repose.apparatus.job import run_once
+from repose.apparatus.settings import SimulationSettings
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
 SET = named((0.25, 0.5, 0.03, 0.3, 0.6, 0.2))
@@ -100,6 +101,43 @@ def test_a_filling_is_judged():
     assert cylinder.status_of(full, 1e-6, config(), 0.021)[0] == "not_at_rest"
     assert cylinder.status_of(full + np.array([0.02, 0, 0]), 1e-12, config(), 0.021)[0] == "lost"
     assert cylinder.status_of(full, 1e-12, config(), 0.021, "why") == ("unstable", "why")
+
+
+def test_a_tap_lifts_a_berry_by_its_height():
+    own = config(**SMALL)
+    settings = SimulationSettings.of(own)
+    simulation = cylinder.build(own, SET, PARTICLE, BERRY)
+    simulation.add("berry", (0.0, 0.0, 0.011))
+    simulation.run(1.0, False)
+    low, tops = simulation.positions[0, 2], []
+
+    def run_to(step):
+        while simulation.steps < step:
+            simulation.run_steps(1)
+            tops.append(simulation.positions[0, 2])
+
+    cylinder.tap(simulation, settings, 0.003, run_to)
+    assert max(tops) - low == pytest.approx(0.003, rel=0.05)
+    assert simulation.positions[0, 2] == pytest.approx(low, abs=2e-4)
+
+
+def test_a_tapped_cylinder_holds_more():
+    own = config(**SMALL, taps=6)
+    record, run = run_once(bench("cylinder"), own, SET, 1, PARTICLE, BERRY)
+    assert record["status"] == "ok"
+    assert record["tapped_density_kg_m3"] > 1.02 * record["bulk_density_kg_m3"]
+    poured, _ = run_once(bench("cylinder"), config(**SMALL), SET, 1, PARTICLE, BERRY)
+    assert poured["bulk_density_kg_m3"] == record["bulk_density_kg_m3"]
+    assert poured["tapped_density_kg_m3"] is None
+    assert run.arrays["tapped"].shape == run.arrays["position"].shape
+
+
+def test_a_tapped_density_needs_taps():
+    own = config(**SMALL)
+    own["targets"] = [own["targets"][0] | {"response": "tapped_density_kg_m3", "apparatus": "cylinder"}]
+    assert dict(cylinder.contradictions(own)) == {
+        "cylinder.taps": "1 or more, for tapped_density_kg_m3 is a target"
+    }
 
 
 def test_a_small_filling():

@@ -109,7 +109,7 @@ def test_no_section_allows_an_unknown_key_or_forgets_one():
         if "properties" in section:
             assert section["additionalProperties"] is False
             optional = set(section["properties"]) - set(section.get("required", ()))
-            figures = {"figures", "format", "dpi", "tilt_deg"}
+            figures = {"figures", "format", "dpi", "tilt_deg", "taps", "tap_mm"}
             assert optional <= {"contact_law", "rolling_law", *figures, *FURTHER, *computed, *others}
 
 

@@ -1,8 +1,9 @@
 """The measuring cylinder: its bulk density is the mass of the berries struck off at the rim over its volume.
 
 Vessel and pouring follow the small container of ISO 17828 (5 litres: 167 mm wide, 228 mm high; poured from 200 to 300
-mm above the rim, struck off level), without the shocks that the standard adds. The wall goes on above the rim as a
-collar, so that no berry falls beside the cylinder; what lies above the rim is struck off when the berries rest.
+mm above the rim, struck off level). The wall goes on above the rim as a collar, so that no berry falls beside the
+cylinder; what lies above the rim is struck off when the berries rest. Then the cylinder may be tapped: it falls from a
+height, so that its berries leave the floor with the speed of that fall.
 
 A berry belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
 average, for what is missing below it, and the density depends on no shape. The core lies `core_margin_mm` away from
@@ -14,6 +15,7 @@ lies in it.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 NAME = "cylinder"
+TAP_MM, TAP_RESTS_S = 3.0, 0.4  # height of a tap, and time after it
 POINTS = 1000  # of a berry, over which its share in the core is counted
 STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
 
@@ -39,11 +42,13 @@ STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
 
 VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
 CORE = (*VESSEL, "cylinder.core_margin_mm")
+TAPPED = (*VESSEL, "cylinder.taps", "cylinder.tap_mm")
 RESPONSES = (
     Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
     Response(
         "core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE
     ),
+    Response("tapped_density_kg_m3", "kg/m3", "tapped density", "tapped density", NAME, 0.0, 25000.0, TAPPED),
 )
 MEASURED = tuple(response.name for response in RESPONSES)
 RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
@@ -60,6 +65,8 @@ class Settings(Poured):
     collar_mm: float = Field(ge=1, le=5000)
     speed_m_s: float = Field(ge=0, le=10)
     core_margin_mm: float = Field(ge=0, le=1000)
+    taps: int = Field(default=0, ge=0, le=1000)
+    tap_mm: float = Field(default=TAP_MM, ge=0.1, le=100)
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
@@ -71,6 +78,12 @@ def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     smallest = min(section["diameter_mm"], section["height_mm"])
     if section["core_margin_mm"] >= smallest / 2:
         yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
+    targets = config.get("targets")
+    names = (
+        [t.get("response") for t in targets if isinstance(t, Mapping)] if isinstance(targets, list) else []
+    )
+    if not section.get("taps") and "tapped_density_kg_m3" in names:
+        yield f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"
 
 
 def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
@@ -214,7 +227,10 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Fill the cylinder once and let the berries rest; the arrays are ``position``, ``quaternion`` and ``scale``."""
+    """Fill the cylinder, let the berries rest, and tap it.
+
+    The arrays are ``position``, ``quaternion`` and ``scale``, and with taps the positions after them, ``tapped``.
+    """
     section, settings, vessel = config[NAME], SimulationSettings.of(config), Vessel.of(config[NAME])
     simulation, scales, reach = sized_simulation(
         build, config, parameters, seed, particle, berry, section["berries"]
@@ -225,9 +241,14 @@ def run(
     with bounded.guard():
         fill(simulation, factory, section, seed, last_step, filmed.run_to, scales)
         filmed.run_to(last_step)
-    centres = simulation.positions.copy()
-    energy = float(simulation.kinetic_energies().mean())
-    status, reason = status_of(centres, energy, config, float(particle.axes_m.max()), bounded.broken)
+        centres = simulation.positions.copy()
+        energy = float(simulation.kinetic_energies().mean())
+        for _ in range(section.get("taps", 0)):
+            tap(simulation, settings, 1e-3 * section.get("tap_mm", TAP_MM), filmed.run_to)
+    judge = partial(status_of, config=config, length_m=float(particle.axes_m.max()), unstable=bounded.broken)
+    status, reason = judge(centres, energy)
+    if status == "ok" and section.get("taps"):
+        status, reason = judge(simulation.positions, float(simulation.kinetic_energies().mean()))
     record = {
         "seed": int(seed),
         "status": status,
@@ -240,7 +261,24 @@ def run(
         "quaternion": simulation.quaternions.astype(np.float32),
         "scale": simulation.scales.astype(np.float32),
     }
+    if section.get("taps"):
+        arrays["tapped"] = simulation.positions.astype(np.float32)
     return Run(record, arrays, filmed.frames())
+
+
+def tap(
+    simulation: "dem.Simulation",
+    settings: SimulationSettings,
+    height_m: float,
+    run_to: Callable[[int], object],
+) -> None:
+    """Let the cylinder fall from a height, and its berries rest: seen from it they jump up by that height."""
+    gravity, kept = simulation.physics.gravity, simulation.physics.gravity.copy()
+    speed = math.sqrt(2.0 * settings.gravity_m_s2 * height_m)
+    gravity[2] += speed / settings.time_step_s  # in one step the speed of the fall, to all at once
+    run_to(simulation.steps + 1)
+    gravity[:] = kept
+    run_to(simulation.steps + settings.steps(2.0 * speed / settings.gravity_m_s2 + TAP_RESTS_S))
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -253,7 +291,7 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The record with both densities; None where the cylinder was not filled."""
+    """The record with the densities; None where the cylinder was not filled."""
     measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_in_cylinder"))
     if record["status"] == "ok":
         vessel, centres = Vessel.of(config[NAME]), np.asarray(arrays["position"], float)
@@ -264,6 +302,9 @@ def measure(
             "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
             "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
             "berries_in_cylinder": int(inside.sum()),
+            "tapped_density_kg_m3": vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"]))
+            if "tapped" in arrays
+            else None,
         }
     return {**record, **measured}
 
