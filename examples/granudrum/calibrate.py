@@ -62,7 +62,8 @@ def turned(
     path = OUT / "drums" / f"{name}.json"
     for kept in (path, TURNED / f"{name}.json"):
         known = read_json(kept) if kept.exists() else {}
-        if (known.get("parameters"), known.get("seed")) == (parameters, seed):
+        same = (known.get("parameters"), known.get("seed"), known.get("young_pa", young_pa))
+        if same == (parameters, seed, young_pa):
             write_json(path, known)
             break
     else:
@@ -70,7 +71,16 @@ def turned(
         found = surfaces(drum(**parameters, seed=seed, young_pa=young_pa), rpm, X_MM)
         heights = {str(speed): line.tolist() for speed, line in zip(rpm, found, strict=True)}
         minutes = (time.process_time() - began) / 60
-        write_json(path, {"parameters": parameters, "seed": seed, "heights_mm": heights, "minutes": minutes})
+        write_json(
+            path,
+            {
+                "parameters": parameters,
+                "seed": seed,
+                "young_pa": young_pa,
+                "heights_mm": heights,
+                "minutes": minutes,
+            },
+        )
         print(f"{name}: {minutes:.2f} min of processor", flush=True)
     return {int(speed): np.array(line) for speed, line in read_json(path)["heights_mm"].items()}
 
@@ -180,7 +190,7 @@ def main() -> None:
     draw_figure(study, answer, fresh)
     write_table(HERE / "predicted.csv", predicted(fresh))
     minutes = {path.stem: read_json(path)["minutes"] for path in sorted((OUT / "drums").glob("*.json"))}
-    used = [value for name, value in minutes.items() if not name.startswith(("check_100", "fresh"))]
+    used = [value for name, value in minutes.items() if name.startswith(("run", f"check_{STIFF_PA:g}"))]
     total = sum(minutes.values())
     print(f"{2 * len(used)} runs: {sum(used):.0f} minutes of processor; with the checks {total:.0f}")
 

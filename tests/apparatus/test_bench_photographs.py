@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import cv2
 import numpy as np
@@ -132,6 +133,7 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
         (inside[:4], "three points of the drum's inner rim"),
         ([0, 0, 100, 0, 200, 0], "not on a line"),
         ([0, 0, 10, 0, 0, 10], "at least 50 pixels apart"),
+        ([*inside[:5], math.nan], "three points of the drum's inner rim"),
     ):
         with pytest.raises(InputError, match=words):
             photographs.measure_all([file], points, config, "turning", HOW)
@@ -161,6 +163,16 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, capsys):
         "drawdown_above_deg",
         "drawdown_below_deg",
     )
+    for more, allowed in (
+        (["--lens", "box0.png"], "--lens is .*nothing with --bench drawdown"),
+        (["--mm-per-pixel", "0.2"], "--mm-per-pixel is 0.2; allowed: nothing with"),
+    ):
+        assert main([*words, "--points", *points, "--out", "other", *more]) == 2
+        assert re.search(allowed, capsys.readouterr().err)
+    (tmp_path / "without.json").write_text(json.dumps({k: v for k, v in config.items() if k != "drawdown"}))
+    without = [word.replace("mine.json", "without.json") for word in words]
+    assert main([*without, "--points", *points, "--out", "other"]) == 2
+    assert "Traceback" not in capsys.readouterr().err
     assert main(["measure", "box0.png", "--bench", "hopper"]) == 2
     allowed = "one of funnel, lifted_cylinder, turning, drawdown"
     assert allowed in capsys.readouterr().err

@@ -10,6 +10,7 @@ import pytest
 from goji import BERRY, PARTICLE, named, recommended
 
 from repose.apparatus import bench, cylinder
+from repose.apparatus.bounds import Unstable
 from repose.apparatus.job import run_once
 from repose.apparatus.settings import SimulationSettings
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -130,6 +131,22 @@ def test_a_tapped_cylinder_holds_more():
     assert poured["bulk_density_kg_m3"] == record["bulk_density_kg_m3"]
     assert poured["tapped_density_kg_m3"] is None
     assert run.arrays["tapped"].shape == run.arrays["position"].shape
+
+
+def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
+    def broken(simulation, *_):
+        simulation.add("berry", (0.0, 0.0, 0.02))
+        raise Unstable("a berry is too fast")
+
+    monkeypatch.setattr(cylinder, "fill", broken)
+    record, _ = run_once(bench("cylinder"), config(**SMALL, taps=2), SET, 1, PARTICLE, BERRY)
+    assert (record["status"], record["reason"]) == ("unstable", "a berry is too fast")
+
+
+def test_taps_take_their_time():
+    own, tapped = config(**SMALL), config(**SMALL, taps=100, tap_mm=20.0)
+    longer = cylinder.duration_s(tapped) - cylinder.duration_s(own)
+    assert longer == pytest.approx(100 * (2 * math.sqrt(2 * 0.02 / 9.81) + 0.4))
 
 
 def test_a_tapped_density_needs_taps():

@@ -33,6 +33,18 @@ def test_a_target_may_stand_behind_the_cores(words):
     run.check_arguments(words)
 
 
+def test_a_closed_terminal_that_is_ignored_stays_so():
+    """As nohup does."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with run._as_interrupts([]):
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+            assert signal.getsignal(signal.SIGTERM) not in (signal.SIG_DFL, signal.SIG_IGN)
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def test_another_snakefile_stays():
     assert run.snakemake_arguments(["-s", "mine.smk", "-c1"]) == ["-s", "mine.smk", "-c1"]
 

@@ -245,7 +245,7 @@ def test_effective_radius_of_spheres_is_that_of_hertz():
 def test_a_glued_body_carries_another_and_stays():
     gravity = (0.0, 0.0, -9.81)
     s = simulation(np.full((1, 3), 0.006), Contact(0.3, 0.5, 0.1), dt=4e-5, gravity_m_s2=gravity)
-    s.glue(s.add((0.0, 0.0, 0.0)))
+    s.glue(s.add((0.0, 0.0, 0.0), velocity_m_s=(0.5, 0.0, 0.0), angular_velocity_rad_s=(0.0, 3.0, 0.0)))
     s.add((0.0, 0.0, 0.0121))
     s.run_steps(5_000)
     assert np.array_equal(s.positions[0], np.zeros(3))

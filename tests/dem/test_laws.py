@@ -128,6 +128,7 @@ def test_hertz_impact_lasts_as_long_as_the_integral_of_its_energy_says():
 
 OUTSIDE = """
 from collections import namedtuple
+import own_helper
 from repose.dem.kernels import parallel
 from repose.dem.laws.law import Law
 
@@ -135,7 +136,9 @@ def folder():
     return parallel.advance_shared.stats.cache_path
 
 def kernel(law, t, c, at, dt):
-    pass
+    own_helper_function(t)
+
+own_helper_function = own_helper.doubled
 
 before = folder()
 Law("own", namedtuple("Own", "tension"), None, 0, 0, 0, kernel, {})
@@ -145,11 +148,12 @@ print(before, folder())
 
 def test_a_law_from_outside_has_compiled_code_of_its_own(tmp_path):
     """Numba's index names the module of each law, so what is compiled with it is of no use to other programs."""
-    script = tmp_path / "own_law.py"
+    script, helper = tmp_path / "own_law.py", tmp_path / "own_helper.py"
     folders = []
-    for edit in ("", "\n# another kernel\n"):
+    for edit, factor in (("", 2), ("\n# another kernel\n", 2), ("", 3)):
         script.write_text(OUTSIDE + edit)
+        helper.write_text(f"def doubled(t):\n    return {factor} * t\n")
         run = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
         folders += [run.stdout.split()]
-    assert folders[0][0] == folders[1][0]
-    assert len({*folders[0], *folders[1]}) == 3
+    assert len({before for before, _ in folders}) == 1
+    assert len({after for _, after in folders}) == 3

@@ -15,7 +15,6 @@ lies in it.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -238,17 +237,20 @@ def run(
     bounded = Bounded(simulation, vessel.top_m, section["speed_m_s"])
     filmed, last_step = Filmed(bounded, interval_s, progress), settings.steps(section["duration_s"])
     factory = Disc(vessel.radius_m - reach, vessel.top_m)
+    length_m = float(particle.axes_m.max())
     with bounded.guard():
         fill(simulation, factory, section, seed, last_step, filmed.run_to, scales)
         filmed.run_to(last_step)
-        centres = simulation.positions.copy()
-        energy = float(simulation.kinetic_energies().mean())
-        for _ in range(section.get("taps", 0)):
-            tap(simulation, settings, 1e-3 * section.get("tap_mm", TAP_MM), filmed.run_to)
-    judge = partial(status_of, config=config, length_m=float(particle.axes_m.max()), unstable=bounded.broken)
-    status, reason = judge(centres, energy)
-    if status == "ok" and section.get("taps"):
-        status, reason = judge(simulation.positions, float(simulation.kinetic_energies().mean()))
+    centres, turns = simulation.positions.copy(), simulation.quaternions.copy()
+    energy = float(simulation.kinetic_energies().mean())
+    status, reason = status_of(centres, energy, config, length_m, bounded.broken)
+    tapped = section.get("taps", 0) if status == "ok" else 0
+    if tapped:
+        with bounded.guard():
+            for _ in range(tapped):
+                tap(simulation, settings, 1e-3 * section.get("tap_mm", TAP_MM), filmed.run_to)
+        moving = float(simulation.kinetic_energies().mean())
+        status, reason = status_of(simulation.positions, moving, config, length_m, bounded.broken)
     record = {
         "seed": int(seed),
         "status": status,
@@ -258,10 +260,10 @@ def run(
     }
     arrays = {
         "position": centres.astype(np.float32),
-        "quaternion": simulation.quaternions.astype(np.float32),
+        "quaternion": turns.astype(np.float32),
         "scale": simulation.scales.astype(np.float32),
     }
-    if section.get("taps"):
+    if tapped:
         arrays["tapped"] = simulation.positions.astype(np.float32)
     return Run(record, arrays, filmed.frames())
 
@@ -274,11 +276,24 @@ def tap(
 ) -> None:
     """Let the cylinder fall from a height, and its berries rest: seen from it they jump up by that height."""
     gravity, kept = simulation.physics.gravity, simulation.physics.gravity.copy()
-    speed = math.sqrt(2.0 * settings.gravity_m_s2 * height_m)
+    speed, lasts_s = _of_a_tap(settings.gravity_m_s2, height_m)
     gravity[2] += speed / settings.time_step_s  # in one step the speed of the fall, to all at once
     run_to(simulation.steps + 1)
     gravity[:] = kept
-    run_to(simulation.steps + settings.steps(2.0 * speed / settings.gravity_m_s2 + TAP_RESTS_S))
+    run_to(simulation.steps + settings.steps(lasts_s))
+
+
+def _of_a_tap(gravity_m_s2, height_m):
+    """Speed of the fall [m/s], and the time until the berries rest [s]."""
+    speed = math.sqrt(2.0 * gravity_m_s2 * height_m)
+    return speed, 2.0 * speed / gravity_m_s2 + TAP_RESTS_S
+
+
+def duration_s(config: Config) -> float:
+    """The longest simulated time of a run."""
+    section = config[NAME]
+    tap_s = _of_a_tap(config["simulation"]["gravity_m_s2"], 1e-3 * section.get("tap_mm", TAP_MM))[1]
+    return section["duration_s"] + section.get("taps", 0) * tap_s
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -319,7 +334,7 @@ BENCH = register(
         build=build,
         run=run,
         measure=measure,
-        duration_s=lambda config: config[NAME]["duration_s"],
+        duration_s=duration_s,
         contradictions=contradictions,
         misfits=misfits,
         measured_by=("core_margin_mm",),

@@ -117,7 +117,7 @@ def build(
 def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
     """A close layer of berries that lie flat: centres (N, 3) about a pocket, their orientation, half their height.
 
-    It is the close layer of spheres, stretched as the berry is.
+    It is the close layer of spheres, stretched as the berry is, and as far apart as a shape needs that is no ellipsoid.
     """
     from scipy.spatial.transform import Rotation
 
@@ -128,7 +128,13 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
     n = math.ceil(REACHES)
     i, j = (part.ravel() for part in np.meshgrid(*2 * [np.arange(-2 * n, 2 * n + 1)]))
     unit = np.column_stack([2.0 * i + j - 1.0, math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0), 0.0 * i])
-    places = APART * unit * (*half[axes][:2], 0.0)
+    stretched = np.array([*half[axes][:2], 0.0])
+    # planes between a berry and its neighbours, by which ellipsoids touch
+    ways = np.array([[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]])
+    normals = np.column_stack([ways[:, :2] / stretched[:2], np.zeros(3)])
+    width = particle.support(normals @ rows) + particle.support(-normals @ rows)
+    needed = float((width / (ways * stretched * normals).sum(axis=1)).max())
+    places = APART * max(1.0, needed) * unit * stretched
     near = np.hypot(*places[:, :2].T) < REACHES * particle.bounding_radius_m
     turn = Rotation.from_euler("z", azimuth)
     quaternion = (turn * Rotation.from_matrix(rows)).as_quat(scalar_first=True)
@@ -246,6 +252,9 @@ def tilted(
     qw, qx, qy, qz = np.moveaxis(np.asarray(frames["quaternion"], float), -1, 0)
     quaternion = np.stack([c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1)
     planes = np.array(frames["planes"], float)
+    planes[:, 0, :3] = planes[:, :1, 2] * np.column_stack(
+        [np.sin(angle), np.zeros_like(angle), np.cos(angle)]
+    )
     planes[:, 0, 3:6] = -np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
     moved = {"position": position, "quaternion": quaternion, "planes": planes}
     return {**frames, **moved, "tilt_deg": tilt}

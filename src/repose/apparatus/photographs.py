@@ -96,12 +96,14 @@ def measure_box(
     top = min(
         box.top, 0.99 * min(left[1], right[1]) / upwards
     )  # the picture need not show all of the chamber
-    wedges = [chamber(*ends, box.floor, top)[0] for ends in ((-outer, 0.0), (0.0, outer))]
+    wedges, scales = zip(
+        *(chamber(*ends, box.floor, top) for ends in ((-outer, 0.0), (0.0, outer))), strict=True
+    )
     # back to back, as `drawdown.back_to_back` puts the grains: the shape of a pile
     above = np.ascontiguousarray(np.hstack([wedges[1], wedges[0][:, -wedges[1].shape[1] :]]))
     seen = Seen(Path(), [])
     parts = (
-        ("drawdown_above_deg", above, replace(how, mm_per_pixel=pixel, largest_pile_only=False)),
+        ("drawdown_above_deg", above, replace(how, mm_per_pixel=scales[0], largest_pile_only=False)),
         ("drawdown_below_deg", below, replace(how, mm_per_pixel=pixel)),
     )
     for name, view, settings in parts:
@@ -135,7 +137,7 @@ def measure_all(
         "drawdown": "column and row of the left and of the right lower inner corner of the box, 200 pixels apart",
     }
     points = np.array(points_px, float)
-    if points.size != 2 * count:
+    if points.size != 2 * count or not np.isfinite(points).all():
         raise InputError("command line", "--points", list(points_px), allowed[bench])
     points = points.reshape(count, 2)
     apart = min(np.hypot(*(a - b)) for k, a in enumerate(points) for b in points[:k])

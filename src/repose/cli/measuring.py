@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import BERRY, JSON
 from repose.cli.registry import Family, Option, load
+from repose.config.reading import section
 from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
 
@@ -79,6 +80,11 @@ def measure(args: argparse.Namespace) -> None:
     if args.bench not in (*of_pile, *of_apparatus.RESPONSES):
         allowed = "one of " + ", ".join((*of_pile, *of_apparatus.RESPONSES))
         raise InputError("command line", "--bench", args.bench, allowed)
+    of_sheet = {"--lens": args.lens, "--mm-per-pixel": args.mm_per_pixel, "--length": args.length}
+    of_sheet |= {"--base-row": args.base_row}
+    for option, value in (of_sheet if args.bench not in of_pile else {"--points": args.points}).items():
+        if value:
+            raise InputError("command line", option, value, f"nothing with --bench {args.bench}")
     pictures = [Path(name) for name in args.pictures]
     out = Path(args.out)
     overlays = [out / f"{path.stem}.png" for path in pictures]
@@ -121,6 +127,7 @@ def _measure_apparatus(args, pictures, overlays, how):
             "command line", "--config", None, f"a study, whose section {args.bench} has the measures"
         )
     config, out = load(args).config, Path(args.out)
+    section(config, args.bench)
     results = photographs.measure_all(pictures, args.points or (), config, args.bench, how)
     for seen, overlay in zip(results, overlays, strict=True):
         write_image(overlay, photographs.stacked(seen.views))

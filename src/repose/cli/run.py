@@ -79,7 +79,7 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
 @contextlib.contextmanager
 def _as_interrupts(ended_by: list[int]) -> Iterator[None]:
     """Turn the end of a job by a cluster and a closed terminal into Ctrl-C; snakemake handles the first otherwise."""
-    ends = signal.SIGTERM, signal.SIGHUP
+    ends = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) is not signal.SIG_IGN]  # nohup
     read, write = os.pipe()
     os.set_blocking(write, False)
 

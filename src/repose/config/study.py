@@ -414,6 +414,8 @@ class Study:
 
 def _one_thread():
     """Small matrices are slower on several threads, and end in other bits than the command line's."""
+    import scipy.linalg  # noqa: F401  brings matrices of its own, which only a library that is loaded limits
+
     return threadpool_limits(limits=1, user_api="blas")
 
 

@@ -42,22 +42,40 @@ def use_cache() -> None:
     setattr(numba.config, "CACHE_DIR", folder())  # noqa: B010
 
 
-def add_source(kernel: Callable[..., Any]) -> None:
-    """Compile with the kernel of a law: one from outside moves the cache folder of all kernels."""
-    if kernel.__module__.startswith(f"{__package__}."):
+def add_source(*functions: Callable[..., Any] | None) -> None:
+    """Compile with the functions of a law: one from outside moves the cache folder of all kernels."""
+    modules = {given.__module__ for given in functions if given is not None}
+    outside = {name for name in modules if not name.startswith(f"{__package__}.")}
+    if not outside:
         return
     from numba.core.registry import CPUDispatcher
 
-    module = sys.modules[kernel.__module__]
-    try:
-        _outside[kernel.__module__] = inspect.getsource(module)
-    except (OSError, TypeError):  # of a notebook
-        _outside[kernel.__module__] = inspect.getsource(kernel)
+    for given in functions:
+        names = [] if given is None else [given.__module__, *_used(given)]
+        for name in names:
+            if not name.startswith(f"{__package__}."):
+                _outside[name] = _source(name, given)
     use_cache()
     for name in [name for name in sys.modules if name.startswith(f"{__package__}.")]:
         for value in list(vars(sys.modules[name]).values()):
-            if isinstance(value, CPUDispatcher) and value.targetoptions.get("cache", True):
+            if isinstance(value, CPUDispatcher):
                 value.enable_caching()
+
+
+def _used(function):
+    """Names of the modules of the functions that a function calls, directly."""
+    used = [function.__globals__.get(name) for name in function.__code__.co_names]
+    return {value.__module__ for value in used if callable(value) and isinstance(value.__module__, str)}
+
+
+def _source(module, function):
+    """Source of a module, or of a notebook the function's code; and the numbers that the function uses."""
+    try:
+        source = inspect.getsource(sys.modules[module])
+    except (KeyError, OSError, TypeError):
+        source = f"{function.__code__.co_code.hex()} {function.__code__.co_consts!r}"
+    used = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    return f"{source} { {name: value for name, value in used.items() if isinstance(value, int | float)}!r}"
 
 
 use_cache()

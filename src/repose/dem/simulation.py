@@ -331,8 +331,7 @@ class Simulation(Observables):
     def glue(self, body: int) -> None:
         """Hold a body: no force moves or turns it any more, and others meet it as before.
 
-        It keeps the velocity that it has, and its mass counts as 0, as of a body that is gone. Glued bodies must not
-        overlap each other.
+        It stops. Its mass counts as 0, as of a body that is gone. Glued bodies must not overlap each other.
 
         Parameters
         ----------
@@ -348,9 +347,12 @@ class Simulation(Observables):
             "body", body, f"an index below {self.n_bodies}", lambda k: 0 <= k < self.n_bodies and k == int(k)
         )
         inner = self._inner[body] if self._shared else body
-        self.bodies.rows[inner, st.INVERSE_MASS] = 0.0
+        row = self.bodies.rows[inner]
+        row[st.VELOCITY : st.VELOCITY + 3] = row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = 0.0
+        row[st.INVERSE_MASS] = 0.0
         lanes = self.bodies.motion[inner // st.LANES, inner % st.LANES :: st.LANES]
-        lanes[st.INVERSE_MOMENTS // st.LANES : st.INVERSE_MOMENTS // st.LANES + 3] = 0.0
+        for rows in (st.INVERSE_MOMENTS, st.ANGULAR_MOMENTUM):
+            lanes[rows // st.LANES : rows // st.LANES + 3] = 0.0
 
     def run_steps(self, steps: int) -> None:
         """Advance by a number of time steps.

@@ -12,7 +12,7 @@ effective radius of the two touching spheres. With `rolling_coefficient` the mea
 import math
 from collections.abc import Iterator
 
-from repose.dem.constants import OF_LAWS, SURFACE_ENERGY
+from repose.dem.constants import OF_LAWS, SURFACE_ENERGY, TWISTING
 from repose.dem.laws.law import COULOMB
 from repose.export.job import Job, Pair
 
@@ -78,6 +78,11 @@ def _head(job: Job, lines: list[str]) -> Iterator[str]:
         yield (
             f"{job.contact_law}: {constant.words} {gg.constants[constant.name]:.6g} {constant.unit} between grains, "
             f"{gp.constants[constant.name]:.6g} between grain and wall{GAMMA if constant is SURFACE_ENERGY else ''}."
+        )
+    if TWISTING.name in {**gg.constants, **gp.constants}:
+        given = (pair.constants.get(TWISTING.name, "3 pi / 16 mu_s") for pair in (gg, gp))
+        yield "{}: {} between grains, {} between grain and wall; this deck has none.".format(
+            TWISTING.words, *given
         )
     yield (
         f"Time step {job.time_step_s:g} s: {100 * job.time_step_s / job.rayleigh_s:.1f} % of the Rayleigh time of the "

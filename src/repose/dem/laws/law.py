@@ -96,7 +96,7 @@ class Law:
     geometry: Callable[..., None] | None = None
 
     def __post_init__(self) -> None:
-        cache.add_source(self.kernel)
+        cache.add_source(self.kernel, self.reach, self.geometry)
         _KERNELS[self.options] = self.kernel
         if self.reach is not None:
             _REACHES[self.options] = self.reach
