@@ -193,6 +193,7 @@ class Terminal:
         self.process, self.screen = pty.fork()
         if self.process == 0:
             os.chdir(folder)
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
             os.environ.update(TERM="xterm", COLUMNS="100", LINES="30")
             program = [sys.executable, "-m", "repose", "run", "-s", "Snakefile", "--cores", "2", *words]
             os.execv(sys.executable, program)

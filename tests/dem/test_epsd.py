@@ -44,8 +44,10 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_to
         turning, arms = 40.0 * rng.normal(size=(2, LANES, 3)), 5e-3 * rng.normal(size=(2, LANES, 3))
         if wall:
             arms[1] = 0.0
+        circle = np.sqrt(3e-3 * np.maximum(overlap, 0.0))
         for row, value in {
-            tl.GAP: -overlap, tl.RADIUS: np.full(LANES, 3e-3), tl.PUSH: push, tl.RA: arms[0].T, tl.RB: arms[1].T,
+            tl.CIRCLE: circle, tl.GAP: -overlap, tl.RADIUS: np.full(LANES, 3e-3), tl.PUSH: push,
+            tl.RA: arms[0].T, tl.RB: arms[1].T,
             tl.A + st.ANGULAR_VELOCITY * LANES: turning[0].T, tl.B + st.ANGULAR_VELOCITY * LANES: turning[1].T,
         }.items():  # fmt: skip
             tile[row // LANES :][: 1 if value.ndim == 1 else 3] = value
