@@ -78,10 +78,10 @@ def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     if section["core_margin_mm"] >= smallest / 2:
         yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
     targets = config.get("targets")
-    names = (
-        [t.get("response") for t in targets if isinstance(t, Mapping)] if isinstance(targets, list) else []
-    )
-    if not section.get("taps") and "tapped_density_kg_m3" in names:
+    meant = (
+        [t for t in targets if isinstance(t, Mapping)] if isinstance(targets, list) else []
+    )  # checked elsewhere
+    if not section.get("taps") and any(t.get("response") == "tapped_density_kg_m3" for t in meant):
         yield f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"
 
 

@@ -194,7 +194,7 @@ COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
 def _lay_down(simulation, config, seed, particle, scale, filmed):
     """Lay a berry on the level plane, its long axis level in a random direction, and let it rest."""
     settings, glued = SimulationSettings.of(config), config[NAME]["surface"] == "glued"
-    height = layer(particle)[2] if glued else 0.0
+    height = float(min(particle.dem_shape("berry").half_extents_m)) if glued else 0.0
     add_above(simulation, particle, "lying", seed, scale, height)
     every, last = settings.steps(0.01), settings.steps(config[NAME]["settle_s"])
     filmed.run_to(every)

@@ -6,7 +6,7 @@ the code that measures the simulation's. The lens and the perspective are not co
 looks the same from any distance, other than a cone's.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,16 @@ from repose.measure.segmentation import pile_component, segment, threshold
 from repose.measure.settings import MeasureSettings
 
 RESPONSES = {"turning": ("turning_deg",), "drawdown": ("drawdown_above_deg", "drawdown_below_deg")}
+# Number of points, least distance in pixels, and what they are.
+POINTS = {
+    "turning": (3, 50, "column and row of three points of the drum's inner rim, at least 50 pixels apart"),
+    "drawdown": (
+        2,
+        200,
+        "column and row of the left and of the right lower inner corner of the box, 200 pixels apart",
+    ),
+}
+ON_A_LINE = 1e-6  # twice the area of three points [px2]
 INSIDE = 0.97  # share of the drum's radius within which a bed is looked for: the rim has colours of its own
 EMPTY = 0.6  # share of the radius above which the drum is empty
 MARGIN = 0.02  # share of a chamber's half width that is left out at a wall
@@ -127,36 +137,38 @@ def measure_all(
     how: MeasureSettings,
 ) -> list[Seen]:
     """Photographs by one camera on a tripod: the points hold for each."""
-    measures: dict[str, tuple[int, Callable[..., Seen]]] = {
-        "turning": (3, lambda image, points: measure_drum(image, points, config["turning"])),
-        "drawdown": (2, lambda image, points: measure_box(image, points, config["drawdown"], how)),
-    }
-    count, of_image = measures[bench]
-    allowed = {
-        "turning": "column and row of three points of the drum's inner rim, at least 50 pixels apart",
-        "drawdown": "column and row of the left and of the right lower inner corner of the box, 200 pixels apart",
-    }
-    points = np.array(points_px, float)
-    if points.size != 2 * count or not np.isfinite(points).all():
-        raise InputError("command line", "--points", list(points_px), allowed[bench])
-    points = points.reshape(count, 2)
-    apart = min(np.hypot(*(a - b)) for k, a in enumerate(points) for b in points[:k])
-    if apart < (50 if bench == "turning" else 200) or (bench == "drawdown" and points[0, 0] > points[1, 0]):
-        raise InputError("command line", "--points", list(points_px), allowed[bench])
+    points = _checked_points(points_px, bench)
     results = []
     for path in paths:
         image, times = load(path)
         try:
-            found = of_image(image, points / times)
+            if bench == "turning":
+                found = measure_drum(image, points / times, config[bench])
+            else:
+                found = measure_box(image, points / times, config[bench], how)
         except NoFlankError as error:
             found = Seen(path, [image], refused=error.reason)
-        except InputError:
-            raise
         except ValueError as error:  # of a bed that is too narrow
             found = Seen(path, [image], refused=str(error))
         found.path = path
         results.append(found)
     return results
+
+
+def _checked_points(points_px, bench):
+    """The points of the apparatus, (3, 2) of a drum and (2, 2) of a box, or InputError."""
+    count, least_px, allowed = POINTS[bench]
+    points = np.array(points_px, float)
+    good = points.size == 2 * count and bool(np.isfinite(points).all())
+    if good:
+        points = points.reshape(count, 2)
+        good = min(np.hypot(*(a - b)) for k, a in enumerate(points) for b in points[:k]) >= least_px
+        good &= bench == "turning" or points[0, 0] <= points[1, 0]
+    if good and bench == "turning" and abs(np.linalg.det(points[1:] - points[0])) < ON_A_LINE:
+        good, allowed = False, "three points that are not on a line"
+    if not good:
+        raise InputError("command line", "--points", list(points_px), allowed)
+    return points
 
 
 def tables(results: Sequence[Seen], bench: str) -> Tables:
@@ -192,7 +204,8 @@ def profile(results: Sequence[Seen], section: Mapping[str, Any]) -> pd.DataFrame
     radius_m = Drum.of(section).radius_m
     mm_per_pixel = 2e3 * radius_m / len(masks[0])
     x_m = np.arange(-0.8, 0.81, 0.05) * radius_m
-    share = np.mean([mask > 0 for mask in masks], axis=0)
+    size = masks[0].shape[::-1]
+    share = np.mean([cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST) > 0 for mask in masks], axis=0)
     heights = bed.surface_heights(share, 0.5, x_m, radius_m, mm_per_pixel)
     return pd.DataFrame({"x_mm": 1e3 * x_m, "z_mm": 1e3 * heights}).round(3)
 
@@ -209,10 +222,6 @@ def _circle(points):
     """Centre (2,) and radius of the circle through three points (3, 2)."""
     a, b, c = points
     rows = 2 * np.array([b - a, c - a])
-    if abs(np.linalg.det(rows)) < 1e-6:
-        raise InputError(
-            "command line", "--points", points.ravel().tolist(), "three points that are not on a line"
-        )
     centre = np.linalg.solve(rows, [b @ b - a @ a, c @ c - a @ a])
     return centre, float(np.hypot(*(a - centre)))
 

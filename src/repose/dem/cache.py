@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 HOME = Path(__file__).parent
-_outside: dict[str, str] = {}  # source of laws from other packages by the name of their module
+_outside: dict[str, str] = {}  # sources of laws from other packages, by module and function
 
 
 def source_hash() -> str:
@@ -44,19 +44,18 @@ def use_cache() -> None:
 
 def add_source(*functions: Callable[..., Any] | None) -> None:
     """Compile with the functions of a law: one from outside moves the cache folder of all kernels."""
-    modules = {given.__module__ for given in functions if given is not None}
-    outside = {name for name in modules if not name.startswith(f"{__package__}.")}
-    if not outside:
+    own = f"{__package__}."
+    given = [function for function in functions if function is not None]
+    if all(function.__module__.startswith(own) for function in given):
         return
     from numba.core.registry import CPUDispatcher
 
-    for given in functions:
-        names = [] if given is None else [given.__module__, *_used(given)]
-        for name in names:
-            if not name.startswith(f"{__package__}."):
-                _outside[name] = _source(name, given)
+    for function in given:
+        names = {function.__module__, *_used(function)}
+        for name in sorted(name for name in names if not name.startswith(own)):
+            _outside[f"{name} {function.__name__}"] = _source(name, function)
     use_cache()
-    for name in [name for name in sys.modules if name.startswith(f"{__package__}.")]:
+    for name in [name for name in sys.modules if name.startswith(own)]:
         for value in list(vars(sys.modules[name]).values()):
             if isinstance(value, CPUDispatcher):
                 value.enable_caching()

@@ -13,7 +13,7 @@ from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs import Photograph, mean_of
 from repose.measure.settings import MeasureSettings
 
-FUNNEL = {"aor_deg": "aor_deg", "height_mm": "height_mm"}  # targets by what is measured
+MEANT = ("aor_deg", "height_mm")  # numbers that become targets
 
 
 class Tables(NamedTuple):
@@ -36,7 +36,7 @@ def tables(measured: Sequence[Photograph], how: MeasureSettings) -> Tables:
             {"photograph": photograph.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words
         )
     photographs = pd.DataFrame(rows)
-    return Tables(photographs, mean_rows(photographs, (*FUNNEL, *MEAN_KEYS.values())))
+    return Tables(photographs, mean_rows(photographs, (*MEANT, *MEAN_KEYS.values())))
 
 
 def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
@@ -53,11 +53,7 @@ def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame
 
 
 def write_tables(
-    made: Tables,
-    how: MeasureSettings,
-    out: Path,
-    bench: str = "funnel",
-    responses: Mapping[str, str] = FUNNEL,
+    made: Tables, how: MeasureSettings, out: Path, bench: str, responses: Mapping[str, str]
 ) -> None:
     """Write photographs.csv, summary.csv and targets.yaml into the folder `out`.
 
@@ -68,9 +64,7 @@ def write_tables(
     write_text(out / "targets.yaml", targets(made, how, bench, responses))
 
 
-def targets(
-    made: Tables, how: MeasureSettings, bench: str = "funnel", responses: Mapping[str, str] = FUNNEL
-) -> str:
+def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[str, str]) -> str:
     """The measured responses as YAML, an overlay for the configuration of a study.
 
     The range is the mean and its standard error to each side, at least 1 % of the mean. A single pile has no scatter:
