@@ -188,7 +188,7 @@ def main() -> None:
     write_table(OUT / "compared.csv", off)
     print(off.to_string(index=False))
     draw_figure(study, answer, fresh)
-    write_table(HERE / "predicted.csv", predicted(fresh))
+    write_table(OUT / "predicted.csv", predicted(fresh))
     minutes = {path.stem: read_json(path)["minutes"] for path in sorted((OUT / "drums").glob("*.json"))}
     used = [value for name, value in minutes.items() if name.startswith(("run", f"check_{STIFF_PA:g}"))]
     total = sum(minutes.values())

@@ -17,7 +17,7 @@ from repose.core.files import read_json, write_json
 from repose.core.runs import mean_and_error
 from repose.pictures.figures import style
 
-HERE, OUT = Path(__file__).parent, Path("results/examples/wheat")
+OUT = Path("results/examples/wheat")
 RESTITUTION = 0.5  # Wang's; the other sources say none
 
 
@@ -175,7 +175,7 @@ def draw_figure(found: dict) -> None:
         tests.set_xticks(range(len(benches)), [shown.title for shown in benches.values()])
         tests.set_title("what they give in three bench tests, with one grain")
         tests.legend(loc="upper left")
-        style.save(page, HERE / "ambiguity.png", small_run=False)
+        style.save(page, OUT / "ambiguity.png", small_run=False)
 
 
 def main() -> None:
