@@ -6,13 +6,16 @@ It goes on where it was stopped, and from the drums in results/published/granudr
 finds; all files are in results/examples/granudrum.
 """
 
+import math
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from granudrum import YOUNG_PA, drum, surfaces
+from granudrum import AVERAGED_S, TURNED_S, YOUNG_PA, drum, surfaces
 
 from repose import Study
 from repose.core.files import read_json, write_json, write_table
@@ -42,45 +45,52 @@ TARGETS = {
     }
     for rpm in RPM
 }
-# A drum is two runs, one at each speed: 44, where at most 60 are allowed.
+# A drum of the screening is two runs, one at each speed: 44, where at most 60 are allowed.
 SEQUENTIAL = {"start_samples": 14, "seeds": 1, "batch": 4, "most_runs": 22}
 # Within 6 % of the height, 0.7 and 0.9 mm, the strategy asks for more runs about its best point until the budget ends.
 SEQUENTIAL |= {"tolerance_percent": 6.0, "probability": 0.9}
-CHECKS = range(1001, 1005)  # seeds of the answer of the soft grains
-# Four drums of that answer with stiffer grains give the shift of the scores by the modulus. With it the runs of softer
-# grains count as those of stiffer ones, as if the shift were the same for all parameters. All together give the final
-# answer. The first five drums had stiffer grains.
-STIFF_PA, STIFF, OF_STIFF = 1e6, range(3001, 3005), 5  # a fifth of the published modulus; seeds; samples
-FRESH = range(5001, 5005)  # seeds of that answer
-ALL_RPM, PREDICTED_RPM = (45, 30, 15, 10), (30, 10)
 
 
-def turned(
-    name: str, parameters: dict[str, float], seed: int, rpm: tuple, young_pa: float = YOUNG_PA
-) -> dict:
+class Procedure(NamedTuple):
+    """How a drum turns: speeds one after the other, the time at each before its average, Young's modulus."""
+
+    rpm: tuple[int, ...]
+    turned_s: tuple[float, ...]
+    averaged_s: float
+    young_pa: float
+
+
+# Soft grains, and 15 rpm soon after 45: less than a third of the work of the published procedure.
+SHORT = Procedure(RPM, (0.65, 0.3), 0.3, 4e5)
+# Then some drums turn as published. At each step two of them show how far the screening is off at its best point. That
+# shift is added to all of its runs, as if it were the same for all parameters, and they give the next point.
+STEPS, SEEDS_OF_STEP = 4, (1, 2)
+FRESH = range(6001, 6004)  # seeds of the answer
+PREDICTED_RPM = (30, 10)
+
+
+def as_published(rpm: int) -> Procedure:
+    """One speed from rest."""
+    return Procedure((rpm,), (TURNED_S,), AVERAGED_S, YOUNG_PA)
+
+
+def turned(name: str, parameters: dict[str, float], seed: int, how: Procedure) -> dict:
     """Mean surfaces of one drum by speed; a file keeps them, so that a drum is turned once."""
     path = OUT / "drums" / f"{name}.json"
     for kept in (path, TURNED / f"{name}.json"):
-        known = read_json(kept) if kept.exists() else {}
-        same = (known.get("parameters"), known.get("seed"), known.get("young_pa", young_pa))
-        if same == (parameters, seed, young_pa):
+        known = read_json(kept) if kept.exists() else {"parameters": dict.fromkeys(parameters, math.nan)}
+        alike = [math.isclose(known["parameters"][key], value) for key, value in parameters.items()]
+        if all(alike) and known["seed"] == seed:
             write_json(path, known)
             break
     else:
         began = time.process_time()
-        found = surfaces(drum(**parameters, seed=seed, young_pa=young_pa), rpm, X_MM)
-        heights = {str(speed): line.tolist() for speed, line in zip(rpm, found, strict=True)}
+        simulation = drum(**parameters, seed=seed, young_pa=how.young_pa)
+        found = surfaces(simulation, how.rpm, X_MM, how.turned_s, how.averaged_s)
+        heights = {str(speed): line.tolist() for speed, line in zip(how.rpm, found, strict=True)}
         minutes = (time.process_time() - began) / 60
-        write_json(
-            path,
-            {
-                "parameters": parameters,
-                "seed": seed,
-                "young_pa": young_pa,
-                "heights_mm": heights,
-                "minutes": minutes,
-            },
-        )
+        record = {"parameters": parameters, "seed": seed, **how._asdict()}
+        write_json(path, record | {"heights_mm": heights, "minutes": minutes})
         print(f"{name}: {minutes:.2f} min of processor", flush=True)
     return {int(speed): np.array(line) for speed, line in read_json(path)["heights_mm"].items()}
 
@@ -89,6 +99,19 @@ def all_turned(jobs: list[tuple]) -> list[dict]:
     """`turned` of several drums, some at the same time."""
     with ProcessPoolExecutor(CORES) as pool:
         return [job.result() for job in [pool.submit(turned, *job) for job in jobs]]
+
+
+def drums_as_published(
+    name: str, parameters: dict[str, float], seeds: Sequence[int], rpm: Sequence[int] = RPM
+) -> list[dict]:
+    """Surfaces by speed for each seed; each speed is a drum of its own that starts at rest."""
+    jobs = [
+        (f"{name}_{seed}_{speed}rpm", parameters, seed, as_published(speed))
+        for speed in rpm
+        for seed in seeds
+    ]
+    found = dict(zip([(seed, speed) for speed in rpm for seed in seeds], all_turned(jobs), strict=True))
+    return [{speed: found[seed, speed][speed] for speed in rpm} for seed in seeds]
 
 
 def scores(study: Study, heights: dict) -> dict[str, float]:
@@ -100,8 +123,8 @@ def scores(study: Study, heights: dict) -> dict[str, float]:
     return row
 
 
-def calibrated() -> tuple[Study, calibration.Calibration]:
-    """The runs that the strategy asks for, and its answer."""
+def screened() -> tuple[Study, calibration.Calibration]:
+    """The runs that the strategy asks for, with the short procedure, and their answer."""
     study = Study(
         PARAMETERS,
         TARGETS,
@@ -115,7 +138,7 @@ def calibrated() -> tuple[Study, calibration.Calibration]:
     while not study.done:
         samples = study.ask()
         jobs = [
-            (f"run_{row.sample:02}", {name: getattr(row, name) for name in PARAMETERS}, row.sample, RPM)
+            (f"run_{row.sample:02}", {name: getattr(row, name) for name in PARAMETERS}, row.sample, SHORT)
             for row in samples.itertuples()
         ]
         drums = all_turned(jobs)
@@ -123,20 +146,32 @@ def calibrated() -> tuple[Study, calibration.Calibration]:
     return study, study.answer()
 
 
-def stiffer(study: Study, answer: calibration.Calibration, checks: list[dict]) -> calibration.Calibration:
-    """The answer for stiffer grains, from the runs, their shift, and four drums of stiffer grains."""
-    best = answer.parameters
-    jobs = [(f"check_{STIFF_PA:g}Pa_{seed}", best, seed, RPM, STIFF_PA) for seed in STIFF]
-    stiff = pd.DataFrame([scores(study, heights) for heights in all_turned(jobs)])
-    shift = stiff.mean() - pd.DataFrame([scores(study, heights) for heights in checks]).mean()
-    print("shift of the scores:", shift.round(2).to_dict())
+def corrected(study: Study, screening: calibration.Calibration) -> calibration.Calibration:
+    """The answer for drums that turn as published, from the screening, some such drums and the shift between both.
+
+    It ends when the drums of a step are as near to both surfaces as the published answer.
+    """
+    answer, tables, shifts = screening, [], []
+    for step in range(1, STEPS + 1):
+        best = answer.parameters
+        drums = drums_as_published(f"step_{step}", best, SEEDS_OF_STEP)
+        found = pd.DataFrame([scores(study, heights) for heights in drums])
+        shifts += [found - screening.model.predict(np.array([[*best.values()]]))]
+        sample = study.runs["sample"].astype(int).max() + step
+        tables += [found.assign(sample=sample, **best)]
+        answer = with_shift(study, tables, pd.concat(shifts).mean())
+        off = compared(drums).set_index("rpm")
+        print(f"step {step}: {best}", off.to_string(), calibration.describe(answer), sep="\n", flush=True)
+        if all(off["single_runs_rms_mm"][rpm] <= WITHIN_MM[rpm] for rpm in RPM):
+            break
+    return answer
+
+
+def with_shift(study: Study, tables: list[pd.DataFrame], shift: pd.Series) -> calibration.Calibration:
+    """The answer of the screening's runs with their scores shifted, and of further runs."""
     runs = study.runs.copy()
-    soft = runs["sample"].astype(int) > OF_STIFF
-    runs.loc[soft, shift.index] += shift
-    names = ["sample", *PARAMETERS, *shift.index]
-    sample = runs["sample"].astype(int).max() + 1
-    added = stiff.assign(sample=sample, **best)
-    table = pd.concat([runs[names], added[names]], ignore_index=True)
+    runs[shift.index] += shift
+    table = pd.concat([runs, *tables], ignore_index=True)[["sample", *PARAMETERS, *shift.index]]
     return calibration.calibrate(study, checked_runs(study, table))
 
 
@@ -163,36 +198,35 @@ def compared(checks: list[dict]) -> pd.DataFrame:
 
 
 def predicted(drums: list[dict]) -> pd.DataFrame:
-    """Surfaces at speeds that nobody used, with a band of two standard deviations [mm]."""
+    """Surfaces at speeds that nobody used, with a band of two standard deviations of a drum [mm]."""
     tables = []
     for rpm in sorted(PREDICTED_RPM):
         lines = np.array([heights[rpm] for heights in drums])
-        mean, half = lines.mean(axis=0), 2 * lines.std(axis=0, ddof=1)
+        mean, half = lines.mean(axis=0), 2 * rms(lines.std(axis=0, ddof=1))
         columns = {"x_mm": X_MM, "predicted_mm": mean, "low_mm": mean - half, "high_mm": mean + half}
         tables.append(pd.DataFrame({"rpm": rpm, **columns}))
     return pd.concat(tables).round(2)
 
 
 def main() -> None:
-    """Calibrate, check the answers with fresh seeds, predict the other speeds."""
-    study, soft = calibrated()
-    checks = all_turned([(f"check_{seed}", soft.parameters, seed, ALL_RPM) for seed in CHECKS])
-    off = compared(checks).assign(young_pa=YOUNG_PA)
-    answer = stiffer(study, soft, checks)
+    """Screen, correct, check the answer with fresh seeds, predict the other speeds."""
+    study, screening = screened()
+    answer = corrected(study, screening)
     calibration.write(answer, OUT)
     own.write(answer, OUT / "report.html")
-    print(calibration.describe(answer), flush=True)
-    jobs = [(f"fresh_{seed}", answer.parameters, seed, ALL_RPM, STIFF_PA) for seed in FRESH]
-    fresh = all_turned(jobs)
-    off = pd.concat([compared(fresh).assign(young_pa=STIFF_PA), off])
+    fresh = drums_as_published("fresh", answer.parameters, FRESH)
+    off = compared(fresh)
     write_table(OUT / "compared.csv", off)
-    print(off.to_string(index=False))
+    print(off.to_string(index=False), flush=True)
     draw_figure(study, answer, fresh)
-    write_table(OUT / "predicted.csv", predicted(fresh))
+    others = drums_as_published("fresh", answer.parameters, FRESH, PREDICTED_RPM)
+    write_table(OUT / "predicted.csv", predicted(others))
     minutes = {path.stem: read_json(path)["minutes"] for path in sorted((OUT / "drums").glob("*.json"))}
-    used = [value for name, value in minutes.items() if name.startswith(("run", f"check_{STIFF_PA:g}"))]
-    total = sum(minutes.values())
-    print(f"{2 * len(used)} runs: {sum(used):.0f} minutes of processor; with the checks {total:.0f}")
+    used = {name: value for name, value in minutes.items() if name.startswith(("run", "step"))}
+    runs = sum(2 if name.startswith("run") else 1 for name in used)
+    print(
+        f"{runs} runs: {sum(used.values()):.0f} minutes of processor; with the checks {sum(minutes.values()):.0f}"
+    )
 
 
 def draw_figure(study: Study, answer: calibration.Calibration, checks: list[dict]) -> None:
