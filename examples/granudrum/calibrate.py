@@ -64,7 +64,7 @@ class Procedure(NamedTuple):
 SHORT = Procedure(RPM, (0.65, 0.3), 0.3, 4e5)
 # Then some drums turn as published. At each step two of them show how far the screening is off at its best point. That
 # shift is added to all of its runs, as if it were the same for all parameters, and they give the next point.
-STEPS, SEEDS_OF_STEP = 4, (1, 2)
+STEPS, SEEDS_OF_STEP = 2, (1, 2)
 FRESH = range(6001, 6004)  # seeds of the answer
 PREDICTED_RPM = (30, 10)
 
