@@ -8,17 +8,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from repose.chain.design import METHODS
 from repose.core.files import read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import Response
 
 from . import style
-
-METHODS = {
-    "random": "random Latin hypercube",
-    "lhsdesign": "best of 20 random ones",
-    "optimal": "optimal Latin hypercube",
-}
 
 
 def design_matrix(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
