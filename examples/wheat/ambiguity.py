@@ -156,7 +156,7 @@ def draw_figure(found: dict) -> None:
         plane, tests = page.subplots(1, 2, width_ratios=(1, 1.75))
         for x, shown in enumerate(benches.values()):
             label = "measured on wheat" if x == 0 else None
-            tests.plot([x - 0.16, x + 0.16], 2 * [shown.measured], color=style.BLACK, lw=2.5, label=label)
+            tests.plot([x - 0.12, x + 0.12], 2 * [shown.measured], color=style.BLACK, lw=2.5, label=label)
         for k, (of, pair) in enumerate(PAIRS.items()):
             look = {"color": style.SERIES[k], "marker": "osD^v"[k], "ms": 5}
             plane.plot(pair.static, pair.rolling, **look)
@@ -168,12 +168,13 @@ def draw_figure(found: dict) -> None:
             tests.errorbar(x, mean, yerr=error, capsize=2, **look)
             beside = {"textcoords": "offset points", "color": look["color"], "fontweight": "bold"}
             plane.annotate(of, (pair.static, pair.rolling), (5, 4), **beside)
-            tests.annotate(of, (x[-1], mean[-1]), (8, -3), **beside)
-        plane.set(xlabel="static friction", ylabel="rolling friction", xlim=(0, 0.7), ylim=(0, 0.42))
+            tests.annotate(of, (x[-1], mean[-1]), (15, -3), **beside)
+        plane.set(xlabel="static friction (–)", ylabel="rolling friction (–)", xlim=(0, 0.7), ylim=(0, 0.42))
         plane.set_title("five pairs, each published for wheat")
         tests.set(ylabel="angle (deg)", xlim=(-0.3, len(benches) - 0.6))
         tests.set_xticks(range(len(benches)), [shown.title for shown in benches.values()])
-        tests.set_title("what they give in three bench tests, with one grain")
+        tests.set_title("what they give in three bench tests, with the same grain")
+        tests.errorbar([], [], yerr=[], color=style.GREY, fmt="o", capsize=2, label="simulated ± 2 SE")
         tests.legend(loc="upper left")
         style.save(page, OUT / "ambiguity.png", small_run=False)
 

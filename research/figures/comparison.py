@@ -41,9 +41,15 @@ def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
             panel.set(ylim=_limits(table[key]))
             _plain_ticks(panel, table["simulations"])
         column[0].set_title(response.symbol)
-        column[0].plot(rows["simulations"], rows["reachable_r2"], "_", color=style.GREY, label="reachable")
+        column[0].plot(
+            rows["simulations"],
+            rows["reachable_r2"],
+            "_",
+            color=style.GREY,
+            label="most that the noise lets any model reach",
+        )
         column[1].set_xlabel("simulations trained on")
-    for panel, words in zip(panels[:, 0], ("R²", "share of the explainable"), strict=True):
+    for panel, words in zip(panels[:, 0], ("R²", "share of the explainable\nvariance"), strict=True):
         panel.set_ylabel(words)
     _legend_below(figure, panels[0, 0])
     return figure
@@ -58,7 +64,7 @@ def _with_intervals(panel, rows, key):
         place = of["simulations"] * 1.04 ** (k - len(sources) / 2)  # so that no bar hides another
         look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4, "ls": "none", "lw": 0.8}
         panel.errorbar(place, of[key], yerr=bars, label=source, **look)
-    panel.axhline(rows[f"{key}_bar"].iloc[0], color=style.BLACK, ls="--", lw=0.8)
+    panel.axhline(rows[f"{key}_bar"].iloc[0], color=style.BLACK, ls="--", lw=0.8, label="asked for")
     panel.set_xscale("log")
 
 
@@ -82,7 +88,7 @@ def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
             _missed(panel, drawn["simulations"], drawn, label=model, **look)
             main = rows[rows["training"] != "pool"]
             _missed(panel, main["simulations"] * 1.1, main, mfc="none", **look | {"ls": "none"})
-        panel.set(title=response.symbol, xscale="log", xlabel="simulations")
+        panel.set(title=response.symbol, xscale="log", xlabel="simulations (open marks: main design)")
         _plain_ticks(panel, table.loc[table["training"] == "pool", "simulations"])
     _missed_axes(panels)
     _legend_below(figure, panels[0])
@@ -106,7 +112,7 @@ def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         _lines(column[0], designs[designs["response"] == response.name], "design", "points")
         _lines(column[1], trades[trades["response"] == response.name], "fit", "seeds")
         column[0].set(title=response.symbol)
-        column[1].set(xlabel="seeds per point, simulations alike")
+        column[1].set(xlabel="seeds per point, at the same number of simulations")
     for half, row in zip(halves, panels, strict=True):
         _missed_axes(row)
         _legend_below(half, row[0])
@@ -143,7 +149,7 @@ def _missed(panel, place, rows, **look):
 
 def _missed_axes(panels):
     """Logarithmic axes of the missed share, the best on top; shares above 1 are cut off."""
-    panels[0].set_ylabel("explainable variance missed (%)")
+    panels[0].set_ylabel("explainable variance\nmissed (%, best on top)")
     shares = np.array([1, 2, 5, 10, 20, 50, 100])
     for panel in panels:
         panel.set_yscale("log")

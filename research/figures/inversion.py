@@ -47,10 +47,13 @@ def searches(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     figure = style.new_figure(style.PAGE, 3.5)
     course, soon, spread = figure.subplots(1, 3, width_ratios=[1.9, 1, 1])
     _course(course, curves, config["compare_search"]["tolerance"])
-    figure.legend(*course.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     course.set_title("a", fontweight="bold")
     _to_tolerance(soon, methods)
     _coverage(spread, methods)
+    named = [
+        one for panel in (course, spread) for one in zip(*panel.get_legend_handles_labels(), strict=True)
+    ]
+    figure.legend(*zip(*named, strict=True), loc="outside lower center", ncols=4)
     return figure
 
 
@@ -67,7 +70,8 @@ def _course(panel: Axes, curves: pd.DataFrame, tolerance: float) -> None:
         panel.fill_between(rows["evaluations"], *ends, color=colour, alpha=0.2, lw=0)
     panel.axhline(tolerance, color=style.BLACK, lw=0.7, ls=":")
     panel.set(xscale="log", yscale="log", xlabel="evaluations of the network", ylabel="best objective F (–)")
-    panel.text(11, tolerance * 0.8, f"tolerance {tolerance:g}", fontsize=6.3, va="top")
+    words = {"fontsize": 6.3, "ha": "right", "va": "bottom", "transform": panel.get_yaxis_transform()}
+    panel.text(0.99, tolerance * 1.2, f"tolerance {tolerance:g}", **words)
 
 
 def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
@@ -103,7 +107,10 @@ def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
     """Share of the feasible region near the points that each search lists, and near all feasible points that it met."""
     names = [name for name in SEARCHES if name in methods.index]
     place = np.arange(len(names))[::-1]
-    for offset, key, alpha, label in ((0.2, "listed", 1.0, "the list"), (-0.2, "met", 0.45, "any it met")):
+    for offset, key, alpha, label in (
+        (0.2, "listed", 1.0, "c: its list"),
+        (-0.2, "met", 0.45, "c: all points that it met"),
+    ):
         values = 100 * methods.loc[names, f"{key}_coverage"].to_numpy()
         errors = 100 * methods.loc[names, f"{key}_coverage_se"].to_numpy()
         colours = [SEARCHES[name][1] for name in names]
@@ -111,19 +118,9 @@ def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
         panel.errorbar(values, place + offset, xerr=errors, fmt="none", ecolor=style.BLACK, lw=0.7)
         panel.barh([np.nan], [np.nan], color=style.BLACK, alpha=alpha, label=label)
     full = 100 * methods.loc[REGION, "listed_coverage"]
-    panel.axvline(full, color=style.BLACK, lw=0.8, ls=":")
-    panel.text(
-        0.97 * full,
-        0.99,
-        "as many random\nfeasible points",
-        transform=panel.get_xaxis_transform(),
-        fontsize=5.8,
-        ha="right",
-        va="top",
-    )
+    panel.axvline(full, color=style.BLACK, lw=0.8, ls=":", label="c: as many random feasible points")
     panel.set_yticks(place, [SEARCHES[name][0].replace(", ", ",\n") for name in names], fontsize=6)
-    panel.set(xlabel="region covered (%)", xlim=(0, None), ylim=(-0.6, len(names) + 0.4))
-    panel.legend(loc="center right", fontsize=6)
+    panel.set(xlabel="region covered (%)", xlim=(0, None), ylim=(-0.6, len(names) - 0.4))
     panel.set_title("c", fontweight="bold")
 
 
@@ -161,5 +158,5 @@ def _off_the_target(panel: Axes, table: pd.DataFrame, key: str) -> None:
 
 
 def _off_label(response: Response) -> str:
-    """Label of the distance from the target, as in ``AoR off (deg)``."""
-    return f"{response.symbol} off ({response.unit or '–'})"
+    """Label of the distance from the target, as in ``AoR off the target (deg)``."""
+    return f"{response.symbol} off the target ({response.unit or '–'})"

@@ -17,7 +17,7 @@ from research.shape.shape_piles import COLUMNS
 
 MARKERS = "osD^vP*X"
 FILLS = ("full", "left", "none", "top")
-COLOURS = ("#1B6CA8", "#D7191C", "#F08A24", "#5BA300", "#2E7D4F", "#7B4FA3", "#8C564B", "#555555")
+COLOURS = (*style.SERIES, style.BLACK)
 
 
 def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
@@ -51,7 +51,7 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     for panel, definition in zip(panels.flat, COLUMNS, strict=True):
         rows = combinations[combinations["definition"] == definition]
         _one_definition(panel, rows, shown, published, looks)
-        panel.set_title(definition, fontsize=9)
+        panel.set_title(definition.replace("_", ", by "), fontsize=9)
     labels = [f"{target.response.label} ({target.response.unit})" for target in shown] + ["distance (–)"]
     for panel in panels[-1]:
         panel.set_xlabel(labels[0])
@@ -104,18 +104,20 @@ def _ranges(panel: Axes, shown: list[Target]) -> None:
 
 def _legend(figure: Figure, particles: list[str], tensions: list[str], fillings: list[str]) -> None:
     """Legend: colours of the particles, marks of the fillings, fill of a mark for each tension."""
-    grey = {"color": "0.4", "linestyle": "none"}
-    handles = [
-        Line2D([], [], color=colour, marker="o", linestyle="none", label=name.replace("_", " "))
-        for name, colour in zip(particles, COLOURS, strict=False)
-    ]
-    handles += [
-        Line2D([], [], marker=marker, label=name.replace("_", " "), **grey)
-        for name, marker in zip(fillings, MARKERS, strict=False)
-    ]
-    handles += [
-        Line2D([], [], marker="o", fillstyle=fill, label=name, **grey)
-        for name, fill in zip(tensions, FILLS, strict=False)
-    ]
-    handles.append(Line2D([], [], color="k", marker="+", linestyle="none", label="published piles"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=7, frameon=False)
+    grey = {"color": "0.4", "marker": "o", "linestyle": "none"}
+    groups = {
+        "particle": [(name, {"color": colour}) for name, colour in zip(particles, COLOURS, strict=False)],
+        "filling": [(name, {"marker": marker}) for name, marker in zip(fillings, MARKERS, strict=False)],
+        "tension": [(name, {"fillstyle": fill}) for name, fill in zip(tensions, FILLS, strict=False)],
+        "article": [
+            ("published_piles", {"color": "k", "marker": "+"}),
+            ("target_ranges", {"color": "0.85", "marker": "s"}),
+        ],
+    }
+    rows = max(map(len, list(groups.values())[1:])) + 1
+    handles = []
+    for group, members in groups.items():
+        looks = [(f"{group}:", {"marker": ""}), *members]
+        looks += [("", {"marker": ""})] * (-len(looks) % rows)  # a column for each group
+        handles += [Line2D([], [], label=name.replace("_", " "), **grey | look) for name, look in looks]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles) // rows, fontsize=7)

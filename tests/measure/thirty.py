@@ -194,24 +194,24 @@ def measured(folder, scene, name="pile"):
 
 def picture(path):
     """Draw four photographs that are measured, what was found in them, and four that are refused."""
-    canvas, axes = plt.subplots(3, 4, figsize=(12, 6.6), height_ratios=(3, 1.4, 3), layout="constrained")
+    canvas, axes = plt.subplots(3, 4, figsize=(7.5, 4.3), height_ratios=(3, 1.4, 3), layout="constrained")
     with tempfile.TemporaryDirectory() as folder:
         for column, (change, title) in enumerate(GOOD):
             one = measured(folder, Scene(**SMALL | change))
             axes[0, column].imshow(cv2.imread(str(one.path))[..., ::-1])
-            axes[0, column].set_title(title)
+            axes[0, column].set_title(title, fontsize=8)
             axes[1, column].imshow(overlay(one.view, one.measurement)[..., ::-1])
             found = one.measurement
-            axes[1, column].set_title(f"{found.aor_deg:.1f}°, Height {found.height_mm:.1f} mm")
+            axes[1, column].set_title(f"{found.aor_deg:.1f}°, Height {found.height_mm:.1f} mm", fontsize=8)
         for column, (change, reason) in enumerate(BAD):
             one = measured(folder, Scene(**SMALL | change))
             axes[2, column].imshow(cv2.imread(str(one.path))[..., ::-1])
-            axes[2, column].set_title(f"refused: {reason}", fontsize=9)
+            axes[2, column].set_title(f"refused:\n{reason}", fontsize=7.5)
             if reason not in one.refused:
                 raise AssertionError(f"{reason}: {one.refused}")
     for axis in axes.flat:
         axis.set_axis_off()
-    canvas.savefig(path, dpi=90)
+    canvas.savefig(path, dpi=144)
 
 
 def main():

@@ -114,7 +114,7 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
         (
             {"summary": {"feasible": False, "message": "Nothing met."}},
             "bad",
-            "The targets are not met. Nothing met.",
+            "The targets are not met.</b> Nothing met.",
         ),
         (
             {"job_funnel": {"sample": 1, "parameters": {}, "runs": [{"status": "jammed", "seed": 1}]}},

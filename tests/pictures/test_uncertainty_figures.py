@@ -85,9 +85,9 @@ def test_the_curve_over_the_discrepancy(correlations, study, tmp_path):
     }
     panels, texts = drawn(discrepancy.over_the_discrepancy, inputs, config_of(2))
     assert panels == 1 + len(FREE)
-    assert "stated, independent" in texts
+    assert "assumed, independent between targets" in texts
     assert ("fewer than 400 effective points" in texts) == study
-    assert ("stated, correlation 0.9" in texts) == (len(correlations) > 1)
+    assert ("assumed, correlation 0.9" in texts) == (len(correlations) > 1)
     assert style.parameter_label("e_gg") not in texts
 
 

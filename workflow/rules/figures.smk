@@ -51,7 +51,6 @@ figure(
     "Convergence of the search",
     "miga",
     history=rules.miga.output.history,
-    summary=rules.miga.output.summary,
 )
 figure(
     "design",

@@ -25,6 +25,11 @@ PHI_DOUBLINGS = (3, 4, 5)
 # into the neighbouring stratum.
 EDGE_MARGIN = 1e-4
 ROUNDS_PER_POWER = 100
+METHODS = {
+    "random": "random Latin hypercube",
+    "lhsdesign": "best of 20 Latin hypercubes",
+    "optimal": "optimal Latin hypercube",
+}
 
 
 def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
@@ -120,7 +125,7 @@ def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple
         raise InputError("design", "method", method, "lhsdesign or optimal")
     space.check_searchable()
     d = space.dimensions
-    designs = {name: points(samples, d, name, seed) for name in ("random", "lhsdesign", "optimal")}
+    designs = {name: points(samples, d, name, seed) for name in METHODS}
     return parameter_sets(designs[method], space), compare(designs)
 
 

@@ -61,7 +61,6 @@ OPTIONAL = {
     "approach": ("summary",),
     "figure08": ("trajectory", "particle"),
     "figure14": ("published",),
-    "convergence": ("summary",),
     "design": ("comparison",),
     "drawdown": ("runs", "particle"),
     "lifted_cylinder": ("runs", "particle"),

@@ -42,6 +42,7 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         panel.set_title(title, fontweight="bold")
     for panel in panels[-1]:
         panel.set_xlabel(f"solution{WORD}")
+    figure.align_xlabels(panels[-1])
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     figure.supxlabel("numbers: error of the prediction in % of the simulated value", fontsize=6.8)
     return figure

@@ -33,14 +33,16 @@ def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -
     above, below = figure.subfigures(2, 1, height_ratios=[2.3, 1.55 * rows])
     bits = above.subplots()
     for k, (correlation, own) in enumerate(stated.groupby("discrepancy_correlation")):
-        label = f"stated, correlation {correlation:g}" if correlation else "stated, independent"
+        label = (
+            f"assumed, correlation {correlation:g}" if correlation else "assumed, independent between targets"
+        )
         bits.plot(own["discrepancy_percent"], own["information_bits"], label=label, **style.series(k))
     bits.plot(
         study["discrepancy_percent"],
         study["information_bits"],
         "D",
         color=style.RED,
-        label="of the shape study",
+        label="spread of the shape study's models",
     )
     rough = stated[stated["effective_points"] < FEW]
     if len(rough):
@@ -61,6 +63,7 @@ def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -
     for panel, name in zip(panels, names, strict=False):
         _intervals(panel, name, stated, study)
         panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
+    below.suptitle("95 % intervals of the parameters, in their ranges", fontsize=8)
     for panel in panels[len(names) :]:
         panel.set_axis_off()
     for panel in panels[max(0, len(names) - 3) : len(names)]:

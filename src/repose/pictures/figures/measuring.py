@@ -31,7 +31,7 @@ def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
-    figure = style.new_figure(style.PAGE, 4.1)
+    figure = style.new_figure(style.PAGE, 3.7)
     above, below = figure.subplots(2, 1, height_ratios=(1.9, 1))
     measured = _view(above, side_view(poured, particle, settings), settings)
     everywhere = pile.measure_pile(

@@ -73,7 +73,7 @@ def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: 
     kind = "feasible solutions" if solutions["feasible"].any() else "nearest solutions, none feasible"
     look = {"ms": 3, "mew": 0, "color": style.ORANGE, "zorder": 5}
     panel.plot(solutions[x.predicted], solutions[y.predicted], "o", **look, label=f"{kind}, predicted")
-    look = {"ms": 7, "mfc": "white", "color": style.RED, "zorder": 6}
+    look = {"ms": 7, "mfc": "none", "color": style.RED, "zorder": 6}
     panel.plot(answer[x.predicted], answer[y.predicted], "s", **look, label="answer, predicted")
     errors = {
         axis: None if pd.isna(answer[response.error]) else answer[response.error]

@@ -35,7 +35,8 @@ def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         _deviations(upper, rounds, values, section["tolerance_percent"], colour)
         upper.set_title(f"{response.symbol}, target {values['target'][0]:g} {response.unit}")
         lower.plot(rounds["round"], 100 * values["se"] / values["target"], "o-", color=colour, ms=4)
-        lower.axhline(section["standard_error_percent"], color=style.GREY, ls="--", lw=0.9)
+        limit = section["standard_error_percent"]
+        lower.axhline(limit, color=style.GREY, ls="--", lw=0.9, label=f"limit, {limit:g} %")
         lower.set(xlabel="round", ylim=(0, None))
         lower.set_xticks(rounds["round"])
         if k % 2 == 0:
@@ -44,6 +45,7 @@ def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     for panel in panels[-2:, 1:].ravel() if len(responses) % 2 else ():
         panel.axis("off")
     panels[0, 0].legend(loc="best")
+    panels[1, 0].legend(loc="lower right")
     if "summary" in inputs:
         why = read_json(inputs["summary"], ("why",))["why"]
         figure.suptitle(_wrapped(why), fontsize=7.5, x=0.02, ha="left")
@@ -53,12 +55,14 @@ def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 def _deviations(
     panel: Axes, rounds: pd.DataFrame, values: Mapping[str, np.ndarray], tolerance: float, colour: str
 ) -> None:
-    """One response: its bar as a band, predictions as hollow diamonds, simulated means with standard errors."""
+    """One response: its tolerance as a band, predictions as hollow diamonds, simulated means with standard errors."""
     place = rounds["round"].to_numpy(float)
     simulated, predicted = (
         100 * (values[what] / values["target"] - 1) for what in ("simulated", "predicted")
     )
-    panel.axhspan(-tolerance, tolerance, color=style.GREEN, alpha=0.15, lw=0, label=f"bar, ±{tolerance:g} %")
+    panel.axhspan(
+        -tolerance, tolerance, color=style.GREEN, alpha=0.15, lw=0, label=f"near enough, ±{tolerance:g} %"
+    )
     panel.axhline(0, color=style.GREY, lw=0.7)
     panel.plot(
         place - 0.06, predicted, "D", ms=4.5, mfc="white", mec=style.BLACK, ls="", label="predicted", zorder=3
@@ -78,7 +82,12 @@ def _deviations(
     for x, y, seeds in zip(place, simulated, rounds["n_seeds"], strict=True):
         if np.isfinite(y):
             panel.annotate(
-                f"{seeds:g}", (x + 0.06, y), (6, -7), textcoords="offset points", fontsize=6, color=style.GREY
+                f"{seeds:g} seeds",
+                (x + 0.06, y),
+                (6, -7),
+                textcoords="offset points",
+                fontsize=6,
+                color=style.GREY,
             )
     panel.set_xlim(place[0] - 0.4, place[-1] + 0.4)
 

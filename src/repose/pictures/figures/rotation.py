@@ -83,6 +83,7 @@ def _side_view(
         scales,
     )
     panel.imshow(picture)
+    style.scale_bar(panel, camera, np.zeros(3), 2 * inside.radius_m)
     ends = np.column_stack([surface.line_m[:, 0], np.zeros(2), surface.line_m[:, 1]])
     x, y, _ = camera.project(ends)
     panel.plot(x, y, color="white", lw=2.6, solid_capstyle="butt")
@@ -156,8 +157,9 @@ def _layers(panel: Axes, profile: pd.DataFrame, section: Mapping[str, Any]) -> N
     if not len(profile):
         style.note(panel, "no slip in any run")
         return
-    for _, run in profile.groupby("seed"):
-        panel.plot(run["moved_mm"], run["depth_mm"], color=style.SKY, lw=0.7)
+    for k, (_, run) in enumerate(profile.groupby("seed")):
+        label = "_" * bool(k) + "single run"
+        panel.plot(run["moved_mm"], run["depth_mm"], color=style.SKY, lw=0.7, label=label)
     layers = profile.groupby("depth_mm")["moved_mm"]
     mean, count = layers.mean(), layers.count()
     error = (layers.std() / np.sqrt(count)).fillna(0.0)

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from repose.chain.design import METHODS
 from repose.core.files import read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import Response
@@ -29,7 +30,7 @@ def design_matrix(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figur
             panel.scatter(table[across], table[down], s=4, color=style.BLUE, alpha=0.75, lw=0)
             panel.set_ylim(ranges[down])
         panel.set_xlim(ranges[across])
-    text = f"{len(table)} samples\nmethod: {config['design']['method']}"
+    text = f"{len(table)} samples: {METHODS[config['design']['method']]}\ndiagonal: samples in each tenth of a range"
     if len(free) == 1:  # no empty corner to write in
         figure.suptitle(text, fontsize=9)
         return figure
@@ -43,7 +44,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     """Bars of the minimum distance of each method, in the empty corner."""
     panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
     panel.set_in_layout(False)
-    names = comparison["method"].tolist()
+    names = [METHODS[method] for method in comparison["method"]]
     colours = [style.GREY, style.ORANGE, style.BLUE]
     panel.barh(names, comparison["min_distance"], color=colours[: len(names)], height=0.6)
     for y, value in enumerate(comparison["min_distance"]):

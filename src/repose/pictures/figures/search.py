@@ -1,5 +1,6 @@
 """Figure 14 and the convergence of the island genetic algorithm."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -51,7 +52,8 @@ def _title(figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping
         text, colour = f"NO FEASIBLE SOLUTION: the {len(solutions)} nearest are shown", style.RED
     left.set_title(f"a   {text}", fontweight="bold", color=colour)
     if not summary["feasible"] and summary.get("message"):
-        figure.supxlabel(summary["message"], fontsize=6.8, color=style.RED, wrap=True)
+        words = re.sub("|".join(SYMBOLS), lambda name: SYMBOLS[name[0]], summary["message"])
+        figure.supxlabel(words, fontsize=6.8, color=style.RED, wrap=True)
 
 
 def _jitter(count):
@@ -127,11 +129,14 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
 
 
 def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Objective of the best and the mean individual, and feasible solutions met, over the rounds."""
+    """Objective of the best and the mean individual, and feasible solutions if any were met, over the generations."""
     columns = ("generation", "mean_objective", "best_objective", "feasible_found")
     history = read_table(inputs["history"], columns)
-    figure = style.new_figure(style.COLUMN, 3.2)
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[1.6, 1])
+    met = int(history["feasible_found"].max())
+    rows = 2 if met else 1
+    figure = style.new_figure(style.COLUMN, 1.2 + rows)
+    panels = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=[1.6, 1][:rows])[:, 0]
+    top = panels[0]
     top.plot(history["generation"], history["mean_objective"], color=style.SKY, label="mean of all islands")
     top.plot(history["generation"], history["best_objective"], color=style.BLUE, label="best so far")
     top.set_ylabel("objective F (dimensionless)")
@@ -139,13 +144,13 @@ def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     if objectives.min() > 0 and objectives.max() > 10 * objectives.min():  # else no power of ten has a tick
         top.set_yscale("log")
     top.legend(loc="upper right")
-    bottom.plot(history["generation"], history["feasible_found"], color=style.GREEN)
-    bottom.set(xlabel="generation", ylabel="feasible\nsolutions met")
-    bottom.set_ylim(0, max(1, 1.05 * history["feasible_found"].max()))
-    bottom.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    if history["generation"].iloc[-1] > 200:
-        for panel in (top, bottom):
-            panel.set_xscale("log")
-    if "summary" in inputs and not read_json(inputs["summary"], ("feasible",))["feasible"]:
+    if met:
+        panels[1].plot(history["generation"], history["feasible_found"], color=style.GREEN)
+        panels[1].set(ylabel="feasible\nsolutions met", ylim=(0, 1.05 * met))
+        panels[1].yaxis.set_major_locator(MaxNLocator(4, integer=True))
+    else:
         top.set_title("no feasible solution was met", color=style.RED)
+    panels[-1].set_xlabel("generation")
+    if history["generation"].iloc[-1] > 200:
+        top.set_xscale("log")
     return figure

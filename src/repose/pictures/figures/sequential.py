@@ -17,9 +17,8 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
     batches = read_table(inputs["batches"], ("pours", "probability", "reachable", "in_reach", *columns))
     check = read_table(inputs["check"], ("response", "simulated", "simulated_error")).set_index("response")
-    rows = style.grid_rows(1 + len(targets))
-    figure = style.new_figure(style.PAGE, 2.6 * rows)
-    panels = figure.subplots(rows, 2, squeeze=False).ravel()
+    figure = style.new_figure(style.PAGE, 0.4 + 2.2 * style.grid_rows(1 + len(targets), 3))
+    panels = style.grid(figure, 1 + len(targets), 3)
     _probability(panels[0], batches, section)
     after = float(batches["pours"].iloc[-1]) * 1.06
     for k, (panel, target) in enumerate(zip(panels[1:], targets, strict=False)):
@@ -28,9 +27,9 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
             100 / target.whole * (batches[f"{response.name}_{what}"] - shift)
             for what, shift in (("mean", target.aim), ("error", 0))
         )
-        panel.axhspan(
-            *(sign * section["tolerance_percent"] for sign in (-1, 1)), color=style.GREEN, alpha=0.15, lw=0
-        )
+        near = section["tolerance_percent"]
+        look = {"color": style.GREEN, "alpha": 0.15, "lw": 0}
+        panel.axhspan(-near, near, label=f"near enough, ±{near:g} %", **look)
         panel.axhline(0, color=style.GREY, lw=0.7)
         panel.errorbar(
             batches["pours"],
@@ -56,28 +55,36 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         )
         panel.set(xlabel="pours", ylabel="off the target (% of it)")
         panel.set_title(f"{response.symbol}, target {target.aim:g} {response.unit}")
-        panel.legend(loc="best")
-    for panel in panels[1 + len(targets) :]:
-        panel.axis("off")
+    named = [one for panel in panels[:2] for one in zip(*panel.get_legend_handles_labels(), strict=True)]
+    figure.legend(*zip(*named, strict=True), loc="outside lower center", ncols=3)
     return figure
 
 
 def _probability(panel: Axes, batches: Any, section: Mapping[str, Any]) -> None:
     """Probability after each batch, the probability that the remaining pours can reach, and the required one."""
     panel.plot(
-        batches["pours"], batches["probability"], "o-", ms=4, color=style.BLUE, label="of the best point"
+        batches["pours"],
+        batches["probability"],
+        "o-",
+        ms=4,
+        color=style.BLUE,
+        label="probability of the best point",
     )
     panel.plot(
         batches["pours"],
         batches["reachable"],
         ls=":",
         color=style.GREY,
-        label="the most that the pours left can reach",
+        label="the most that the pours left can make of it",
     )
     panel.plot(
-        batches["pours"], batches["in_reach"], "s-", ms=3, color=style.ORANGE, label="of any parameter set"
+        batches["pours"],
+        batches["in_reach"],
+        "s-",
+        ms=3,
+        color=style.ORANGE,
+        label="probability that any set meets them",
     )
-    panel.axhline(section["probability"], color=style.RED, ls="--", lw=0.9, label="asked for")
-    panel.set(xlabel="pours", ylabel="probability", ylim=(0, 1.02))
+    panel.axhline(section["probability"], color=style.RED, ls="--", lw=0.9, label="probability asked for")
+    panel.set(xlabel="pours", ylabel="probability", ylim=(-0.03, 1.02))
     panel.set_title(f"All targets within {section['tolerance_percent']:g} %")
-    panel.legend(loc="best")

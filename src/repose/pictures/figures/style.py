@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
@@ -195,9 +196,10 @@ def scale_bar(panel: Axes, camera: "Camera", place_m: np.ndarray, extent_m: floa
     length_m = power * max(step for step in (1, 2, 5) if step * power <= 0.3 * extent_m)
     x, _, _ = camera.project(place_m + np.outer([0.0, length_m], camera.axes[0]))
     right, low = 0.97 * camera.width, 0.94 * camera.height
-    panel.plot([right - x[1] + x[0], right], [low, low], color=BLACK, lw=1.6, solid_capstyle="butt")
+    look = {"color": BLACK, "path_effects": [withStroke(linewidth=3, foreground="white")]}  # also over grains
+    panel.plot([right - x[1] + x[0], right], [low, low], lw=1.6, solid_capstyle="butt", **look)
     words = f"{1e3 * length_m:g} mm{where}"
-    panel.text(right, low - 0.02 * camera.height, words, ha="right", va="bottom", fontsize=6.8)
+    panel.text(right, low - 0.02 * camera.height, words, ha="right", va="bottom", fontsize=6.8, **look)
 
 
 def note(axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any) -> Text:

@@ -16,35 +16,43 @@ from repose.core.responses import Response, response
 
 from . import style
 
+ACTIVATIONS = {"tansig": "tanh", "purelin": "linear"}  # by the names that MATLAB has for them
 SPLITS = (("train", style.BLUE, "o"), ("validation", style.ORANGE, "s"), ("test", style.RED, "^"))
 
 
 def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 10 of the paper, for the best network: line width is the weight's size, colour its sign."""
+    """Figure 10 of the paper, for the best network: line width is the weight's size, colour and dashes its sign."""
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
     weights = [np.atleast_2d(network["W1"]), np.atleast_2d(network["W2"])]
     places = [_column(x, n) for x, n in zip((0, 1, 2), (*weights[0].T.shape, len(weights[1])), strict=True)]
     figure = style.new_figure(style.COLUMN * 1.2, 3.6)
     panel = figure.subplots()
     _connections(panel, weights, places)
-    for nodes, colour in zip(places, (style.BLUE, style.RED, style.GREEN), strict=True):
-        panel.scatter(*nodes.T, s=95, color="white", edgecolor=colour, linewidth=1.6, zorder=2)
+    for nodes in places:
+        panel.scatter(*nodes.T, s=95, color="white", edgecolor=style.BLACK, linewidth=1.2, zorder=2)
     for (x, y), name in zip(places[0], network["inputs"], strict=True):
         panel.text(x - 0.11, y, SYMBOLS[name], ha="right", va="center", fontsize=8.5)
     symbols = [response(name, inputs["network"]).symbol for name in network["outputs"]]
     for (x, y), symbol in zip(places[2], symbols, strict=True):
         panel.text(x + 0.11, y, symbol, ha="left", va="center", fontsize=8)
-    activation = network.get("activation", ("tansig", "purelin"))
-    titles = ("input", f"hidden ({activation[0]})", f"output ({activation[1]})")
+    hidden, output = (ACTIVATIONS.get(name, name) for name in network.get("activation", ACTIVATIONS))
+    titles = ("input", f"hidden ({hidden})", f"output ({output})")
     for x, (title, nodes) in enumerate(zip(titles, places, strict=True)):
         panel.text(x, 1.13, f"{title}\n{len(nodes)}", ha="center", va="bottom", fontsize=7.5)
-    for sign, colour, x in (("positive weight", style.BLUE, 0.35), ("negative weight", style.RED, 1.3)):
-        panel.plot([x, x + 0.12], [-1.16, -1.16], color=colour, lw=1.8)
-        panel.text(x + 0.16, -1.16, sign, va="center", fontsize=6.8)
+    for sign, x in ((1, 0.35), (-1, 1.3)):
+        panel.plot([x, x + 0.16], [-1.16, -1.16], **_look(sign), lw=1.8)
+        panel.text(
+            x + 0.2, -1.16, f"{'positive' if sign > 0 else 'negative'} weight", va="center", fontsize=6.8
+        )
     longest = max(len(symbol) for symbol in symbols)
     panel.set(xlim=(-0.45, 2.45 + 0.055 * max(0, longest - 6)), ylim=(-1.25, 1.38))
     panel.axis("off")
     return figure
+
+
+def _look(weight: float) -> dict[str, Any]:
+    """Colour and line of a weight by its sign."""
+    return {"color": style.BLUE} if weight > 0 else {"color": style.RED, "ls": (0, (3, 1))}
 
 
 def _connections(panel: Axes, weights: list[np.ndarray], places: list[np.ndarray]) -> None:
@@ -54,10 +62,8 @@ def _connections(panel: Axes, weights: list[np.ndarray], places: list[np.ndarray
         for (j, i), value in np.ndenumerate(weight):
             (x0, y0), (x1, y1) = places[layer][i], places[layer + 1][j]
             size = abs(value) / largest
-            colour = style.BLUE if value > 0 else style.RED
-            panel.plot(
-                [x0, x1], [y0, y1], color=colour, lw=0.1 + 2.4 * size, alpha=0.15 + 0.6 * size, zorder=1
-            )
+            width, alpha = 0.1 + 2.4 * size, 0.15 + 0.6 * size
+            panel.plot([x0, x1], [y0, y1], **_look(value), lw=width, alpha=alpha, zorder=1)
 
 
 def _column(x: float, count: int) -> np.ndarray:

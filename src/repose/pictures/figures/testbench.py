@@ -22,6 +22,7 @@ from . import style
 LINE = "#D7191C"
 PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
+STEPS = {"boundary": "boundary; lines left (red), right (green); Height (blue)"}
 
 
 def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
@@ -63,13 +64,17 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         settings,
         base_row=image.shape[0] - 0.5,
     )
-    figure = style.new_figure(style.PAGE, 2.9)
-    panels = figure.subplots(2, 2)
+    figure = style.new_figure(style.PAGE, 2.7)
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    ends_mm = [settings.mm_per_pixel * end for end in image.shape[::-1]]
+    look = {"cmap": "gray", "vmin": 0, "vmax": 255, "extent": (0, ends_mm[0], 0, ends_mm[1])}
     for panel, (title, picture), letter in zip(panels.ravel(), steps.items(), "abcd", strict=True):
-        # OpenCV uses BGR.
-        panel.imshow(picture[..., ::-1] if picture.ndim == 3 else picture, cmap="gray", vmin=0, vmax=255)
-        panel.axis("off")
-        panel.set_title(f"{letter}  {title}")
+        panel.imshow(picture[..., ::-1] if picture.ndim == 3 else picture, **look)  # OpenCV uses BGR
+        panel.set_title(f"{letter}  {STEPS.get(title, title)}")
+    for panel in panels[-1]:
+        panel.set_xlabel("x (mm)")
+    for panel in panels[:, 0]:
+        panel.set_ylabel("z (mm)")
     return figure
 
 
@@ -82,7 +87,7 @@ def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     top, half_inlet = 1e3 * walls[-1].z_high_m, funnel["inlet_diameter_mm"] / 2
     factory = top + funnel["factory_height_mm"]
     half_view = max(half_inlet + 75, 190)
-    left, right, low, high = -half_view - 5, half_view + 62, -34, factory + 34
+    left, right, low, high = -half_view, half_view, -34, factory + 34
     width = 1.3 * style.COLUMN
     figure = style.new_figure(width, (width - 0.5) * (high - low) / (right - left) + 0.55)
     panel = figure.subplots()
@@ -108,14 +113,10 @@ def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 def _levels(panel: Axes, funnel: Mapping[str, Any], factory: float, half_view: float) -> None:
     """The three red lines: factory, outlet and plate."""
-    levels = (
-        (factory, "particle factory"),
-        (funnel["outlet_height_mm"], "funnel outlet"),
-        (0.0, "plate"),
-    )
-    for z, name in levels:
-        panel.plot([-half_view, half_view], [z, z], color=LINE, lw=0.9, zorder=4)
-        panel.text(half_view + 3, z, name, color=LINE, va="center", fontsize=6.8)
+    levels = {"particle factory": factory, "funnel outlet": funnel["outlet_height_mm"], "": 0.0}
+    for name, z in levels.items():
+        panel.axhline(z, color=LINE, lw=0.9, zorder=4)
+        panel.text(half_view - 3, z + 2, name, color=LINE, ha="right", va="bottom", fontsize=6.8)
     half_factory = funnel["factory_diameter_mm"] / 2
     panel.plot([-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4)
 
@@ -218,4 +219,5 @@ def _grains(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
         zorder=2.5,
     )
     panel.add_collection(collection)
-    panel.set_title(f"simulated pour at {time_s:.3g} s, {here.sum()} grains", fontsize=7)
+    words = f"simulated pour at {time_s:.3g} s, {here.sum()} of {len(here)} grains; lengths in mm"
+    panel.set_title(words, fontsize=7)

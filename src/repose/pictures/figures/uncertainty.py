@@ -38,7 +38,9 @@ def noise_floor(inputs: Inputs, config: Config) -> Figure:
     for k, (panel, target) in enumerate(zip(above, targets, strict=True)):
         ok = runs[(runs["status"] == "ok") & runs[target.name].notna()]
         _runs_by_mean(panel, ok, target.name, style.series(k)["color"])
-        panel.set(xlabel="samples, in order of their mean", ylabel=style.response_label(target.response))
+        panel.set(
+            xlabel="samples, in order of their mean (line)", ylabel=style.response_label(target.response)
+        )
         panel.set_title(style.letter(k), fontweight="bold")
         _variances(panel, target, rows[target.name])
     for k, target in enumerate(targets):
@@ -48,7 +50,7 @@ def noise_floor(inputs: Inputs, config: Config) -> Figure:
     below[0].minorticks_off()
     below[1].set(ylabel="R² of a perfect predictor\non means over the seeds", ylim=(None, 1))
     for k, panel in enumerate(below, start=len(targets)):
-        panel.set(xlabel="seeds a sample", xscale="log")
+        panel.set(xlabel="seeds per sample", xscale="log")
         panel.set_xticks(SEEDS, SEEDS)
         panel.minorticks_off()
         panel.grid(True)
@@ -81,7 +83,7 @@ def _variances(panel: Axes, target: Target, row: Mapping[str, float]) -> None:
 def _over_seeds(panels: list[Axes], seeds: pd.DataFrame, target: Target, look: Mapping[str, str]) -> None:
     """Standard error and reachable R2 of one response."""
     name, label = target.response.quantity, target.response.symbol
-    panels[0].plot(seeds["seeds"], seeds[f"{name}_se_percent"], color=look["color"], label=label)
+    panels[0].plot(seeds["seeds"], seeds[f"{name}_se_percent"], label=label, **look)
     band = (seeds[f"{name}_reachable_r2_{end}"] for end in ("low", "high"))
     panels[1].fill_between(seeds["seeds"], *band, color=look["color"], alpha=0.2, lw=0)
     panels[1].plot(seeds["seeds"], seeds[f"{name}_reachable_r2"], label=label, **look)
@@ -204,6 +206,7 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
     parts.append(
         f"R-hat ≤ {summary['largest_r_hat']:.3f}, effective draws ≥ {summary['least_effective_draws']:.0f}"
     )
+    parts.append("above each histogram: information of the measurements")
     if summary["thin_share"] > 0.5:
         parts.append("EXTRAPOLATED")
     if not summary["converged"]:
@@ -236,7 +239,9 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
         panel.text(1.03, y, text, fontsize=6.8, va="center")
         for x, value in ((0, row["low"]), (1, row["high"])):
             panel.text(x, y - 0.47, f"{value:g}", fontsize=6, ha="center", va="center", color=style.GREY)
-    panel.text(1.03, len(table) - 0.45, "width, information", fontsize=6.3, va="bottom", color=style.GREY)
+    panel.text(
+        1.03, len(table) - 0.45, "width / prior's,\ninformation", fontsize=6.3, va="bottom", color=style.GREY
+    )
     panel.set_yticks(
         range(len(table)), [SYMBOLS[name] for name in reversed(list(table["parameter"]))], fontsize=9
     )
@@ -254,7 +259,7 @@ def sobol_indices(inputs: Inputs, config: Config) -> Figure:
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
     targets = style.targets_of(config)
     figure = style.new_figure(style.PAGE, 2.4 * style.grid_rows(len(targets)))
-    panels = style.grid(figure, len(targets))
+    panels = style.grid(figure, len(targets), sharey=True)
     for k, (panel, target) in enumerate(zip(panels, targets, strict=True)):
         _bars(panel, table[table["response"] == target.name].set_index("parameter"))
         panel.set_title(f"{style.letter(k)}   {target.response.symbol}", fontweight="bold")
@@ -277,8 +282,9 @@ def _bars(panel: Axes, rows: pd.DataFrame) -> None:
         panel.errorbar(place + offset, value, yerr=ends, fmt="none", ecolor=style.BLACK, lw=0.8, capsize=2)
     panel.axhline(0, color=style.BLACK, lw=0.6)
     panel.set_xticks(place, [SYMBOLS[name] for name in rows.index], fontsize=9)
-    panel.set_ylim(None, 1.15 * panel.get_ylim()[1])
-    style.note(panel, f"first orders sum to {rows['first'].sum():.2f}", x=0.97, ha="right")
+    panel.margins(y=0.15)
+    text = f"first orders sum to {rows['first'].sum():.2f}\nbars: 95 % intervals"
+    style.note(panel, text, x=0.97, ha="right")
 
 
 def main_effects(inputs: Inputs, config: Config) -> Figure:

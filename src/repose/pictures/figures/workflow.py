@@ -24,6 +24,7 @@ BOX = (0.9, 0.58)
 COLUMN_INCH, ROW_INCH = 1.15, 0.62
 LINE = 15
 LARGEST_SIZE = 8.5
+NAMES = {"miga": "search (MIGA)"}  # in place of a rule's own
 
 
 def read_dot(path: str | Path) -> tuple[dict[str, str], list[tuple[str, str]]]:
@@ -127,7 +128,7 @@ def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         corner = (x - BOX[0] / 2, y - BOX[1] / 2)
         look = {"boxstyle": "round,pad=0,rounding_size=0.08", "fc": "#E8F1F8", "ec": style.BLUE, "zorder": 3}
         panel.add_patch(FancyBboxPatch(corner, *BOX, **look))
-        words = textwrap.fill(labels[node].replace("_", " "), LINE)
+        words = textwrap.fill(NAMES.get(labels[node], labels[node]).replace("_", " "), LINE)
         size = _size_that_fits(words, width, height)
         panel.text(x, y, words, ha="center", va="center", fontsize=size, linespacing=1.1, zorder=4)
     panel.set(xlim=(left, right), ylim=(depth - 0.6, -0.4))

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.answer import Check, nearness
+from repose.chain.design import METHODS
 from repose.core.parameters import LABELS
 from repose.core.targets import Target
 from repose.pictures.report.html import folded, picture, table, text
@@ -33,6 +34,7 @@ def share(value: float | None) -> str:
 def answer(study: Study) -> str:
     """The parameters, their intervals, and the probability that they meet the targets."""
     kind, words = verdict(study)
+    first, _, others = html.escape(words).partition(". ")
     small = (
         '<p class="small-run">Small run: these numbers show that the chain works and are no calibration.</p>'
     )
@@ -43,7 +45,7 @@ def answer(study: Study) -> str:
             f"<h1>Contact parameters: {html.escape(study.config['label'])}</h1>",
             _origin(study),
             small if study.config["small_run"] else "",
-            f'<p class="verdict {kind}">{html.escape(words)}</p>',
+            f'<p class="verdict {kind}"><b>{first}{"." * bool(others)}</b> {others}</p>',
             f"<p>{html.escape(nearness(_checks(study)).replace('+-', '±'))}</p>"
             if study.number("n_seeds")
             else "",
@@ -140,8 +142,9 @@ def _how_well_known(study):
     ]
     if study.posterior is not None:
         parts.append(
-            " The 95 % interval follows from the measurements, for each parameter by itself. Left open: its width over "
-            "the width before any measurement. Near 100 % the measurements do not determine this parameter."
+            " The 95 % interval follows from the measurements, for each parameter by itself; a value at an end of what "
+            "was searched may lie outside of it. Left open: its width over the width before any measurement. Near "
+            "100 % the measurements do not determine this parameter."
         )
     parts.append(" Sets found: the span of the sets that the search kept.</p>")
     if study.posterior is not None and study.posterior["r_hat"].max() > LARGEST_R_HAT:
@@ -286,10 +289,10 @@ def _steps(study):
         if open_ == len(study.space.names)
         else f"{open_} of {len(study.space.names)} parameters, the others fixed"
     )
-    benches = " and ".join(study.targets.apparatus)
-    yield f"Design: {config['design']['samples']} parameter sets over {free} ({config['design']['method']})."
+    benches = " and ".join(study.targets.apparatus).replace("_", " ")
+    yield f"Design: {config['design']['samples']} parameter sets over {free} ({METHODS[config['design']['method']]})."
     yield f"Simulation of the bench test ({benches}): {study.dataset_summary['text']}"
-    yield f"Surrogate ({study.surrogate.name}): {_accuracy(study)}"
+    yield f"Surrogate ({study.surrogate.name.replace('_', ' ')}): {_accuracy(study)}"
     yield f"Search: {study.summary['message']}"
     again = f"{len(study.table4)} of the sets found were simulated again with new seeds"
     yield f"Check: {again}; the answer {row.get('n_seeds', 0):.0f} times."
