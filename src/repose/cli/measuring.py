@@ -50,6 +50,7 @@ SIZES = "sizes.csv"  # of a crop's folder
         Option(
             "--config",
             help="the study that the photographs are for; its definition of the angle (default: the line fit)",
+            recorded=False,
         ),
         Option(
             "--bench",

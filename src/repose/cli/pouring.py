@@ -131,7 +131,7 @@ def _flat(result):
     example="results/try/heap.pours.json --out results/try",
     options=[
         Option("pours", nargs="+", help="NAME.pours.json files of pour or heap, NAME.npz beside them"),
-        Option("--out", help="folder for NAME.json (the folder of the pours)"),
+        Option("--out", help="folder for NAME.json (the folder of the pours)", recorded=False),
         *BERRY_AND_PARTICLE,
     ],
     runs="measured",

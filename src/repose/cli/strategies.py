@@ -36,7 +36,12 @@ def response_design(args: argparse.Namespace, study: "Study") -> None:
     out=f"{FOLDER}/screening",
     options=[
         Option("steps", nargs="+", help="folders of all steps so far: dataset.csv and runs.csv"),
-        Option("--next", default=f"{FOLDER}/ascent/samples.csv", help="samples of the next step, to write"),
+        Option(
+            "--next",
+            default=f"{FOLDER}/ascent/samples.csv",
+            help="samples of the next step, to write",
+            recorded=False,
+        ),
     ],
 )
 def response_step(args: argparse.Namespace, study: "Study") -> None:

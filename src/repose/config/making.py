@@ -163,7 +163,4 @@ def _mean_berry(config):
     """The mean berry of the configuration's files."""
     from repose.particle import berry
 
-    section = config["berry"]
-    material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
-    table1 = beside(config["validation"]["published"], "table1.csv")
-    return berry.of_files(section["sizes"], section["compression"], table1, *material)[1]
+    return berry.of_settings(config["berry"], beside(config["validation"]["published"], "table1.csv"))[1]

@@ -19,23 +19,12 @@ from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import FURTHER
 from repose.core.responses import named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
 from repose.particle.particle import KINDS, SURFACES
 
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
-
-
-def _contact_laws() -> Iterable[str]:
-    from repose.dem.laws import CONTACT_LAWS
-
-    return CONTACT_LAWS
-
-
-def _rolling_laws() -> Iterable[str]:
-    from repose.dem.laws import ROLLING_LAWS
-
-    return ROLLING_LAWS
 
 
 def _surrogates() -> Iterable[str]:
@@ -148,8 +137,8 @@ ParameterOfAnySize = Annotated[
     _Parameter(-sys.float_info.max, sys.float_info.max),
     Field(description="a pair [low, high] of numbers with low < high; or fixed; or prior with mean and sd"),
 ]
-ContactLaw = Annotated[str, OneOf(_contact_laws)]
-RollingLaw = Annotated[str, OneOf(_rolling_laws)]
+ContactLaw = Annotated[str, OneOf(lambda: CONTACT_LAWS)]
+RollingLaw = Annotated[str, OneOf(lambda: ROLLING_LAWS)]
 StrategyName = Annotated[str, OneOf(_strategies)]
 SurrogateName = Annotated[str, OneOf(_surrogates)]
 
