@@ -32,7 +32,7 @@ from repose.apparatus import funnel, scene
 from repose.config.study import Study
 from repose.core.places import configs
 from repose.dem.rotations import rotation_matrices
-from repose.export.job import sphere_of_volume
+from repose.export.job import make, sphere_of_volume
 from repose.export.laws import rolling_coefficient
 from repose.measure.pile import MeasureSettings
 from repose.measure.saved_piles import pile_responses
@@ -105,7 +105,7 @@ def study(set_name):
     config["funnel"] |= FUNNEL.get(set_name, {})
     config["simulation"]["time_step_s"] = TIME_STEP_S
     berry, particle = grain(source, SPHERES[set_name])
-    job = replace(export.make(config, SETS[set_name], particle, berry), time_step_s=TIME_STEP_S)
+    job = replace(make(config, SETS[set_name], particle, berry), time_step_s=TIME_STEP_S)
     return config, berry, particle, job
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from repose.apparatus import bench, names
 from repose.config import stands_on
+from repose.config.models import named_files
 from repose.config.study import Study
 
 ROOT = Path(__file__).parents[2]
@@ -59,3 +60,20 @@ def test_results_do_not_depend_on_the_files_of_figures(monkeypatch):
     for verb in ("material_card", "network", "report"):
         settings = stands_on.settings_of(config | {"figures": {"format": ["png", "pdf"]}}, verb)
         assert settings == stands_on.settings_of(config, verb)
+
+
+def test_every_file_that_a_configuration_names_counts_by_its_content(monkeypatch, tmp_path):
+    monkeypatch.chdir(ROOT)
+    config = Study.load("config/config.yaml").config
+
+    def of(key, name, content):
+        section, _, last = key.rpartition(".")
+        path, changed = tmp_path / name, copy.deepcopy(config)
+        path.write_text(content)
+        (changed[section] if section else changed)[last] = str(path)
+        return stands_on.settings_of(changed, "report")
+
+    keys = named_files()
+    assert {"photograph", "berry.sizes", "validation.published"} <= set(keys)
+    for key in keys:
+        assert of(key, "a", "one") == of(key, "b", "one") != of(key, "b", "two"), key

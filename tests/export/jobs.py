@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from repose import export
 from repose.core.parameter_space import ParameterSpace
 from repose.core.places import find
+from repose.export.job import make
 from repose.particle.particle import Particle
 
 CONFIG = str(find("config/quick.yaml"))
@@ -52,4 +52,4 @@ def job_of(
     """The job of a study with a particle and laws; `values` replace the centre of its parameters."""
     simulation = config["simulation"] | {"contact_law": contact_law, "rolling_law": rolling_law}
     centre = ParameterSpace.of(config["parameters"]).centre
-    return export.make(config | {"simulation": simulation}, centre | values, particle, berry)
+    return make(config | {"simulation": simulation}, centre | values, particle, berry)

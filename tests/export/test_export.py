@@ -14,13 +14,13 @@ from scipy.integrate import solve_ivp
 
 from repose import export
 from repose.chain import card
-from repose.cli import exporting, main
+from repose.cli import main
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import laws, surface, yade
-from repose.export.job import surface_means
+from repose.export.job import make, surface_means
 from repose.export.lammps import TSUJI, contact_keywords, damping_numbers
 from repose.export.laws import rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, prime
@@ -39,7 +39,7 @@ def config():
 
 @pytest.fixture(scope="module")
 def job(config):
-    return export.make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY, seed=3)
+    return make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY, seed=3)
 
 
 @pytest.mark.parametrize("program", export.PROGRAMS)
@@ -149,7 +149,7 @@ def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
 
 def test_one_sphere_has_volume_and_mass_of_the_grain_and_the_deck_says_so(config):
     centre = ParameterSpace.of(config["parameters"]).centre
-    job = export.make(config, centre, SMOOTH, BERRY, one_sphere=True)
+    job = make(config, centre, SMOOTH, BERRY, one_sphere=True)
     volume = SMOOTH.mass_kg / SMOOTH.density_kg_m3
     assert 4 / 3 * math.pi * job.spheres_m[0, 3] ** 3 == pytest.approx(volume)
     assert (job.is_sphere, job.mass_kg, job.density_kg_m3) == (True, SMOOTH.mass_kg, pytest.approx(840.47))
@@ -179,7 +179,7 @@ def test_the_number_of_older_lammps_gives_the_same_damping(config, restitution):
 
 @pytest.mark.parametrize("particle", [THREE, SKEW], ids=["three", "skew"])
 def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(config, particle):
-    job = export.make(config, ParameterSpace.of(config["parameters"]).centre, particle, BERRY)
+    job = make(config, ParameterSpace.of(config["parameters"]).centre, particle, BERRY)
     weights, own = yade.member_masses(job)
     masses, places = weights * job.mass_kg, job.spheres_m[:, :3]
     assert masses.sum() == pytest.approx(job.mass_kg)
@@ -213,7 +213,7 @@ def rebound(ratio, limited):
 def test_the_equivalent_restitution_gives_the_calibrated_rebound(config, job, tension, limited, restitution):
     config = config | {"simulation": config["simulation"] | {"tension": tension}}
     values = ParameterSpace.of(config["parameters"]).centre | {"e_gp": restitution}
-    pair = export.make(config, values, THREE, BERRY).on_wall
+    pair = make(config, values, THREE, BERRY).on_wall
     typed = laws.equivalent_restitution(pair)
     # the formula of the other programs
     ratio = -math.log(typed) / math.hypot(math.log(typed), math.pi)
@@ -274,7 +274,7 @@ def test_the_cone_of_the_lammps_deck_ends_where_the_simulated_one_does(job):
 
 def test_a_tube_stands_in_surface_and_deck(config):
     config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0}}
-    job = export.make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
+    job = make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
     line = surface.profile(job.funnel)
     inner = line[np.isclose(line[:, 0], 0.5 * job.funnel.outlet_diameter_m)]
     assert np.ptp(inner[:, 1]) == pytest.approx(0.02)
@@ -284,10 +284,10 @@ def test_a_tube_stands_in_surface_and_deck(config):
 def test_what_has_no_spheres_or_another_law_is_refused(config):
     centre = ParameterSpace.of(config["parameters"]).centre
     with pytest.raises(InputError, match="multisphere"):
-        export.make(config, centre, SMOOTH, BERRY)
+        make(config, centre, SMOOTH, BERRY)
     linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
     with pytest.raises(InputError, match="hertz_mindlin"):
-        export.make(linear, centre, THREE, BERRY)
+        make(linear, centre, THREE, BERRY)
 
 
 def test_cohesion_is_written_as_each_program_has_it(config):
@@ -387,7 +387,6 @@ def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
     assert capsys.readouterr().out.strip() == str(tmp_path / "deck" / "pour.py")
     assert "mu_s 0.41" in (tmp_path / "deck" / "pour.py").read_text()
     assert (asked["particle"], asked["spheres"]) == ("multisphere", 5)
-    assert tuple(export.PROGRAMS) == exporting.PROGRAMS
 
 
 @pytest.mark.parametrize(

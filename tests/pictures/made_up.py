@@ -166,7 +166,7 @@ def inputs_of(name, inputs):
         files["runs"] = "heap"
     if name == "approach":
         files["summary"] = "refined_summary"
-    keys = figures.FIGURES[name][1] + figures.OPTIONAL.get(name, ())
+    keys = figures.FIGURES[name].needed + figures.FIGURES[name].optional
     return {key: inputs[files.get(key, key)] for key in keys}
 
 

@@ -81,7 +81,7 @@ def test_a_profile_is_drawn_as_measured_predicted_and_simulated(tmp_path, monkey
     monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
     files = made_up(tmp_path, 5)
     with style.applied():
-        figure = figures.FIGURES["profiles"][0]({"table4": files["table4"]}, config_of(5))
+        figure = figures.FIGURES["profiles"].draw({"table4": files["table4"]}, config_of(5))
         style.save(figure, tmp_path / "figure.png", small_run=False)
     (panel,) = figure.axes
     assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(texts(figure))
@@ -113,7 +113,7 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
     files, config = made_up(tmp_path, count), config_of(count)
     inputs = {key: files[key] for key in DRAWN[name]}
     with style.applied():
-        figure = figures.FIGURES[name][0](inputs, config)
+        figure = figures.FIGURES[name].draw(inputs, config)
         style.save(figure, tmp_path / "figure.png", small_run=False)
     result = texts(figure)
     for response in Targets.of(CHOICES[count]).responses:

@@ -38,8 +38,7 @@ def write_berry(study: "Study", out_dir: str | PathLike) -> None:
     """Write sizes and moduli of the study's berry, beside the published values, if there are any."""
     from repose.particle import berry
 
-    section, table1 = study.config["berry"], study.published("table1.csv")
-    berry.run(section["sizes"], section["compression"], table1, out_dir, *_material(section))
+    berry.run(study.config["berry"], study.published("table1.csv"), out_dir)
 
 
 def write_particle(
@@ -49,11 +48,6 @@ def write_particle(
     from repose.particle import build
 
     return build.run(berry_json, config["berry"]["stl"], out_dir, **_how(config))
-
-
-def _material(section):
-    """Density, Poisson's ratio and shear modulus of a section `berry`; None: derived from the compression tests."""
-    return section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
 
 
 def _how(config):

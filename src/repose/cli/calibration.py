@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -13,10 +13,8 @@ if TYPE_CHECKING:
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "collect all jobs in one table: responses with standard errors, failures with their reasons",
     example="results/heaps --samples results/design/samples.csv --out results",
     out="results",
@@ -36,7 +34,7 @@ def dataset(args: argparse.Namespace, study: "Study") -> None:
     dataset.run(args.samples, jobs, targets, definitions, args.out, args.prefix)
 
 
-@family.verb(
+@verb(
     "train the surrogate, by default the BP network with Bayesian regularisation",
     example="--dataset results/dataset.csv --runs results/runs.csv",
     out="results/network",
@@ -51,7 +49,7 @@ def network(args: argparse.Namespace, study: "Study") -> None:
     print(train.message(metrics))
 
 
-@family.verb(
+@verb(
     "invert the network with the multi-island genetic algorithm (Eq. 11-12)",
     example="--network results/network/network.json",
     out="results/miga",
@@ -74,7 +72,7 @@ def miga(args: argparse.Namespace, study: "Study") -> None:
     print(summary["message"])
 
 
-@family.verb(
+@verb(
     "list the parameter sets to simulate again: representative, other and published solutions",
     example="--feasible results/miga/feasible.csv",
     out="results/validation",
@@ -97,7 +95,7 @@ def solutions(args: argparse.Namespace, study: "Study") -> None:
         print(f"{section['published']}: left out, as it lacks a parameter ({names}) or all responses")
 
 
-@family.verb(
+@verb(
     "list the published solutions to simulate: they stay the same when the search finds others",
     example="--out results/validation",
     out="results/validation",
@@ -112,7 +110,7 @@ def published_solutions(args: argparse.Namespace, study: "Study") -> None:
     validate.write_published_solutions(published, study.parameters.names, out)
 
 
-@family.verb(
+@verb(
     "compare predicted and simulated responses of the study's and the published solutions (Table 4)",
     example="results/validation/heaps/???.json",
     out="results/validation",

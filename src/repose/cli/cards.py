@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY, FEASIBLE
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -12,16 +12,15 @@ if TYPE_CHECKING:
 
 MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "show a material card, the answer of a study as one file, or compare two",
     example="show results/card.json",
     config=False,
     options=[
         Option("action", choices=("show", "compare"), help="show FILE, or compare FILE OTHER"),
-        Option("cards", nargs="+", help="card.json of a finished study"),
+        # cards of different engines may be compared
+        Option("cards", nargs="+", help="card.json of a finished study", recorded=False),
     ],
 )
 def card(args: argparse.Namespace) -> None:
@@ -34,7 +33,7 @@ def card(args: argparse.Namespace) -> None:
     print(card.describe(cards[0]) if args.action == "show" else card.compared(*cards))
 
 
-@family.verb(
+@verb(
     "write the material card of a finished calibration",
     example="--out results/card.json",
     out="results/card.json",

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from repose.cli.registry import Family, Option, load_with_inputs
+from repose.cli.registry import Option, load_with_inputs, verb
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,10 +29,8 @@ TRIALS = {
 }
 FAR = 1.5  # a time step that could be longer by this factor is worth a hint
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "check a configuration; print the longest time step, the softest grain and the cost of a run",
     example="--config config/paper.yaml",
     study=load_with_inputs,
@@ -155,7 +153,7 @@ def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
             )
 
 
-@family.verb(
+@verb(
     "before any pour: the pours that the noise requires, and the probability of success by budget",
     example="--config config/fast.yaml",
     study=load_with_inputs,

@@ -5,16 +5,14 @@ import difflib
 import sys
 from pathlib import Path
 
-from repose.cli.registry import PROGRAM, Family, Option
+from repose.cli.registry import PROGRAM, Option, verb
 from repose.core import places
 from repose.core.errors import InputError
 
 NO_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "print a page of the documentation; without a name, list the pages",
     example="photographs",
     config=False,

@@ -3,18 +3,16 @@
 import argparse
 
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
-from repose.cli.registry import CONFIG, Family, Option, load
+from repose.cli.registry import CONFIG, Option, load, verb
 from repose.core import provenance
 from repose.core.errors import InputError
+from repose.export import PROGRAMS, write
 
 # Spheres of a clump: the default, and the most that fill a mesh here.
 SPHERES, MOST = 14, 64
-PROGRAMS = ("liggghts", "lammps", "yade", "mercurydpm", "edem", "rocky")
-
-family = Family()
 
 
-@family.verb(
+@verb(
     "write the calibrated grain and its pour as a deck of another program, or as a table of its input fields",
     example="--to yade --card results/card.json --config results/config.json --out results/export/yade",
     out="results/export",
@@ -38,11 +36,10 @@ family = Family()
     ],
 )
 def export(args: argparse.Namespace) -> None:
-    from repose import export
     from repose.chain import card
     from repose.cli.berries import berry_and_particle
     from repose.config.study import Study
-    from repose.export.job import is_sphere
+    from repose.export.job import is_sphere, make
 
     study = None if args.config is None else load(args)
     _check_source(args)
@@ -68,8 +65,8 @@ def export(args: argparse.Namespace) -> None:
     else:
         card.require_one_study(of_card, args.card, config, args.config, berry)
         values = {name: row["value"] for name, row in of_card["parameters"].items()}
-    job = export.make(config, values, particle, berry, args.seed, one_sphere=spheres == 1)
-    for path in export.write(job, args.to, args.out):
+    job = make(config, values, particle, berry, args.seed, one_sphere=spheres == 1)
+    for path in write(job, args.to, args.out):
         print(path)
 
 

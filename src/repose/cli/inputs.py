@@ -6,24 +6,22 @@ from typing import TYPE_CHECKING
 from repose.cli import own_simulator
 from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY
-from repose.cli.registry import Family, Option, load
+from repose.cli.registry import Option, load, verb
 from repose.core.errors import InputError
 from repose.core.files import write_bytes
 
 if TYPE_CHECKING:
     from repose.config.study import Study
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass",
     example="--axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl",
     out="results/berry",
     study=None,  # a mesh from axes and density needs none
     options=[
         Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
-        Option("--stl", help="the mesh file to build; with --axes and --mass-g"),
+        Option("--stl", help="the mesh file to build; with --axes and --mass-g", recorded=False),
         Option(
             "--mass-g",
             type=float,
@@ -64,7 +62,7 @@ def _build(args: argparse.Namespace) -> None:
     )
 
 
-@family.verb(
+@verb(
     "make mesh and particle of the berry, with volume, mass, inertia and deviation from the mesh",
     example="--berry results/berry/berry.json",
     out="results/berry",
@@ -74,7 +72,7 @@ def shape(args: argparse.Namespace, study: "Study") -> None:
     write_particle(study.config, args.berry, args.out)
 
 
-@family.verb(
+@verb(
     "make the Latin hypercube design of the contact parameters, or of your own simulator's parameters",
     example="--out results/design",
     out="results/design",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import BERRY, JSON
-from repose.cli.registry import Family, Option, load
+from repose.cli.registry import Option, load, verb
 from repose.config.reading import section
 from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
@@ -21,10 +21,8 @@ SCALES = (1e-3, 100.0)
 MOST_LEVEL_DEG = 25.0
 SIZES = "sizes.csv"  # of a crop's folder
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "measure the piles, the drum or the box in photographs",
     example="*.jpg --square-mm 20 --out measured",
     out="measured",
@@ -52,6 +50,7 @@ family = Family()
         Option(
             "--config",
             help="the study that the photographs are for; its definition of the angle (default: the line fit)",
+            recorded=False,
         ),
         Option(
             "--bench",
@@ -196,7 +195,7 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
     return MeasureSettings.of(section, {column: float(sizes[column].mean()) for column in berry.SIZE_COLUMNS})
 
 
-@family.verb(
+@verb(
     "write the sheet (PDF, A4) for the scale, tilt and lens of a photograph",
     example="--out sheet.pdf",
     out="sheet.pdf",
@@ -213,7 +212,7 @@ def marker(args: argparse.Namespace) -> None:
     print(f"print {args.out} at 100 %, check its line of 100 mm, cut it out: `repose docs photographs`")
 
 
-@family.verb(
+@verb(
     "draw the side view of a simulated pile, dark on light",
     example="results/try/heap.npz --particle results/berry/particle.json",
     out="silhouette.png",
@@ -237,13 +236,18 @@ def silhouette(args: argparse.Namespace, study: "Study") -> None:
     write_image(args.out, picture)
 
 
-@family.verb(
+@verb(
     "measure the side view that the verb silhouette drew, as a photograph is measured",
     example="silhouette.png --overlay overlay.png",
     out="measured.json",
     options=[
         Option("picture", help="file of the verb silhouette"),
-        Option("--overlay", default="overlay.png", help="picture with the fitted lines (overlay.png)"),
+        Option(
+            "--overlay",
+            default="overlay.png",
+            help="picture with the fitted lines (overlay.png)",
+            recorded=False,
+        ),
         BERRY,
     ],
 )

@@ -4,16 +4,14 @@ import argparse
 from operator import methodcaller
 from pathlib import Path
 
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 from repose.core.errors import InputError
 
 # Written into every file of the template in place of the crop's name.
 NAME = "NAME"
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "make a folder for a crop of your own: a short configuration, a table of sizes, and what to do next",
     example="wheat",
     config=False,

@@ -7,7 +7,9 @@ from repose.cli.registry import Option
 from repose.core.errors import InputError
 
 BERRY = Option("--berry", default="results/berry/berry.json", help="file of the verb berry")
-SAMPLES = Option("--samples", default="results/design/samples.csv", help="file of the verb design")
+SAMPLES = Option(
+    "--samples", default="results/design/samples.csv", help="file of the verb design", recorded=False
+)
 DATASET = Option("--dataset", default="results/dataset.csv", help="file of the verb dataset")
 RUNS = Option("--runs", default="results/runs.csv", help="file of the verb dataset: single runs")
 NETWORK = Option("--network", default="results/network/network.json", help="file of the verb network")

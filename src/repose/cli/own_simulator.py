@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.registry import Family, Option, load
+from repose.cli.registry import Option, load, verb
 from repose.core import places
 from repose.core.errors import InputError
 
@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from repose.config.study import Study
 
 FOLDER = "own"
-
-family = Family()
 
 
 def _study(args: argparse.Namespace) -> "Study":
@@ -56,7 +54,7 @@ def _warn(words: str | None) -> None:
         print(f"repose: WARNING: {words}", file=sys.stderr)
 
 
-@family.verb(
+@verb(
     "own simulator: add a table of runs to the record of all runs",
     example=f"new_runs.csv --config own.yaml --out {FOLDER}/runs.csv",
     out=f"{FOLDER}/runs.csv",
@@ -70,7 +68,7 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     print(f"{args.out}: {len(table)} runs of {table['sample'].nunique()} samples")
 
 
-@family.verb(
+@verb(
     "own simulator: list the runs to make next, or say that the answer is good enough",
     example=f"--runs {FOLDER}/runs.csv --config own.yaml --out {FOLDER}/next.csv",
     out=f"{FOLDER}/next.csv",
@@ -101,7 +99,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
         print(f"{args.out}: {len(table)} runs to make next")
 
 
-@family.verb(
+@verb(
     "own simulator: the parameters that meet the targets, from a table of runs of any simulator",
     example=f"results.csv --config own.yaml --out {FOLDER}",
     out=FOLDER,

@@ -22,7 +22,12 @@ PARAMETER_SET = (
         help=f"a contact parameter: {', '.join(PARAMETERS)}, with some contact laws {', '.join(FURTHER)}; "
         "a parameter without --set takes the centre of its range",
     ),
-    Option("--samples", help="CSV with a column sample and a column per parameter, instead of --set"),
+    # the parameter set is written into the results themselves
+    Option(
+        "--samples",
+        help="CSV with a column sample and a column per parameter, instead of --set",
+        recorded=False,
+    ),
     Option("--sample", type=int, help="number in the column sample; the files are named by it"),
 )
 SEED = Option("--seed", type=int, action="append", help="seed of a run (1); may be given several times")

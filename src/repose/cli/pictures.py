@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from repose.cli.options import pairs
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 
 if TYPE_CHECKING:
     from repose.config.study import Study
@@ -12,10 +12,8 @@ if TYPE_CHECKING:
 # Frames of the film of a pour; each takes nearly a second to draw.
 FILM, SMALL_FILM = 72, 20
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "draw one figure from the files that it shows",
     example="convergence --input history=results/miga/history.csv --out convergence.png",
     out="figure.png",
@@ -30,7 +28,7 @@ def figure(args: argparse.Namespace, study: "Study") -> None:
     figures.draw(args.name, pairs(args.input, "--input"), args.out, study.config)
 
 
-@family.verb(
+@verb(
     "make an animation of a pour or of a drum",
     example="results/try/heap_trajectory_1.npz --particle results/berry/particle.json",
     out="pour.gif",
@@ -55,7 +53,7 @@ def film(args: argparse.Namespace, study: "Study") -> None:
     film.animate_pour(args.trajectory, particle, args.out, walls, frames=frames, colour=config["colour"])
 
 
-@family.verb(
+@verb(
     "write the report of a study, one page for a browser",
     example="results/validation/heaps/001.json --input network=results/network/network.json --out report.html",
     out="report.html",

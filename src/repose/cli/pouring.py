@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 from repose.config.reading import section
 from repose.core.errors import InputError
 from repose.core.files import json_text
@@ -31,8 +31,6 @@ KEEP = Option(
     help="keep each run in OUT/runs; a kept run with the same settings is not run again",
 )
 
-family = Family()
-
 
 class _Job(NamedTuple):
     """A job from the command line: the arguments of `repose.apparatus.job.pour_job`."""
@@ -49,7 +47,7 @@ class _Job(NamedTuple):
     progress: "Progress | None"
 
 
-@family.verb(
+@verb(
     "compile the engine for a study's particle, so that runs that start together do not each compile it",
     example="--config config/quick.yaml",
     options=[*BERRY_AND_PARTICLE],
@@ -64,7 +62,7 @@ def warm_up(args: argparse.Namespace, study: "Study") -> None:
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
 
-@family.verb(
+@verb(
     "run a bench test with one parameter set and one or more seeds; save the runs for measure_runs",
     example="--apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try",
     out="results/try",
@@ -77,7 +75,7 @@ def pour(args: argparse.Namespace, study: "Study") -> None:
     print(pour_job(**_job(args, study, args.apparatus)._asdict(), keeps_runs=args.keep_runs))
 
 
-@family.verb(
+@verb(
     "pour grains through the funnel and measure the pile: pour and measure_runs in one verb",
     example="--set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json",
     out="results/try",
@@ -128,12 +126,12 @@ def _flat(result):
     return shared | result["runs"][0]
 
 
-@family.verb(
+@verb(
     "measure the saved runs of any bench test, without running it again",
     example="results/try/heap.pours.json --out results/try",
     options=[
         Option("pours", nargs="+", help="NAME.pours.json files of pour or heap, NAME.npz beside them"),
-        Option("--out", help="folder for NAME.json (the folder of the pours)"),
+        Option("--out", help="folder for NAME.json (the folder of the pours)", recorded=False),
         *BERRY_AND_PARTICLE,
     ],
     runs="measured",
@@ -151,7 +149,7 @@ def measure_runs(args: argparse.Namespace, study: "Study") -> None:
             print(f"{path}: {describe(run, template)}")
 
 
-@family.verb(
+@verb(
     "fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement",
     example="--set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try",
     out="results/try",
@@ -176,7 +174,7 @@ def drum(args: argparse.Namespace, study: "Study") -> None:
             print(describe(result["run"], bench("drum").in_words))
 
 
-@family.verb(
+@verb(
     "measure the drum's runs and make tables: angles, first slip, slipping layer, with standard errors",
     example="results/drum/drum_*.json --out results/drum",
     out="results/drum",

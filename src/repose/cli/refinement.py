@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from repose.cli.options import file_options
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 
 if TYPE_CHECKING:
     from repose.config.study import Study
@@ -12,10 +12,8 @@ if TYPE_CHECKING:
 ROUND = "results/refined/round_0"
 ROUND_FILES = {name: f"{ROUND}/{name}.csv" for name in ("proposal", "dataset", "runs")}
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "list the parameter sets of the next round: the search's answer in blocks of seeds, and its neighbours",
     example=f"results --out {ROUND}",
     out=ROUND,
@@ -31,7 +29,7 @@ def refine_propose(args: argparse.Namespace, study: "Study") -> None:
     files.run_propose(args.folders, study, args.out, study.definitions, args.config)
 
 
-@family.verb(
+@verb(
     "compare a round's simulated proposal with the targets: outcome, reason, and all points of the round",
     example=f"--out {ROUND}",
     out=ROUND,
@@ -45,7 +43,7 @@ def refine_judge(args: argparse.Namespace, study: "Study") -> None:
     print(f"round {found['round']} {found['outcome']}", found["reason"], sep=": ")
 
 
-@family.verb(
+@verb(
     "collect all rounds in one table; report why the loop stopped and what may be claimed",
     example=f"{ROUND}/verdict.json",
     out="results/refined",

@@ -15,18 +15,29 @@ PROGRAM = "repose"
 
 
 class Option:
-    """One option or positional argument, with the arguments of `argparse.ArgumentParser.add_argument`."""
+    """One option or positional argument, with the arguments of `argparse.ArgumentParser.add_argument`.
 
-    def __init__(self, *names: str, **keywords: Any) -> None:
-        self.names, self.keywords = names, keywords
+    `recorded` says whether the files that it names belong to the record of a result.
+    """
+
+    def __init__(self, *names: str, recorded: bool = True, **keywords: Any) -> None:
+        self.names, self.recorded, self.keywords = names, recorded, keywords
+
+    @property
+    def attribute(self) -> str:
+        """Its name among the parsed options."""
+        return self.names[0].lstrip("-").replace("-", "_")
 
     def but(self, **changes: Any) -> "Option":
         """The same option with some keywords changed."""
-        return Option(*self.names, **(self.keywords | changes))
+        return Option(*self.names, recorded=self.recorded, **(self.keywords | changes))
 
 
 CONFIG = Option(
-    "--config", default=str(places.configs()[-1]), help="YAML or JSON configuration (config/config.yaml)"
+    "--config",
+    default=str(places.configs()[-1]),
+    help="YAML or JSON configuration (config/config.yaml)",
+    recorded=False,
 )
 
 
@@ -34,8 +45,8 @@ class Verb(NamedTuple):
     """A step that runs by name."""
 
     run: Callable  # takes the parsed options, and its study if it has one; may return an exit status
-    summary: str  # as in `Family.verb`
-    example: str  # as in `Family.verb`
+    summary: str  # as in `verb`
+    example: str  # as in `verb`
     options: tuple  # of `Option`
     study: "Callable[[argparse.Namespace], Study] | None"  # makes the study that the step takes
     passes_on: bool = False  # unknown words go into the list `args.rest`
@@ -77,40 +88,36 @@ def load_with_inputs(args: argparse.Namespace) -> "Study":
     return Study.load(args.config, inputs=True)
 
 
-class Family:
-    """The verbs of one module, in the order of the module."""
+VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported
 
-    def __init__(self) -> None:
-        self.verbs: list[Verb] = []
 
-    def verb(
-        self,
-        summary: str,
-        *,
-        example: str = "",
-        out: str | None = None,
-        config: bool = True,
-        study: "Callable[[argparse.Namespace], Study] | None" = load,
-        options: Sequence[Option] = (),
-        passes_on: bool = False,
-        runs: Literal["", "made", "measured"] = "",
-    ) -> Callable[[Callable], Callable]:
-        """Decorator that makes a function the verb of the same name.
+def verb(
+    summary: str,
+    *,
+    example: str = "",
+    out: str | None = None,
+    config: bool = True,
+    study: "Callable[[argparse.Namespace], Study] | None" = load,
+    options: Sequence[Option] = (),
+    passes_on: bool = False,
+    runs: Literal["", "made", "measured"] = "",
+) -> Callable[[Callable], Callable]:
+    """Decorator that makes a function the verb of the same name.
 
-        `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
-        call. `out` is the default of --out (None: no such option). `study` makes from the options the study that the
-        function gets. With `passes_on` unknown words go to another program; `runs` says whether the verb makes or
-        measures runs.
-        """
-        shared = [CONFIG] if config else []
-        if out:
-            kind = "file" if Path(out).suffix else "folder"
-            shared.append(Option("--out", default=out, help=f"{kind} to write ({out})"))
+    `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
+    call. `out` is the default of --out (None: no such option). `study` makes from the options the study that the
+    function gets. With `passes_on` unknown words go to another program; `runs` says whether the verb makes or
+    measures runs. ValueError if another verb has the name.
+    """
+    shared = [CONFIG] if config else []
+    if out:
+        kind = "file" if Path(out).suffix else "folder"
+        shared.append(Option("--out", default=out, help=f"{kind} to write ({out})", recorded=False))
 
-        def add(run):
-            self.verbs.append(
-                Verb(run, summary, example, (*shared, *options), study if config else None, passes_on, runs)
-            )
-            return run
+    def add(run):
+        made = Verb(run, summary, example, (*shared, *options), study if config else None, passes_on, runs)
+        if VERBS.setdefault(made.name, made) is not made:
+            raise ValueError(f"verb {made.name!r} is registered already")
+        return run
 
-        return add
+    return add

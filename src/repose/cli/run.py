@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from repose.cli.registry import Family
+from repose.cli.registry import verb
 from repose.cli.stages import note_built_in_crop
 from repose.core import places
 from repose.core.errors import InputError
@@ -24,10 +24,8 @@ LIST = "--list"
 DEFAULT_PROFILE = "profiles/default"
 CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "run the whole study here, or the named targets; --list names them with their cost; every further option goes to "
     "snakemake (snakemake --help)",
     example="uncertainty --cores 2 --configfile mine.yaml",

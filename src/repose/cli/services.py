@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.cli.options import JSON
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 from repose.core import published
 from repose.core.errors import InputError
 
@@ -15,10 +15,8 @@ if TYPE_CHECKING:
     from repose.config.study import Study
     from repose.verification.case import Row
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "measure the speed: microseconds per step and seconds per pour, "
     "with a reference for the speed of the machine",
     example="--json",
@@ -33,7 +31,7 @@ def bench(args: argparse.Namespace, study: "Study") -> None:
     print(json.dumps(result, indent=1) if args.json else speed.message(result))
 
 
-@family.verb(
+@verb(
     "run the simulator's verification suite: compare its results with known answers",
     example="--out results/verification --case chung1",
     out="results/verification",
@@ -68,7 +66,7 @@ def _case_line(name: str, rows: "list[Row]") -> str:
     return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
 
 
-@family.verb(
+@verb(
     "print the provenance of a result: stage, settings, engine, origin, seed, versions and processor",
     example="results/dataset.csv",
     config=False,
@@ -87,7 +85,7 @@ def provenance(args: argparse.Namespace) -> None:
     print(json.dumps(record, indent=1) if args.json else "\n".join(lines))
 
 
-@family.verb(
+@verb(
     "copy the tables and pictures of a finished study, without its pours",
     example="results --out results/published/mine --keep dataset.csv miga/.+[.]csv",
     out="results/published/mine",
@@ -95,7 +93,12 @@ def provenance(args: argparse.Namespace) -> None:
     options=[
         Option("results", help="folder of the finished study"),
         Option(
-            "--keep", nargs="+", required=True, metavar="REGEX", help="paths below it, such as berry/.+[.]csv"
+            "--keep",
+            nargs="+",
+            required=True,
+            metavar="REGEX",
+            help="paths below it, such as berry/.+[.]csv",
+            recorded=False,
         ),
     ],
 )
@@ -106,7 +109,7 @@ def snapshot(args: argparse.Namespace) -> None:
         print(path)
 
 
-@family.verb(
+@verb(
     "write standard input to a file, in one move; an existing file is replaced only if repose wrote it",
     example="--out results/graph.dot",
     out="results/printed.txt",

@@ -7,12 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
+from repose.cli.registry import VERBS
 from repose.core import places, provenance
 from repose.core.lock import joined_folder
-
-# Options that name no input. A parameter set of a table of samples is written into the results themselves; cards of
-# different engines may be compared.
-NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "rest", "cards", "keep")
 
 
 @contextmanager
@@ -48,10 +45,9 @@ def note_built_in_crop(*files: str) -> None:
 
 
 def files_of(args: argparse.Namespace) -> Iterator[Path]:
-    """Files that the options of a verb name; of a folder its dataset, if it has one."""
-    for option, value in vars(args).items():
-        if option in NOT_READ:
-            continue
+    """Files that the recorded options of a verb name; of a folder its dataset, if it has one."""
+    for option in (option.attribute for option in VERBS[args.verb].options if option.recorded):
+        value = getattr(args, option)
         if (args.verb, option) == ("dataset", "jobs"):  # a folder of them may be given
             from repose.chain.dataset import job_files
 

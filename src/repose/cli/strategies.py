@@ -4,15 +4,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 
 if TYPE_CHECKING:
     from repose.config.study import Study
 
 FOLDER = "results/response_surface"
 SEQUENTIAL = "results/sequential"
-
-family = Family()
 
 
 def _print_deviations(table):
@@ -21,7 +19,7 @@ def _print_deviations(table):
         print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")
 
 
-@family.verb(
+@verb(
     "response surface: list the parameter sets of the Plackett-Burman screening",
     example="--config config/quick.yaml",
     out=f"{FOLDER}/screening",
@@ -32,13 +30,18 @@ def response_design(args: argparse.Namespace, study: "Study") -> None:
     files.run_step([], study, args.out, Path(args.out) / "samples.csv")
 
 
-@family.verb(
+@verb(
     "response surface: analyse the last step, list the parameter sets of the next one",
     example=f"{FOLDER}/screening --out {FOLDER}/screening",
     out=f"{FOLDER}/screening",
     options=[
         Option("steps", nargs="+", help="folders of all steps so far: dataset.csv and runs.csv"),
-        Option("--next", default=f"{FOLDER}/ascent/samples.csv", help="samples of the next step, to write"),
+        Option(
+            "--next",
+            default=f"{FOLDER}/ascent/samples.csv",
+            help="samples of the next step, to write",
+            recorded=False,
+        ),
     ],
 )
 def response_step(args: argparse.Namespace, study: "Study") -> None:
@@ -47,7 +50,7 @@ def response_step(args: argparse.Namespace, study: "Study") -> None:
     print(files.run_step(args.steps, study, args.out, args.next))
 
 
-@family.verb(
+@verb(
     "response surface: compare the simulated optimum with its prediction and the targets",
     example=f"{FOLDER}/screening {FOLDER}/ascent {FOLDER}/surface {FOLDER}/check",
     out=f"{FOLDER}/check",
@@ -59,7 +62,7 @@ def response_check(args: argparse.Namespace, study: "Study") -> None:
     _print_deviations(files.run_check(args.steps, study, args.out))
 
 
-@family.verb(
+@verb(
     "sequential: list the parameter sets of the space-filling start",
     example="--config config/quick.yaml",
     out=f"{SEQUENTIAL}/batch_0",
@@ -70,7 +73,7 @@ def sequential_start(args: argparse.Namespace, study: "Study") -> None:
     files.run_start(study, Path(args.out) / "samples.csv")
 
 
-@family.verb(
+@verb(
     "sequential: list the next batch of parameter sets, or the answer with the probability that it meets the targets",
     example=f"{SEQUENTIAL}/batch_0",
     out=f"{SEQUENTIAL}/batch_0",
@@ -87,7 +90,7 @@ def sequential_batch(args: argparse.Namespace, study: "Study") -> None:
     print(found["why"])
 
 
-@family.verb(
+@verb(
     "sequential: compare the simulated answer with its prediction and the targets, collect all batches",
     example=f"{SEQUENTIAL}/batch_0",
     out=SEQUENTIAL,

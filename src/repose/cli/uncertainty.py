@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import NETWORK, RUNS, chosen_files, file_options
-from repose.cli.registry import Family, Option
+from repose.cli.registry import Option, verb
 
 if TYPE_CHECKING:
     from repose.config.study import Study
@@ -19,10 +19,8 @@ POSTERIOR_FILES = {
     "feasible": "results/miga/feasible.csv",
 }
 
-family = Family()
 
-
-@family.verb(
+@verb(
     "split the variance of the responses into within and between samples; print the gain of more seeds",
     example="--runs results/runs.csv",
     out="results/noise",
@@ -35,7 +33,7 @@ def noise(args: argparse.Namespace, study: "Study") -> None:
     print(noise.message(noise.run(args.runs, targets, args.out), targets))
 
 
-@family.verb(
+@verb(
     "sample the posterior of the free parameters; name the parameters that the measurements do not determine",
     example="--network results/network/network.json",
     out="results/posterior",
@@ -52,7 +50,7 @@ def posterior(args: argparse.Namespace, study: "Study") -> None:
     print(posterior.message(summary))
 
 
-@family.verb(
+@verb(
     "compute Sobol indices of the responses, with intervals, and main effects",
     example="--network results/network/network.json",
     out="results/sensitivity",
@@ -67,7 +65,7 @@ def sensitivity(args: argparse.Namespace, study: "Study") -> None:
     print(sensitivity.message(table))
 
 
-@family.verb(
+@verb(
     "choose parameter sets of the posterior, to be run in all bench tests for the verb next",
     example="--draws results/posterior/draws.csv",
     out="results/next/samples.csv",
@@ -79,7 +77,7 @@ def plausible(args: argparse.Namespace, study: "Study") -> None:
     next_measurement.plausible_sets(args.draws, study.config["posterior"]["seed"], args.out)
 
 
-@family.verb(
+@verb(
     "what to measure next: the information that each further response of saved runs would add",
     example="results/next/heaps/001.pours.json results/next/heaps/002.pours.json",
     out="results/next",

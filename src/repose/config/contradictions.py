@@ -12,6 +12,7 @@ from repose.apparatus.settings import SimulationSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
 from repose.surrogate import kind_of
+from repose.surrogate import names as surrogates
 
 Pairs = Iterator[tuple[str, str]]
 
@@ -46,11 +47,13 @@ def used_tests(config: Mapping[str, Any]) -> list[BenchTest]:
 
 def _of_the_surrogate(config):
     """Fewer samples for training than the surrogate needs."""
-    needed = kind_of(config["surrogate"]).least_samples(ParameterSpace.of(config["parameters"]).dimensions)
+    free = ParameterSpace.of(config["parameters"]).dimensions
+    needed = {name: kind_of(name).least_samples(free) for name in surrogates()}
     training = int(config["network"]["split"][0] * config["design"]["samples"] + 1e-9)
-    if training < needed:
-        allowed = "network or gaussian_process where design.samples times the first of network.split is below"
-        yield "surrogate", f"{allowed} {needed}"
+    least = needed[config["surrogate"]]
+    if training < least:
+        fitting = " or ".join(name for name in needed if needed[name] <= training)
+        yield "surrogate", f"{fitting} where design.samples times the first of network.split is below {least}"
 
 
 def _of_the_contact_law(config):

@@ -13,11 +13,6 @@ from repose.core import ledger, places
 from repose.core.files import write_text
 from repose.core.parameters import FURTHER, PARAMETERS
 
-FILES = {
-    "berry": ("sizes", "compression", "stl"),
-    "validation": ("published",),
-    "posterior": ("shape_study",),
-}
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
 Read = Callable[[str | os.PathLike], dict[str, Any]]
@@ -97,12 +92,14 @@ def _over_each_other(
 
 def _with_files_resolved(config):
     """The configuration, with built-in files for the named files that the working folder lacks."""
-    for section, keys in FILES.items():
-        for key in keys:
-            found = config.get(section)
-            path = found.get(key) if isinstance(found, dict) else None
-            if isinstance(path, str):
-                config[section][key] = str(places.find(path))
+    from repose.config.models import named_files
+
+    for name in named_files():
+        section, _, key = name.rpartition(".")
+        found = config.get(section) if section else config
+        path = found.get(key) if isinstance(found, dict) else None
+        if isinstance(path, str):
+            found[key] = str(places.find(path))
     return config
 
 

@@ -16,10 +16,6 @@ from repose.core.targets import Targets, completed
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
-NAMED_FILES = (
-    *("berry.sizes", "berry.compression", "berry.stl"),
-    *("validation.published", "posterior.shape_study", "photograph"),
-)
 # Sections of the mean grain, and further sections that limit the time step.
 GRAIN = ("berry", "validation")
 STEP = ("simulation", "wall", "parameters", "validation")
@@ -113,13 +109,14 @@ class Making:
 
     def _read_files(self) -> None:
         """Check that the files exist; read the files that no other check reads."""
+        from repose.config.models import named_files
         from repose.measure.pile import read_image
         from repose.particle.berry_files import read_sizes
         from repose.studies.discrepancy import of_shape_study
 
         if self._may_read("results_dir"):
             self._add(results_folder.existing_results(self.config["results_dir"]))
-        named = {key: get(self.config, key) for key in NAMED_FILES if self._may_use(key)}
+        named = {key: get(self.config, key) for key in named_files() if self._may_use(key)}
         named = {key: path for key, path in named.items() if path is not None}
         missing = [key for key, path in named.items() if not Path(path).is_file()]
         self._add((key, "an existing file, relative to the folder of the project") for key in missing)
@@ -166,7 +163,4 @@ def _mean_berry(config):
     """The mean berry of the configuration's files."""
     from repose.particle import berry
 
-    section = config["berry"]
-    material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
-    table1 = beside(config["validation"]["published"], "table1.csv")
-    return berry.of_files(section["sizes"], section["compression"], table1, *material)[1]
+    return berry.of_settings(config["berry"], beside(config["validation"]["published"], "table1.csv"))[1]

@@ -19,26 +19,24 @@ from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import FURTHER
 from repose.core.responses import named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+from repose.measure.angles import DEFINITIONS
+from repose.measure.profile_points import FLANK_RULES
+from repose.particle.particle import KINDS, SURFACES
 
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
-
-
-def _contact_laws() -> Iterable[str]:
-    from repose.dem.laws import CONTACT_LAWS
-
-    return CONTACT_LAWS
-
-
-def _rolling_laws() -> Iterable[str]:
-    from repose.dem.laws import ROLLING_LAWS
-
-    return ROLLING_LAWS
 
 
 def _surrogates() -> Iterable[str]:
     from repose import surrogate
 
     return surrogate.names()
+
+
+def _priors() -> Iterable[str]:
+    from repose.surrogate.two_layer import PRIORS
+
+    return PRIORS
 
 
 def _strategies() -> Iterable[str]:
@@ -81,10 +79,12 @@ ResultsFolder = Annotated[
 ]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"')]
 _NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"  # snakemake takes braces for wildcards
-Path = Annotated[str, Field(pattern=_NO_BRACES, description="a path of a file, without braces")]
+_FILE = object()  # marks the types of `named_files`
+Path = Annotated[str, Field(pattern=_NO_BRACES, description="a path of a file, without braces"), _FILE]
 PathOrNull = Annotated[
     Annotated[str, Field(pattern=_NO_BRACES)] | None,
     Field(description="a path of a file, without braces, or null"),
+    _FILE,
 ]
 Seed = Annotated[int, Field(ge=0, le=4294967295)]
 Percent = Annotated[float, Field(gt=0, le=50)]
@@ -137,8 +137,8 @@ ParameterOfAnySize = Annotated[
     _Parameter(-sys.float_info.max, sys.float_info.max),
     Field(description="a pair [low, high] of numbers with low < high; or fixed; or prior with mean and sd"),
 ]
-ContactLaw = Annotated[str, OneOf(_contact_laws)]
-RollingLaw = Annotated[str, OneOf(_rolling_laws)]
+ContactLaw = Annotated[str, OneOf(lambda: CONTACT_LAWS)]
+RollingLaw = Annotated[str, OneOf(lambda: ROLLING_LAWS)]
 StrategyName = Annotated[str, OneOf(_strategies)]
 SurrogateName = Annotated[str, OneOf(_surrogates)]
 
@@ -156,11 +156,11 @@ class Berry(Section):
     shear_modulus_pa: Modulus | None
     stl: PathOrNull
     mass_g: Annotated[float, Field(gt=0, le=1.0e6)] | None
-    particle: Literal["ellipsoid", "smooth", "multisphere"]
+    particle: Annotated[str, OneOf(lambda: KINDS)]
     spheres: Literal["fewest"] | Annotated[int, Field(ge=1, le=64)] = Field(
         description="fewest or an integer from 1 to 64"
     )
-    surface: Literal["smooth", "rough", "rough_full"]
+    surface: Annotated[str, OneOf(lambda: SURFACES)]
     size_distribution: Literal["none", "measured"]
 
     @field_validator("poisson_ratio", "shear_modulus_pa")
@@ -233,7 +233,7 @@ class Measure(Section):
 
     views: int = Field(ge=1, le=360)
     mm_per_pixel: Annotated[float, Field(ge=0.02, le=5)] | Auto = AUTO
-    response: Literal["flank", "secant", "steepest", "whole"]
+    response: Annotated[str, OneOf(lambda: DEFINITIONS)]
     fit_from: Literal["berry"] | Annotated[float, Field(ge=0, le=0.9)] = Field(
         description="berry or a number from 0 to 0.9"
     )
@@ -242,7 +242,7 @@ class Measure(Section):
     )
     berry_height_mm: Annotated[float, Field(gt=0, le=1000)] | None
     largest_pile_only: bool
-    flank: Literal["levels", "rows", "columns"]
+    flank: Annotated[str, OneOf(lambda: FLANK_RULES)]
 
     @field_validator("fit_to")
     @classmethod
@@ -314,7 +314,7 @@ class Network(Section):
         | Auto
     ) = AUTO
     starts: int = Field(ge=1, le=1000)
-    prior: Literal["one", "layers", "inputs"]
+    prior: Annotated[str, OneOf(_priors)]
     replicates: bool
     seed: Seed
 
@@ -462,3 +462,20 @@ def _settings_type(apparatus, strategies):
     }
     sections |= {name: (bench(name).settings, ... if name == "funnel" else ABSENT) for name in apparatus}
     return create_model("Configuration", __base__=Settings, **sections)
+
+
+def named_files() -> tuple[str, ...]:
+    """Dotted keys of the configuration that name a file each: those of the types `Path` and `PathOrNull`."""
+    return _files_of(settings_type())
+
+
+@cache
+def _files_of(model):
+    """The keys of a section's model, and of the sections in it."""
+    keys: list[str] = []
+    for name, field in model.model_fields.items():
+        if _FILE in field.metadata:
+            keys.append(name)
+        elif isinstance(field.annotation, type) and issubclass(field.annotation, Section):
+            keys += [f"{name}.{key}" for key in _files_of(field.annotation)]
+    return tuple(keys)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.apparatus import bench, bench_tests
-from repose.config.loader import FILES
+from repose.config.models import named_files
 from repose.core import attached
 from repose.core.provenance import hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
@@ -156,13 +156,12 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
 def _with_contents(chosen):
     """The settings with a hash of their content instead of the paths of files."""
     chosen = dict(chosen)
-    for section, keys in FILES.items():
-        for key in keys:
-            name = f"{section}.{key}"
-            if chosen.get(name) is not None:
-                chosen[name] = _content(chosen[name])
-            if section in chosen and chosen[section].get(key) is not None:
-                chosen[section] = chosen[section] | {key: _content(chosen[section][key])}
+    for name in named_files():
+        section, _, key = name.rpartition(".")
+        if chosen.get(name) is not None:
+            chosen[name] = _content(chosen[name])
+        if chosen.get(section, {}).get(key) is not None:
+            chosen[section] = chosen[section] | {key: _content(chosen[section][key])}
     return chosen
 
 

@@ -5,33 +5,41 @@ template beside it; a deck's head states the differences of the program from thi
 """
 
 from collections.abc import Callable
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.core.errors import InputError
 from repose.core.files import write_text
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
-from repose.export import lammps, liggghts, mercurydpm, tables, yade
-from repose.export.job import Job, make
 
-__all__ = ["PROGRAMS", "Job", "make", "write"]
+if TYPE_CHECKING:
+    from repose.export.job import Job
 
-PROGRAMS: dict[str, Callable[[Job], dict[str, str]]] = {
-    "liggghts": liggghts.deck,
-    "lammps": lammps.deck,
-    "yade": yade.deck,
-    "mercurydpm": mercurydpm.deck,
-    "edem": tables.edem,
-    "rocky": tables.rocky,
+__all__ = ["PROGRAMS", "write"]
+
+Deck = Callable[["Job"], dict[str, str]]
+
+
+def _written_by(module: str, name: str = "deck") -> Deck:
+    """A function of a module of this package that is imported when it writes: the help lists programs alone."""
+    return lambda job: getattr(import_module(f".{module}", __name__), name)(job)
+
+
+PROGRAMS = {
+    "liggghts": _written_by("liggghts"),
+    "lammps": _written_by("lammps"),
+    "yade": _written_by("yade"),
+    "mercurydpm": _written_by("mercurydpm"),
+    "edem": _written_by("tables", "edem"),
+    "rocky": _written_by("tables", "rocky"),
 }
 # The laws that a deck can hold, besides Hertz and Mindlin's contact and the rolling law `budget`.
-FURTHER_LAWS: dict[str, tuple[str, ...]] = {
+FURTHER_LAWS = {
     "liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"),
     "lammps": ("epsd", "epsd2"),
-    "yade": (),
-    "mercurydpm": (),
     "edem": ("jkr",),
-    "rocky": (),
 }
 # Reasons why a program's law of the same name cannot be used.
 REASONS = {
@@ -43,13 +51,13 @@ REASONS = {
 HERTZ = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
 
-def check_laws(job: Job, program: str) -> None:
+def check_laws(job: "Job", program: str) -> None:
     """InputError if a program has no equivalent of one of the study's laws."""
     for key, law, laws, common in (
         ("contact_law", job.contact_law, CONTACT_LAWS, HERTZ),
         ("rolling_law", job.rolling_law, ROLLING_LAWS, ("budget",)),
     ):
-        allowed = [*common, *(name for name in laws if name in FURTHER_LAWS[program])]
+        allowed = [*common, *(name for name in laws if name in FURTHER_LAWS.get(program, ()))]
         if law not in allowed:
             why = f" ({REASONS[program, law]})" if (program, law) in REASONS else ""
             raise InputError(
@@ -57,7 +65,7 @@ def check_laws(job: Job, program: str) -> None:
             )
 
 
-def write(job: Job, program: str, folder: str | PathLike) -> list[Path]:
+def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
     """Write the deck of a program of `PROGRAMS`, return its files, itself first; InputError as by `check_laws`."""
     check_laws(job, program)
     paths = []

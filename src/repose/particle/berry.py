@@ -1,6 +1,7 @@
 """Measured berries: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
 
 import math
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -148,22 +149,19 @@ def of_files(
     return measured_berry(sizes, tests, published, *material, source=compression_csv)
 
 
-def run(
-    sizes_csv: str | PathLike,
-    compression_csv: str | PathLike | None,
-    table1_csv: str | PathLike | None,
-    out_dir: str | PathLike,
-    density_kg_m3: float,
-    poisson_ratio: float | None = None,
-    shear_modulus_pa: float | None = None,
+def of_settings(
+    section: Mapping[str, Any], table1_csv: str | PathLike | None
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Write summary.csv and berry.json (`of_files`)."""
-    summary, berry = of_files(
-        sizes_csv, compression_csv, table1_csv, density_kg_m3, poisson_ratio, shear_modulus_pa
-    )
+    """`measured_berry` of a section `berry`."""
+    material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
+    return of_files(section["sizes"], section["compression"], table1_csv, *material)
+
+
+def run(section: Mapping[str, Any], table1_csv: str | PathLike | None, out_dir: str | PathLike) -> None:
+    """Write summary.csv and berry.json (`of_settings`)."""
+    summary, berry = of_settings(section, table1_csv)
     write_table(Path(out_dir) / "summary.csv", summary, float_format="%.4f")
     write_json(Path(out_dir) / "berry.json", berry, indent=2)
-    return summary, berry
 
 
 def _spread(sizes, published):

@@ -14,6 +14,7 @@ from repose.particle import support
 
 MM = 1e-3
 KINDS = ("ellipsoid", "smooth", "multisphere")
+SURFACES = ("smooth", "rough", "rough_full")  # of a multisphere
 
 
 @dataclass(frozen=True, eq=False)

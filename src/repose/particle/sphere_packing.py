@@ -21,9 +21,8 @@ from scipy.stats import qmc
 
 from repose.core.errors import InputError
 from repose.dem.kernels.state import MOST_SPHERES
-from repose.particle.particle import MM
+from repose.particle.particle import MM, SURFACES
 
-SURFACES = ("smooth", "rough", "rough_full")
 FEWEST = "fewest"
 FEWEST_FROM, FEWEST_TO = 14, 60
 NEAR_VOLUME, NEAR_SHORTEST_AXIS = 0.02, 0.03

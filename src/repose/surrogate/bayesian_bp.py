@@ -19,6 +19,7 @@ variance of a weight 1 / (2 alpha).
 """
 
 import copy
+import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
@@ -46,7 +47,6 @@ from repose.surrogate.two_layer import (
 )
 
 AT_ONCE = 256  # points whose derivatives by all weights of several networks are in memory together
-FROM_SETTINGS = ("hidden", "epochs", "goal", "starts", "seed", "prior")
 
 
 @register("network")
@@ -83,8 +83,9 @@ class BayesianBP(Surrogate):
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """An untrained network with `hidden`, `epochs`, `goal`, `starts`, `seed` and `prior` of the settings."""
-        return cls(**{key: settings[key] for key in FROM_SETTINGS if key in settings})
+        """An untrained network with those of the settings that it takes as arguments."""
+        known = inspect.signature(BayesianBP).parameters
+        return cls(**{key: value for key, value in settings.items() if key in known})
 
     def fit(
         self,

@@ -7,7 +7,7 @@ Sources of the lines, named where they are used
   (A35)   Aitken 1935, on least squares and linear combination of observations: independent combinations of outputs
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -66,14 +66,12 @@ class GaussianProcess(Combined, Surrogate):
 
     def _fit(self, kernels, fixed=False):
         """A process for each combination of the outputs, from hyperparameters as in `report`, as `processes_`."""
-        from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-
-        from repose.surrogate.process import Process, SampleNoise
+        from repose.surrogate.process import Process, SampleNoise, smooth
 
         bounds = 3 * ["fixed"] if fixed else [VARIANCE_BOUNDS, LENGTH_BOUNDS, NOISE_BOUNDS]
         x, self.processes_ = self._scaled(self.training_["inputs"]), []
         for one, values, precision in zip(kernels, self.values.T, self.training_["precision"].T, strict=True):
-            kernel = ConstantKernel(one["variance"], bounds[0]) * RBF(one["lengths"], bounds[1])
+            kernel = smooth(one["variance"], one["lengths"], bounds)
             noise = SampleNoise(one["noise_variance"], bounds[2], precision)
             self.processes_.append(Process(kernel, x, values, noise=noise))
 
@@ -96,27 +94,6 @@ class GaussianProcess(Combined, Surrogate):
     def _variances(self, x):
         """Variances (n, k) of the scaled combinations, without noise."""
         return np.column_stack([one.moments(x)[1] for one in self.processes_])
-
-    def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The means as one matrix product, an exponential and another product for each process."""
-        middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
-        parts = []
-        for process in self.processes_:
-            lengths = process.kernel.k2.length_scale
-            scale = half / self.width_ / lengths
-            start = (middle - self.low_) / self.width_ / lengths
-            weight = process.kernel.k1.constant_value * process.weights
-            parts.append((scale, start, process.x / lengths, weight))
-
-        def respond(points):
-            means = np.empty((len(points), len(parts)))
-            for k, (scale, start, x, weight) in enumerate(parts):
-                z = points * scale + start
-                square = (z**2).sum(axis=1)[:, None] + (x**2).sum(axis=1) - 2 * (z @ x.T)
-                means[:, k] = np.exp(-0.5 * square) @ weight
-            return self.unmixed(means) + self.offset_
-
-        return respond
 
     def report(self) -> dict[str, Any]:
         """Log marginal likelihood and hyperparameters of each process."""

@@ -1,9 +1,10 @@
 """The Gaussian process of the package: one value over the inputs, with noise that is known or estimated.
 
-Kernels, likelihood and its maximum are scikit-learn's. The surrogate `gaussian_process`, the kriging of
-`repose.strategies.sequential` and its estimate of the noise differ in kernel, noise and prior alone.
+Covariance, likelihood and its maximum are scikit-learn's. The surrogate `gaussian_process`, the kriging of
+`repose.strategies.sequential` and its estimate of the noise differ in covariance, noise and prior alone.
 
-  (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, Algorithm 2.1
+  (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning: Algorithm 2.1; section 5.4.2, a value
+          from all the others
 """
 
 import warnings
@@ -14,10 +15,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import WhiteKernel
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, Matern, WhiteKernel
 
 JITTER = 1e-10  # of the diagonal, where the noise is a part of the kernel
 LEAST_VARIANCE = 1e-12
+FIXED = ("fixed", "fixed")
+
+
+def smooth(
+    variance: float, lengths: ArrayLike, bounds: Any = FIXED, smoothness: float | None = None
+) -> ConstantKernel:
+    """The variance times Matern's covariance of distances in lengths; without `smoothness` the squared exponential.
+
+    `bounds` are those of the variance and of the lengths, as scikit-learn takes them.
+    """
+    shape = RBF(lengths, bounds[1]) if smoothness is None else Matern(lengths, bounds[1], nu=smoothness)
+    return ConstantKernel(variance, bounds[0]) * shape
+
+
+def straight(slope: float) -> ConstantKernel:
+    """Covariance of a straight line, 1 + slope^2 x x'."""
+    return ConstantKernel(slope**2, "fixed") * DotProduct(1.0 / slope, "fixed")
 
 
 class Process:
@@ -44,6 +62,8 @@ class Process:
         self.kernel = model.kernel_ if noise is None else model.kernel_.k1
         self.noise_level = 0.0 if noise is None else float(model.kernel_.k2.noise_level)
         self.x, self.root, self.weights = x, model.L_, model.alpha_  # of the matrix (n, n), and of the values
+        self.values = values
+        self.errors = errors if noise is None else errors + np.diagonal(model.kernel_.k2(x))
         self.log_likelihood = float(model.log_marginal_likelihood_value_)
 
     def mean(self, x: np.ndarray) -> np.ndarray:
@@ -56,6 +76,12 @@ class Process:
         solved = linalg.solve_triangular(self.root, between.T, lower=True, check_finite=False)
         variance = self.kernel.diag(x) - (solved**2).sum(axis=0)
         return between @ self.weights, np.maximum(variance, LEAST_VARIANCE)
+
+    def left_out(self) -> tuple[np.ndarray, np.ndarray]:
+        """Means and variances (n,), without noise, of each value from all the others."""
+        precision = linalg.cho_solve((self.root, True), np.eye(len(self.x))).diagonal()
+        variance = 1 / precision - self.errors
+        return self.values - self.weights / precision, np.maximum(variance, LEAST_VARIANCE)
 
 
 class SampleNoise(WhiteKernel):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from repose.core.errors import InputError
 
@@ -15,57 +15,54 @@ def _drawn_by(module: str, name: str) -> Callable[[Mapping[str, Any], Mapping[st
     return lambda inputs, config: getattr(import_module(f".{module}", __name__), name)(inputs, config)
 
 
-# Name of a figure: the function that draws it and the inputs it needs; inputs in OPTIONAL may be left out.
+class Figure(NamedTuple):
+    """The function that draws a figure, and its inputs by name."""
+
+    draw: Callable[[Mapping[str, Any], Mapping[str, Any]], Any]
+    needed: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+
+
 FIGURES = {
-    "figure02": (_drawn_by("berries", "sizes_and_sphericity"), ("sizes",)),
-    "figure05": (_drawn_by("testbench", "simulated_pile"), ("heap", "particle")),
-    "figure06": (_drawn_by("testbench", "measurement"), ("heap", "particle", "berry")),
-    "figure07": (_drawn_by("berries", "particle_and_mesh"), ("stl", "particle")),
-    "figure08": (_drawn_by("testbench", "apparatus"), ()),
-    "figure09": (_drawn_by("workflow", "rule_graph"), ("dot",)),
-    "figure10": (_drawn_by("surrogate", "network_structure"), ("network",)),
-    "figure13": (_drawn_by("surrogate", "predicted_against_simulated"), ("predictions", "dataset")),
-    "figure14": (_drawn_by("search", "feasible_solutions"), ("feasible", "summary")),
-    "figure15": (_drawn_by("rotation", "states"), ("states", "particle")),
-    "definitions": (_drawn_by("measuring", "definitions"), ("heap", "particle", "berry")),
-    "drum": (_drawn_by("rotation", "course"), ("record", "profile", "runs")),
-    "convergence": (_drawn_by("search", "convergence"), ("history",)),
-    "plane": (_drawn_by("plane", "planes"), ("dataset", "feasible", "table4")),
-    "profiles": (_drawn_by("profiles", "profiles"), ("table4",)),
-    "design": (_drawn_by("samples", "design_matrix"), ("samples",)),
-    "dataset": (_drawn_by("samples", "responses_over_parameters"), ("dataset",)),
-    "validation": (_drawn_by("checks", "validation"), ("table4",)),
-    "published": (_drawn_by("checks", "published_solutions"), ("published",)),
-    "noise": (_drawn_by("uncertainty", "noise_floor"), ("runs", "seeds", "noise")),
-    "corner": (_drawn_by("uncertainty", "corner"), ("draws", "posterior", "summary", "feasible")),
-    "intervals": (_drawn_by("uncertainty", "intervals"), ("posterior",)),
-    "discrepancy": (_drawn_by("discrepancy", "over_the_discrepancy"), ("discrepancy",)),
-    "region": (_drawn_by("region", "not_excluded"), ("region", "summary")),
-    "sobol": (_drawn_by("uncertainty", "sobol_indices"), ("sobol",)),
-    "approach": (_drawn_by("refinement", "approach"), ("rounds",)),
-    "pareto_screening": (_drawn_by("response_surface", "pareto"), ("effects",)),
-    "pareto_surface": (_drawn_by("response_surface", "pareto"), ("effects",)),
-    "perturbation": (_drawn_by("response_surface", "perturbation"), ("samples", "dataset")),
-    "contours": (_drawn_by("response_surface", "contours"), ("samples", "dataset", "optimum")),
-    "sequential": (_drawn_by("sequential", "sequential"), ("batches", "check")),
-    "lifted_cylinder": (_drawn_by("bench_scenes", "lifted_cylinder"), ()),
-    "inclined_plane": (_drawn_by("bench_scenes", "inclined_plane"), ()),
-    "drop_test": (_drawn_by("bench_scenes", "drop_test"), ()),
-    "drawdown": (_drawn_by("bench_scenes", "drawdown"), ()),
-    "cylinder": (_drawn_by("bench_scenes", "cylinder"), ()),
-    "discharge": (_drawn_by("bench_scenes", "discharge"), ()),
-    "turning": (_drawn_by("bench_scenes", "turning"), ()),
-    "main_effects": (_drawn_by("uncertainty", "main_effects"), ("effects", "dataset", "sobol")),
-}
-OPTIONAL = {
-    "approach": ("summary",),
-    "figure08": ("trajectory", "particle"),
-    "figure14": ("published",),
-    "design": ("comparison",),
-    "drawdown": ("runs", "particle"),
-    "lifted_cylinder": ("runs", "particle"),
-    "plane": ("pool", "fresh"),
-    "validation": ("published",),
+    "figure02": Figure(_drawn_by("berries", "sizes_and_sphericity"), ("sizes",)),
+    "figure05": Figure(_drawn_by("testbench", "simulated_pile"), ("heap", "particle")),
+    "figure06": Figure(_drawn_by("testbench", "measurement"), ("heap", "particle", "berry")),
+    "figure07": Figure(_drawn_by("berries", "particle_and_mesh"), ("stl", "particle")),
+    "figure08": Figure(_drawn_by("testbench", "apparatus"), (), ("trajectory", "particle")),
+    "figure09": Figure(_drawn_by("workflow", "rule_graph"), ("dot",)),
+    "figure10": Figure(_drawn_by("surrogate", "network_structure"), ("network",)),
+    "figure13": Figure(_drawn_by("surrogate", "predicted_against_simulated"), ("predictions", "dataset")),
+    "figure14": Figure(_drawn_by("search", "feasible_solutions"), ("feasible", "summary"), ("published",)),
+    "figure15": Figure(_drawn_by("rotation", "states"), ("states", "particle")),
+    "definitions": Figure(_drawn_by("measuring", "definitions"), ("heap", "particle", "berry")),
+    "drum": Figure(_drawn_by("rotation", "course"), ("record", "profile", "runs")),
+    "convergence": Figure(_drawn_by("search", "convergence"), ("history",)),
+    "plane": Figure(_drawn_by("plane", "planes"), ("dataset", "feasible", "table4"), ("pool", "fresh")),
+    "profiles": Figure(_drawn_by("profiles", "profiles"), ("table4",)),
+    "design": Figure(_drawn_by("samples", "design_matrix"), ("samples",), ("comparison",)),
+    "dataset": Figure(_drawn_by("samples", "responses_over_parameters"), ("dataset",)),
+    "validation": Figure(_drawn_by("checks", "validation"), ("table4",), ("published",)),
+    "published": Figure(_drawn_by("checks", "published_solutions"), ("published",)),
+    "noise": Figure(_drawn_by("uncertainty", "noise_floor"), ("runs", "seeds", "noise")),
+    "corner": Figure(_drawn_by("uncertainty", "corner"), ("draws", "posterior", "summary", "feasible")),
+    "intervals": Figure(_drawn_by("uncertainty", "intervals"), ("posterior",)),
+    "discrepancy": Figure(_drawn_by("discrepancy", "over_the_discrepancy"), ("discrepancy",)),
+    "region": Figure(_drawn_by("region", "not_excluded"), ("region", "summary")),
+    "sobol": Figure(_drawn_by("uncertainty", "sobol_indices"), ("sobol",)),
+    "approach": Figure(_drawn_by("refinement", "approach"), ("rounds",), ("summary",)),
+    "pareto_screening": Figure(_drawn_by("response_surface", "pareto"), ("effects",)),
+    "pareto_surface": Figure(_drawn_by("response_surface", "pareto"), ("effects",)),
+    "perturbation": Figure(_drawn_by("response_surface", "perturbation"), ("samples", "dataset")),
+    "contours": Figure(_drawn_by("response_surface", "contours"), ("samples", "dataset", "optimum")),
+    "sequential": Figure(_drawn_by("sequential", "sequential"), ("batches", "check")),
+    "lifted_cylinder": Figure(_drawn_by("bench_scenes", "lifted_cylinder"), (), ("runs", "particle")),
+    "inclined_plane": Figure(_drawn_by("bench_scenes", "inclined_plane")),
+    "drop_test": Figure(_drawn_by("bench_scenes", "drop_test")),
+    "drawdown": Figure(_drawn_by("bench_scenes", "drawdown"), (), ("runs", "particle")),
+    "cylinder": Figure(_drawn_by("bench_scenes", "cylinder")),
+    "discharge": Figure(_drawn_by("bench_scenes", "discharge")),
+    "turning": Figure(_drawn_by("bench_scenes", "turning")),
+    "main_effects": Figure(_drawn_by("uncertainty", "main_effects"), ("effects", "dataset", "sobol")),
 }
 ENDINGS = tuple(f".{kind}" for kind in style.UNDATED)
 
@@ -75,7 +72,7 @@ def draw(
     inputs: Mapping[str, Any],
     out_path: str | Path,
     config: Mapping[str, Any],
-    known: Mapping[str, Any] = FIGURES,
+    known: Mapping[str, Figure] = FIGURES,
 ) -> None:
     """Draw a figure of `known` from `inputs`, paths by name; a PNG also gets the other formats of the configuration."""
     from repose.config.models import Figures
@@ -85,14 +82,13 @@ def draw(
         raise InputError(out_path, "ending", out_path.suffix, " or ".join(ENDINGS))
     if name not in known:
         raise InputError("figures", "name", name, ", ".join(known))
-    function, needed = known[name]
-    allowed = needed + OPTIONAL.get(name, ())
-    for key in [*needed, *inputs]:
+    drawn, allowed = known[name], known[name].needed + known[name].optional
+    for key in [*drawn.needed, *inputs]:
         if key not in allowed or key not in inputs:
-            raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {allowed}")
+            raise InputError(f"figure {name}", "inputs", key, f"needs {drawn.needed}, may have {allowed}")
         if not Path(inputs[key]).is_file():
             raise InputError(f"figure {name}", key, str(inputs[key]), "an existing file")
     further = [kind for kind in files.format if kind != "png"] if out_path.suffix == ".png" else []
     with style.applied():
-        figure = function(inputs, config)
+        figure = drawn.draw(inputs, config)
         style.save(figure, out_path, bool(config.get("small_run", False)), further, files.dpi)

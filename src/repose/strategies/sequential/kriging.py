@@ -7,8 +7,7 @@ Sources of the lines, named where they are used:
 
 - (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling, Oper. Res. 58, 371
 - (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by the variance of all samples
-- (R06) Rasmussen & Williams 2006, Gaussian processes for machine learning, section 2.7: explicit basis functions;
-  section 5.4.2: a sample predicted from the others
+- (R06) Rasmussen & Williams 2006, Gaussian processes for machine learning, section 2.7: explicit basis functions
 - (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of the
   lengths that grows with the number of inputs. It is used there where its density over the lengths is largest, at
   exp(sqrt(2) - 3) sqrt(d): half a range for six inputs. Here logarithms of lengths are drawn, and that place is the
@@ -20,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from repose.core.parameter_space import ParameterSpace
 from repose.surrogate.samples import Combined
@@ -133,18 +131,9 @@ class Kriging(Combined):
 
     def _left_out(self):
         """Each sample predicted from the others: residuals (n, k), variances within draws, and further ones."""
-        means, variances = [], []
-        for processes in self.sets:
-            weights = np.column_stack([one.weights for one in processes])
-            inverse = [linalg.cho_solve((one.root, True), np.eye(len(weights))) for one in processes]
-            precision = np.column_stack([one.diagonal() for one in inverse])
-            means.append(self.values - weights / precision)
-            variances.append(np.maximum(1 / precision - self.errors, 1e-12))
-        return (
-            self.values - np.mean(means, axis=0),
-            np.mean(variances, axis=0),
-            np.var(means, axis=0) + self.errors,
-        )
+        moments = np.array([[one.left_out() for one in processes] for processes in self.sets])
+        means, variances = moments.transpose(2, 0, 3, 1)  # each (draws, n, k)
+        return self.values - means.mean(axis=0), variances.mean(axis=0), means.var(axis=0) + self.errors
 
 
 class SpaceKriging:
@@ -195,9 +184,7 @@ def _factor(residuals, variances, others):
 
 def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
     """Processes of one combination, drawn from their posterior: a linear part, and the deviation from it."""
-    from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern
-
-    from repose.surrogate.process import Process
+    from repose.surrogate.process import Process, smooth, straight
 
     d = unit.shape[1]
     middle = LENGTH_LOG_MEAN + 0.5 * math.log(d)
@@ -218,11 +205,10 @@ def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
             curvature[k] = (loss(fitted.x + step)[1] - loss(fitted.x - step)[1]) / (2 * STEP)
         return fitted.x, fitted.fun
 
-    rough = ConstantKernel(signal, BOUNDS) * Matern(np.full(d, math.exp(middle)), BOUNDS, nu=SMOOTHNESS)
     # as large as the means' variance beforehand: points have a variance of 1/12 in each parameter
     slope = math.sqrt(12 / d)
-    straight = ConstantKernel(slope**2, "fixed") * DotProduct(1.0 / slope, "fixed")
-    kernel = straight + rough
+    deviation = smooth(signal, np.full(d, math.exp(middle)), (BOUNDS, BOUNDS), SMOOTHNESS)
+    kernel = straight(slope) + deviation
     best = Process(kernel, unit, value, error, optimizer=most_probable).kernel
     # nothing is less certain than the prior
     size, axes = np.linalg.eigh((curvature + curvature.T) / 2)

@@ -83,14 +83,11 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
 
     `shares` (n,) is the variance of each of the `means` (n,) in variances of a single run.
     """
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern
-
-    from repose.surrogate.process import Process
+    from repose.surrogate.process import Process, smooth
 
     scale = max(float(means.std()), 1e-9 * float(np.abs(means).max()), 1e-300)
     value = (means - means.mean()) / scale
-    lengths = np.ones(unit.shape[1])
-    kernel = ConstantKernel(1.0, BOUNDS) * Matern(lengths, LENGTHS, nu=SMOOTHNESS)
+    kernel = smooth(1.0, np.ones(unit.shape[1]), (BOUNDS, LENGTHS), SMOOTHNESS)
     evidence = np.array([Process(kernel, unit, value, share * shares).log_likelihood for share in SHARES])
     weights = np.exp(evidence - evidence.max())
     return float(weights @ SHARES / weights.sum()) * scale**2
