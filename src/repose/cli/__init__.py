@@ -26,7 +26,6 @@ from repose.cli import (
     own_simulator,
     pictures,
     pouring,
-    refinement,
     run,
     services,
     strategies,
@@ -51,7 +50,7 @@ FAMILIES = (
         strategies,
         own_simulator,
     ),
-    *(uncertainty, refinement, pictures, services),
+    *(uncertainty, pictures, services),
 )
 VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
 # The verbs that a person types, in the groups of the help. All others are stages, called by the rules of the workflow.
@@ -69,8 +68,10 @@ STAGE = "stage"
 # Verbs of earlier versions whose names are no longer near those of today.
 SUCCESSORS = {
     "measure_heap": "measure_runs",
-    **dict.fromkeys(("refine_data", "refine_search"), "refine_propose"),
-    **dict.fromkeys(("response_screening", "response_ascent", "response_surface"), "response_step"),
+    **dict.fromkeys(("refine_data", "refine_search", "refine_propose", "refine_judge"), "propose"),
+    **dict.fromkeys(("response_screening", "response_ascent", "response_surface"), "propose"),
+    **dict.fromkeys(("response_design", "response_step", "sequential_start", "sequential_batch"), "propose"),
+    **dict.fromkeys(("refine_tables", "response_check", "sequential_check"), "conclude"),
 }
 # Verbs up to version 0.2 whose studies are rules of research/Snakefile now.
 MOVED = ("compare", "joint_targets", "measurement_study", "pool", "profiles", "second_responses", "shape")

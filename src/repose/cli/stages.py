@@ -12,7 +12,19 @@ from repose.core.lock import joined_folder
 
 # Options that name no input. A parameter set of a table of samples is written into the results themselves; cards of
 # different engines may be compared.
-NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "rest", "cards", "keep")
+NOT_READ = (
+    "config",
+    "out",
+    "overlay",
+    "stl",
+    "verb",
+    "sample",
+    "samples",
+    "rest",
+    "cards",
+    "keep",
+    "strategy",
+)
 
 
 @contextmanager
@@ -23,7 +35,8 @@ def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") 
         from repose.config import stands_on
 
         berry_is_made = hasattr(args, "particle") and args.particle is None
-        return stands_on.settings_of(config, args.verb, apparatus, berry_is_made)
+        name = getattr(args, "strategy", None)
+        return stands_on.settings_of(config, args.verb, apparatus, berry_is_made, name)
 
     folder = Path(getattr(args, "config", None) or "").parent
     apparatus = getattr(args, "apparatus", None)

@@ -42,7 +42,7 @@ FIGURES = {
     "discrepancy": (_drawn_by("discrepancy", "over_the_discrepancy"), ("discrepancy",)),
     "region": (_drawn_by("region", "not_excluded"), ("region", "summary")),
     "sobol": (_drawn_by("uncertainty", "sobol_indices"), ("sobol",)),
-    "approach": (_drawn_by("refinement", "approach"), ("rounds",)),
+    "approach": (_drawn_by("refinement", "approach"), ("batches",)),
     "pareto_screening": (_drawn_by("response_surface", "pareto"), ("effects",)),
     "pareto_surface": (_drawn_by("response_surface", "pareto"), ("effects",)),
     "perturbation": (_drawn_by("response_surface", "perturbation"), ("samples", "dataset")),
