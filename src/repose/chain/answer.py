@@ -159,7 +159,15 @@ class Answer:
             f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
         )
         ended = [f"No more batches: {self.why}."] if self.why else []
-        lines = [f"{head}:", *rows, "Simulated again with fresh seeds:", *checks, tables, *ended, self.verdict]
+        lines = [
+            f"{head}:",
+            *rows,
+            "Simulated again with fresh seeds:",
+            *checks,
+            tables,
+            *ended,
+            self.verdict,
+        ]
         return "\n".join(lines)
 
 
