@@ -3,16 +3,19 @@
 import json
 import shutil
 
+import numpy as np
 import pandas as pd
 import pytest
 from plans import as_ours, planned, snakemake
 from synthetic import SPACE, write_poured
 from synthetic import Study as Given
 
+from repose import strategies
 from repose.config.study import Study
 from repose.core.files import write_text
 from repose.core.targets import Targets
-from repose.strategies import batches
+from repose.strategies import base, batches
+from repose.strategies.base import samples_of
 
 pytestmark = pytest.mark.slow
 
@@ -155,4 +158,30 @@ def test_a_round_that_misses_is_followed_by_the_next_until_the_answer(finished):
     assert set(planned(project, *words)) == ROUND
     proposed(folder.with_name("batch_2"), answer=True)
     assert set(planned(project, *words)) == END
+    shutil.rmtree(folder.parent)
+
+
+class Probe(strategies.Strategy):
+    """A strategy as CONTRIBUTING.md has one, without rules, files and keys of its own."""
+
+    name = "probe"
+
+    def propose(self, study, data):
+        unit = np.full((3, study.parameters.dimensions), 0.5)
+        return strategies.Batch(samples_of(study.parameters, unit, 2, 1))
+
+
+def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(finished, monkeypatch):
+    monkeypatch.setitem(base._REGISTRY, "probe", Probe())
+    project, words = finished
+    words = (*words, "strategy=probe")
+    jobs = planned(project, *words)
+    assert {"propose", "conclude_probe", "page", "card"} <= set(jobs)
+    assert not {"pour", "network"} & set(jobs)
+    folder = project / "results/quick/probe/batch_0"
+    config = Study.load(project / "config/quick.yaml").config
+    batches.run_propose("probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder)
+    assert planned(project, *words)["batch_pour"] == 3
+    shown = snakemake(project, "-n", "-p", *words).stdout
+    assert "--seeds 2 --purpose batches " in shown
     shutil.rmtree(folder.parent)
