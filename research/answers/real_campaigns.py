@@ -35,7 +35,6 @@ from repose.config import loader
 from repose.config.study import Study
 from repose.core import provenance
 from repose.core.files import read_table, write_table
-from repose.strategies.refined import rounds
 
 HEIGHT_ALONE = Path("results/published/height_alone")
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -65,14 +64,28 @@ class Campaign:
         """Run a verb with this configuration."""
         verb(name, *words, config=self.config, **options)
 
-    def pour(self, samples, folder, purpose, seeds):
-        """Pour and measure the samples of a table, each with a number of seeds of its own; write their dataset."""
-        jobs = []
-        for sample in pd.read_csv(samples)["sample"]:
+    def batches(self, strategy, folders=()):
+        """Run a strategy to its answer and its check; the last proposal. `folders` hold batches that are poured."""
+        folders, proposal = list(folders), {"answer": False}
+        while not proposal["answer"]:
+            here = self.folder / f"batch_{len(folders)}"
+            if not (here / "proposal.json").exists():
+                self.verb("propose", strategy, *folders, out=here)
+            proposal = json.loads((here / "proposal.json").read_text())
+            if not proposal.get("simulated"):
+                self.pour(here, strategy)
+            folders.append(here)
+        self.verb("conclude", strategy, *folders, out=self.folder / "answer")
+        return proposal
+
+    def pour(self, folder, purpose):
+        """Pour and measure the samples of a batch with their seeds; write their dataset."""
+        jobs, samples = [], folder / "samples.csv"
+        for sample, seeds in pd.read_csv(samples)[["sample", "seeds"]].itertuples(index=False):
             job = folder / f"heaps/{sample:03d}.json"
             jobs.append(job)
             if not job.exists():
-                of_job = {"samples": samples, "sample": sample, "purpose": purpose, "seeds": seeds(sample)}
+                of_job = {"samples": samples, "sample": sample, "purpose": purpose, "seeds": seeds}
                 self.verb("pour", **of_job, **self.berry, out=job.parent)
                 self.verb("measure_runs", job.with_suffix(".pours.json"), **self.berry, out=job.parent)
         self.verb("dataset", *jobs, samples=samples, out=folder)
@@ -99,20 +112,10 @@ def sequential(folder, number):
     value = round(float(heights.quantile(QUANTILES[number])), 2)
     changes = {"targets": target(value), "design": {"seed": 4000 + number}, "sequential": {"checks": CHECKS}}
     campaign = Campaign(folder, changes)
-    seeds = json.loads(campaign.config.read_text())["sequential"]["seeds"]
-    batches, samples, advice = [], folder / "batch_0/samples.csv", {"stop": None}
-    campaign.verb("sequential_start", out=folder / "batch_0")
-    while not advice["stop"]:
-        batches.append(folder / f"batch_{len(batches)}")
-        campaign.pour(samples, batches[-1], "sequential", lambda sample: seeds)
-        campaign.verb("sequential_batch", *batches, out=batches[-1])
-        advice, samples = json.loads((batches[-1] / "advice.json").read_text()), batches[-1] / "next.csv"
-    check = folder / "check"
-    campaign.pour(samples, check, "sequential", lambda sample: CHECKS)
-    tables = {"dataset": check / "dataset.csv", "runs": check / "runs.csv"}
-    campaign.verb("sequential_check", *batches, **tables, out=folder)
-    found = pd.read_csv(folder / "check.csv").iloc[0]
-    at_rest = int(pd.read_csv(check / "dataset.csv")["n_seeds"].iloc[0])
+    advice = campaign.batches("sequential")
+    found = pd.read_csv(folder / "answer/check.csv").iloc[0]
+    at_rest = int(pd.read_csv(folder / "answer/representative.csv")["n_seeds"].iloc[0])
+    advice |= advice["notes"]
     return {
         "campaign": number,
         "target_mm": value,
@@ -134,26 +137,15 @@ def refine(folder, number):
     """A campaign of the refinement loop; its rounds as rows of the table."""
     section = {"rounds": 3, "seeds": 64, "neighbour_seeds": 2}
     campaign = Campaign(folder, {"design": {"seed": 5000 + number}, "refine": section})
-    section = json.loads(campaign.config.read_text())["refine"]
     for name in ("dataset", "runs"):
         table = pd.read_csv(HEIGHT_ALONE / f"{name}.csv")
         table[(table["sample"] - 1) % CAMPAIGNS == number].to_csv(folder / f"{name}.csv", index=False)
     summary = dataset.counts(*(pd.read_csv(folder / f"{name}.csv") for name in ("dataset", "runs")))
     definitions = json.loads((HEIGHT_ALONE / "dataset_summary.json").read_text())["definitions"]
     (folder / "dataset_summary.json").write_text(json.dumps(summary | {"definitions": definitions}))
-    last, done = {"outcome": None, "usable": 1}, []
-    while rounds.goes_on(last) and len(done) <= section["rounds"]:
-        here = folder / f"round_{len(done)}"
-        if not (here / "verdict.json").exists():
-            campaign.verb("refine_propose", folder, *done, out=here)
-            jobs = {sample: seeds for sample, _, seeds in rounds.jobs(section, len(done))}
-            campaign.pour(here / "proposal.csv", here, "refine", jobs.get)
-            tables = {name: here / f"{name}.csv" for name in ("proposal", "dataset", "runs")}
-            campaign.verb("refine_judge", **tables, out=here)
-        last = json.loads((here / "verdict.json").read_text())
-        done.append(here)
-    campaign.verb("refine_tables", *(folder / "verdict.json" for folder in done), out=folder)
-    table = pd.read_csv(folder / "rounds.csv").drop(columns=["reason", "warning", "usable"])
+    campaign.batches("refined", [folder])
+    others = ["batch", "pours", "reason", "warning", "usable", "why"]
+    table = pd.read_csv(folder / "answer/batches.csv").drop(columns=others)
     table.insert(0, "campaign", number)
     return table.to_dict("records")
 
@@ -161,7 +153,8 @@ def refine(folder, number):
 def collect(folder, kind):
     """Write one table of all campaigns, with the record of what their answers stand on."""
     tables = sorted(folder.glob(f"{kind}_?/campaign.csv"))
-    answers = [path.with_name({"sequential": "check.csv", "refine": "rounds.csv"}[kind]) for path in tables]
+    file = {"sequential": "answer/check.csv", "refine": "answer/batches.csv"}[kind]
+    answers = [path.parent / file for path in tables]
     with provenance.stage(f"{kind}_campaigns", answers, lambda config, _: config):
         write_table(folder / f"{kind}.csv", pd.concat([read_table(path) for path in tables]))
 

@@ -297,8 +297,8 @@ def test_a_message_shows_a_small_value_as_it_is():
 def test_nothing_to_calibrate_is_reported(refused, tmp_path):
     fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS)
     (tmp_path / "mine.yaml").write_text(f"parameters:\n{fixed}")
-    for verb in ("check", "plan", "sequential_start"):
-        message = refused(verb, "--config", "mine.yaml")
+    for words in (["check"], ["plan"], ["stage", "propose", "sequential"]):
+        message = refused(*words, "--config", "mine.yaml")
         assert len(message.splitlines()) == 1
         assert "mine.yaml: parameters is " in message
         assert "at least one free parameter" in message

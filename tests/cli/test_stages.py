@@ -11,7 +11,7 @@ def test_files_are_those_of_inputs_by_name_of_plain_options_and_of_a_folders_dat
     words = [
         ["figure", "figure09", f"--input=heap={tmp_path / 'a.csv'}", f"--out={tmp_path / 'b=1.json'}"],
         ["sensitivity", f"--network={tmp_path / 'b=1.json'}"],
-        ["stage", "refine_propose", str(tmp_path)],
+        ["stage", "propose", "refined", str(tmp_path)],
     ]
     named = [[path.name for path in stages.files_of(parser().parse_args(given))] for given in words]
     assert named == [["a.csv"], ["b=1.json"], ["dataset.csv"]]
@@ -20,7 +20,7 @@ def test_files_are_those_of_inputs_by_name_of_plain_options_and_of_a_folders_dat
 def test_the_files_that_a_step_writes_are_not_among_its_inputs(tmp_path):
     # the samples of the next step, from an earlier run, were once an input of the step that writes them
     (tmp_path / "samples.csv").write_text("")
-    words = ["stage", "response_step", str(tmp_path), f"--next={tmp_path / 'samples.csv'}"]
+    words = ["stage", "propose", "sequential", f"--out={tmp_path}"]
     assert not list(stages.files_of(parser().parse_args(words)))
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-# What is there when the workflow is killed: part of the start, the advice on the start, part of the first batch.
-MOMENTS = ("batch_0/heaps/003.json", "batch_0/next.csv", "batch_1/heaps/*.json")
+# What is there when the workflow is killed: part of the start, the proposal after it, part of the first batch.
+MOMENTS = ("batch_0/heaps/003.json", "batch_1/samples.csv", "batch_1/heaps/*.json")
 SECTION = {"start_samples": 6, "seeds": 2, "batch": 2, "most_pours": 20, "probability": 0.99, "checks": 2}
 # Within reach of the made-up pours, which scatter by 1 mm.
 TARGET = {"response": "height_mm", "apparatus": "funnel", "value": 38.0, "sd": 2.0, "repetitions": 5}
@@ -24,16 +24,16 @@ def test_a_kill_within_or_between_batches_loses_nothing(tmp_path):
     done = subprocess.run([sys.executable, __file__, tmp_path], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
-    assert found["batches"] == 3
+    assert found["batches"] == 4, "the last holds the answer"
     assert found["same_bytes"]
     assert found["statuses"] == [0, 0], "of the study left alone, and of the killed one in the end"
     assert found["made_again"] == []
-    # each kill came where it was meant to: batches that were poured and analysed by then
-    assert found["advised"] == [0, 1, 1]
+    # each kill came where it was meant to: batches that were proposed by then
+    assert found["proposed"] == [1, 2, 2]
 
 
 def killed_at(study, moment):
-    """Start the workflow and kill it once a file is there; how many batches had been analysed."""
+    """Start the workflow and kill it once a file is there; how many batches had been proposed."""
     main, end = study.start(), time.monotonic() + PATIENCE_S
     folder = study.folder / "results/sequential"
     while not any(folder.glob(moment)):
@@ -42,10 +42,10 @@ def killed_at(study, moment):
         time.sleep(0.01)
     os.kill(main, signal.SIGKILL)
     os.waitpid(main, 0)
-    advised = len(list(folder.glob("batch_*/advice.json")))
+    proposed = len(list(folder.glob("batch_*/proposal.json")))
     while study.jobs.running():  # the jobs of a killed workflow run to their end
         time.sleep(0.01)
-    return advised
+    return proposed
 
 
 def main(place):
@@ -64,16 +64,16 @@ def main(place):
             for name in ("whole", "killed")
         )
         whole.targets = killed.targets = ("results/sequential/summary.json",)
-        statuses, advised, made_again, before = [whole.run()], [], [], {}
+        statuses, proposed, made_again, before = [whole.run()], [], [], {}
         for moment in MOMENTS:
-            advised.append(killed_at(killed, moment))
+            proposed.append(killed_at(killed, moment))
             now = killed.finished()
             made_again += [str(path) for path, when in before.items() if now.get(path) != when]
             before = now
         statuses.append(killed.run())
         now = killed.finished()
         made_again += [str(path) for path, when in before.items() if now.get(path) != when]
-        found = {"statuses": statuses, "advised": advised, "made_again": made_again}
+        found = {"statuses": statuses, "proposed": proposed, "made_again": made_again}
         found["batches"] = len(list((killed.folder / "results/sequential").glob("batch_*")))
         found["same_bytes"] = campaign.compared(killed, whole.results())
         print(whole.last_words(), killed.last_words(), json.dumps(found), sep="\n", flush=True)

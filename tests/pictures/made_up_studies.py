@@ -93,5 +93,5 @@ def _rounds(folder):
         rounds[f"{name}_predicted_{unit}"] = target * np.array([1.0, 1.001, 1.0])
         rounds[f"{name}_simulated_{unit}"] = target * np.array([0.96, np.nan, 1.005])
         rounds[f"{name}_se_{unit}"] = target * np.array([0.006, np.nan, 0.005])
-    rounds.to_csv(folder / "rounds.csv", index=False)
+    rounds.to_csv(folder / "batches.csv", index=False)
     (folder / "refined_summary.json").write_text(json.dumps({"why": "round 2 meets both targets"}))

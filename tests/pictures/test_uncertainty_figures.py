@@ -166,7 +166,7 @@ def test_approach(count, tmp_path):
     rounds = pd.DataFrame({"round": [0, 1], "n_seeds": [8, 8], "outcome": "within"})
     values = {"target": 30.0, "predicted": 30.1, "simulated": [29.0, 30.2], "se": 0.2}
     columns = {derived(name, what): value for name in NAMES for what, value in values.items()}
-    inputs = {"rounds": write(tmp_path, "rounds", rounds.assign(**columns))}
+    inputs = {"batches": write(tmp_path, "batches", rounds.assign(**columns))}
     panels, texts = drawn(refinement.approach, inputs, config_of(count))
     assert panels == 2 * count
     assert texts.count("target 30 ") == count

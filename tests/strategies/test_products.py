@@ -37,6 +37,11 @@ def study(tmp_path_factory):
     return folder, config | {"simulation": step | {"tension": "keep"}}
 
 
+def number(folder):
+    """The number of a batch."""
+    return int(folder.name.rpartition("_")[2])
+
+
 def of_files(folder, config):
     names = ("summary.json", "representative.csv", "solutions.csv")
     return answer.read(config, *(folder / name for name in names), strategy="sequential")
@@ -104,7 +109,11 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
     names = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
     names |= {"summary": "summary.json", "table4": "table4.csv"}
     files = {name: folder / path for name, path in names.items()}
-    runs = pd.read_csv(folder / "check/runs.csv").assign(reason="").to_dict("records")
+    runs = (
+        pd.read_csv(sorted(folder.glob("batch_*"), key=number)[-1] / "runs.csv")
+        .assign(reason="")
+        .to_dict("records")
+    )
     job = {"parameters": {}, "sample": 1, "runs": runs, "apparatus": "funnel"}
     (folder / "job.json").write_text(json.dumps(job))
     page.write(config, [folder / "job.json"], files, {}, folder / "report.html")
@@ -128,10 +137,9 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypat
     config |= {"targets": wanted["targets"], "parameters": wanted["parameters"], "strategy": "sequential"}
     config["sequential"] = SECTION
     Path("config.json").write_text(json.dumps(config))
-    batches = sorted(map(str, tmp_path.glob("batch_*")), key=lambda path: int(path.rpartition("_")[2]))
-    check = ["--dataset=check/dataset.csv", "--runs=check/runs.csv"]
+    batches = map(str, sorted(tmp_path.glob("batch_*"), key=number))
     own = ["--config=config.json"]
-    assert main(["stage", "sequential_check", *batches, *own, *check, "--out=."]) == 0
+    assert main(["stage", "conclude", "sequential", *batches, *own, "--out=."]) == 0
     answered = ["--feasible=solutions.csv", "--summary=summary.json", "--representative=representative.csv"]
     grain = [
         f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json"

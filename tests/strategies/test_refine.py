@@ -8,15 +8,15 @@ import pandas as pd
 import pytest
 from linear import Linear
 from shared import targets_of
-from synthetic import Study
+from synthetic import Study, configuration
 
-from repose.chain import dataset, invert, train
+from repose.chain import answer, dataset, invert, train
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
 from repose.strategies import Answer, batches
-from repose.strategies.refined import Refined, files, refine, rounds
+from repose.strategies.refined import Refined, refine, rounds
 from repose.strategies.runs import runs_by_bench, samples_of_runs
 from repose.surrogate import load, make, names
 from repose.surrogate.support import Support
@@ -171,16 +171,14 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
     table.to_csv(own / "proposal.csv", index=False)
     jobs = jobs_of(table, table["seeds"], values, own)
     dataset.run(own / "proposal.csv", jobs, targets, {}, own)
-    row = rounds.run_judge(
-        *(own / f"{name}.csv" for name in ("proposal", "dataset", "runs")), targets, SECTION, own
-    )
+    runs = pd.read_csv(own / "runs.csv")
+    row = rounds.judge(table, runs, targets, SECTION, 0, PARAMETERS)
     assert (row["outcome"], row["n_seeds"], row["poured"]) == ("not within", 4, 8)
     assert (row["height_simulated_mm"], row["drum_slip_simulated_deg"]) == pytest.approx((60.2, 42.0))
     assert "slip 42.00 deg is 5.00 %" in row["reason"]
     assert "Height 60.20 mm is 0.33 %" in row["reason"]
-    table.assign(gamma_gg=0.05).to_csv(own / "proposal.csv", index=False)
-    files = (own / f"{name}.csv" for name in ("proposal", "dataset", "runs"))
-    assert rounds.run_judge(*files, targets, SECTION, tmp_path)["gamma_gg"] == 0.05
+    more = table.assign(gamma_gg=0.05), (*PARAMETERS, "gamma_gg")
+    assert rounds.judge(more[0], runs, targets, SECTION, 0, more[1])["gamma_gg"] == 0.05
     data = batches.read([tmp_path, own], targets)
     added = samples_of_runs(data, SPACE, targets)
     assert added["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
@@ -272,18 +270,18 @@ def designed(simulator, out):
 def closed(simulator, out, limit):
     """The whole loop, stage by stage as the workflow's rules have it; verdicts of all rounds."""
     designed(simulator, out)
-    verdicts, folders = [], [out]
-    for k in range(limit + 1):
-        own = out / "refined" / f"round_{k}"
-        table = files.run_propose(folders, STUDY, own, {})
-        jobs = simulator.pour(table, table["seeds"], "refine", own / "heaps")
-        dataset.run(own / "proposal.csv", jobs, TARGETS, {}, own)
-        tables = (own / f"{name}.csv" for name in ("proposal", "dataset", "runs"))
-        verdicts.append(rounds.run_judge(*tables, TARGETS, CONFIG["refine"], own))
+    study = STUDY._replace(config=CONFIG | {"refine": CONFIG["refine"] | {"rounds": limit}})
+    verdicts, folders, found = [], [out], {"answer": False}
+    while not found["answer"]:
+        own = out / "refined" / f"batch_{len(folders)}"
+        found = batches.run_propose("refined", study, folders, own)
+        verdicts += [found["notes"]["row"]] if "row" in found["notes"] else []
         folders.append(own)
-        if not rounds.goes_on(verdicts[-1]):
-            break
-    rounds.run_tables([folder / "verdict.json" for folder in folders[1:]], limit, TARGETS, out / "refined")
+        if not found["answer"]:
+            table = pd.read_csv(own / "samples.csv")
+            jobs = simulator.pour(table, table["seeds"], "refined", own / "heaps")
+            dataset.run(own / "samples.csv", jobs, TARGETS, {}, own)
+    batches.run_conclude("refined", study, folders, out / "refined")
     return verdicts
 
 
@@ -311,17 +309,22 @@ def test_every_pour_of_the_loop_had_a_seed_of_its_own(loop):
 
 def test_the_tables_of_the_loop_say_what_happened(loop):
     out, _, verdicts = loop
-    table = pd.read_csv(out / "rounds.csv")
+    table = pd.read_csv(out / "batches.csv")
     assert list(table["round"]) == list(range(len(verdicts)))
     assert table.loc[table["outcome"] == "not within", "reason"].str.contains("standard errors").all()
     summary = json.loads((out / "summary.json").read_text())
     assert summary["met"] is True
     assert "200 fresh seeds, in no fit before" in summary["claim"]
-    points = pd.read_csv(out / "round_0" / "round.csv")
-    assert list(points["role"]) == ["proposal"] + 6 * ["neighbour"]
-    assert list(points["n_seeds"]) == [200] + 6 * [20]
-    assert points["aor_simulated_deg"].iloc[0] == pytest.approx(verdicts[0]["aor_simulated_deg"])
-    search = json.loads((out / "round_1" / "miga" / "summary.json").read_text())
+    points = pd.read_csv(out / "batch_1" / "samples.csv")
+    assert list(points["role"]) == 4 * ["proposal"] + 6 * ["neighbour"]
+    assert list(points["seeds"]) == 4 * [50] + 6 * [20]
+    check = pd.read_csv(out / "check.csv")
+    assert list(check["simulated"]) == pytest.approx(
+        [verdicts[-1][one.response.simulated] for one in TARGETS]
+    )
+    assert list(check["predicted"]) == pytest.approx([verdicts[-1][name] for name in TARGETS.predicted])
+    assert summary["check_pours"] == 200
+    search = json.loads((out / "batch_2" / "proposal.json").read_text())["notes"]["search"]
     assert search["reach"] in {0.0125, 0.025, 0.05, 0.1}
 
 
@@ -331,16 +334,24 @@ def test_round_0_is_the_answer_of_the_chain(loop):
     support = Support.of_dataset(out / "dataset.csv", SPACE)
     network = out / "network" / "network.json"
     invert.run(network, SPACE, TARGETS, CONFIG["miga"], None, out / "miga", support)
-    for name in ("network/network.json", "network/metrics.json", "miga/feasible.csv"):
-        assert (out / name).read_bytes() == (out / "refined/round_0" / name).read_bytes(), name
+    notes = json.loads((out / "refined/batch_1/proposal.json").read_text())["notes"]
+    for name, note in (("network/metrics.json", "fit"), ("miga/summary.json", "search")):
+        whole = json.loads((out / name).read_text())
+        assert len(notes[note]) > 5
+        assert {key: whole[key] for key in notes[note]} == notes[note]
+    found = pd.read_csv(out / "miga/feasible.csv").query("representative")
+    proposed_ = pd.read_csv(out / "refined/batch_1/samples.csv")
+    pd.testing.assert_series_equal(
+        proposed_[list(PARAMETERS)].iloc[0], found[list(PARAMETERS)].iloc[0], check_names=False
+    )
 
 
 def test_the_loop_of_a_study_is_that_of_the_files(loop):
     out, _, verdicts = loop
-    folders = [out.parent, *(out / f"round_{k}" for k in range(len(verdicts)))]
+    folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts)))]
     for k in range(len(verdicts)):
         batch = Refined().propose(STUDY, batches.read(folders[: k + 1], TARGETS))
-        table = pd.read_csv(folders[k + 1] / "proposal.csv")
+        table = pd.read_csv(folders[k + 1] / "samples.csv")
         pd.testing.assert_frame_equal(batch.samples.drop(columns="warning"), table.drop(columns="warning"))
     found = Refined().propose(STUDY, batches.read(folders, TARGETS))
     assert isinstance(found, Answer)
@@ -350,7 +361,7 @@ def test_the_loop_of_a_study_is_that_of_the_files(loop):
 
 
 def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
-    folders = [loop[0].parent, loop[0] / "round_0"]
+    folders = [loop[0].parent, loop[0] / "batch_1"]
     for folder, name in zip(folders, ("a", "b"), strict=True):
         shutil.copytree(folder, tmp_path / name, ignore=shutil.ignore_patterns("heaps", "refined"))
     copies = [tmp_path / "a", tmp_path / "b"]
@@ -359,14 +370,14 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
     summary.write_text(json.dumps(content | {"definitions": other}))
     definitions = {"aor_deg": {"measure.response": "secant"}}
     with pytest.raises(InputError, match=r"b/dataset_summary\.json: definition of aor_deg"):
-        files.run_propose(copies, STUDY, tmp_path, definitions, "config.json")
+        batches.run_propose("refined", STUDY, copies, tmp_path, definitions, "config.json")
     with pytest.raises(
-        InputError, match=r"round_0/dataset\.csv: sample is 1001; allowed: in one batch alone"
+        InputError, match=r"batch_1/dataset\.csv: sample is 1001; allowed: in one batch alone"
     ):
-        files.run_propose([*folders, folders[1]], STUDY, tmp_path, {})
+        batches.run_propose("refined", STUDY, [*folders, folders[1]], tmp_path)
     many = STUDY._replace(config=CONFIG | {"design": {"samples": 1000, "seed": 7}})
     with pytest.raises(InputError, match=r"design\.samples is 1000; allowed: below 1000"):
-        files.run_propose(folders[:1], many, tmp_path, {})
+        batches.run_propose("refined", many, folders[:1], tmp_path)
 
 
 def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
@@ -377,9 +388,22 @@ def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
     assert summary["met"] is False
     assert "the limit of 1 refits is reached, and round 1 is not within: AoR" in summary["why"]
     # a study stops there if its last round came no nearer, as the rules do
-    data = batches.read([tmp_path, *(tmp_path / f"refined/round_{k}" for k in range(2))], TARGETS)
+    data = batches.read([tmp_path, *(tmp_path / f"refined/batch_{k}" for k in (1, 2))], TARGETS)
     jobs, runs = rounds.jobs(CONFIG["refine"], 0), runs_by_bench(data, TARGETS)
     assert rounds.objective_of(jobs, runs, TARGETS) == pytest.approx(verdicts[0]["objective"], rel=1e-12)
     found = Refined().propose(STUDY, data)
     assert verdicts[1]["out_of_reach"]
     assert isinstance(found, Answer) == rounds.stuck(verdicts[1], verdicts[0])
+
+
+def test_the_answer_comes_last_and_says_whether_the_targets_are_met(loop):
+    out, _, verdicts = loop
+    folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts) + 1))]
+    with pytest.raises(
+        InputError, match=r"proposal\.json: answer is False; allowed: true in the last folder"
+    ):
+        batches.run_conclude("refined", STUDY, folders[:-1], out)
+    files = (out / name for name in ("summary.json", "representative.csv", "solutions.csv"))
+    text = str(answer.read(configuration(TARGETS, SPACE), *files, strategy="refined"))
+    assert f"No more batches: round {len(verdicts) - 1} meets both targets.\nTargets met" in text
+    assert "(runs: 200)" in text

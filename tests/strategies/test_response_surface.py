@@ -17,7 +17,7 @@ from repose.doe.optimum import Optimum
 from repose.pictures.figures import response_surface as figures
 from repose.pictures.figures import style
 from repose.strategies import Answer, batches
-from repose.strategies.response_surface import ResponseSurface, files, screening, surface
+from repose.strategies.response_surface import ResponseSurface, screening, surface
 from repose.strategies.response_surface.steps import STEPS, factors_of, numbers
 
 CONFIG = {
@@ -36,12 +36,14 @@ CONFIG = {
 
 
 def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
-    """All steps on files; the summary of the check."""
+    """All steps on files, in folders of their names; the table of the check."""
     steps, study = [folder / name for name in STEPS], synthetic.study(space=space, response_surface=section)
     for number, step in enumerate(steps):
-        files.run_step(steps[:number], study, steps[number - 1], step / "samples.csv")
+        batches.run_propose("response_surface", study, steps[:number], step)
         write_poured(step, pd.read_csv(step / "samples.csv"), noise, [seed, number], section["seeds"])
-    return files.run_check(steps, study, steps[-1])
+    assert batches.run_propose("response_surface", study, steps, folder / "answer")["answer"]
+    batches.run_conclude("response_surface", study, [*steps, folder / "answer"], folder)
+    return pd.read_csv(folder / "check.csv")
 
 
 @pytest.fixture(scope="module")
@@ -55,18 +57,18 @@ def test_without_noise_the_optimum_is_the_target(tmp_path):
     # a surface of second order is the simulator itself inside its design
     check = campaign(tmp_path, 0.0)
     assert check["deviation_percent"].abs().max() < 1e-3
-    assert json.loads((tmp_path / "surface/optimum.json").read_text())["met"]
+    assert json.loads((tmp_path / "optimum.json").read_text())["met"]
 
 
 def test_the_screening_finds_the_parameters_that_matter(noisy):
-    found = json.loads((noisy[0] / "screening/screening.json").read_text())
+    found = json.loads((noisy[0] / "screening.json").read_text())
     assert set(found["kept"]) >= MATTER
     assert found["kept"][0] in {"mus_gg", "mur_gg"}
     assert set(found["kept"]) | set(found["dropped"]) == set(PARAMETERS)
 
 
 def test_the_ascent_begins_at_the_centre_and_moves_what_was_kept(noisy):
-    path = pd.read_csv(noisy[0] / "ascent/path.csv")
+    path = pd.read_csv(noisy[0] / "path.csv")
     kept = factors_of(path)
     assert path.loc[0, list(PARAMETERS)].to_numpy(float) == pytest.approx(list(SPACE.centre.values()))
     still = [name for name in PARAMETERS if name not in kept]
@@ -78,7 +80,7 @@ def test_the_ascent_begins_at_the_centre_and_moves_what_was_kept(noisy):
 
 
 def test_the_surface_lies_about_the_best_point_inside_the_ranges(noisy):
-    path, table = (pd.read_csv(noisy[0] / name) for name in ("ascent/path.csv", "surface/samples.csv"))
+    path, table = (pd.read_csv(noisy[0] / name) for name in ("path.csv", "surface/samples.csv"))
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     assert unit.min() > -1e-12
     assert unit.max() < 1 + 1e-12
@@ -92,11 +94,11 @@ def test_the_surface_lies_about_the_best_point_inside_the_ranges(noisy):
 def test_the_check_is_the_optimum_again(noisy):
     folder, check = noisy
     table = pd.read_csv(folder / "check/samples.csv")
-    optimum = json.loads((folder / "surface/optimum.json").read_text())
+    optimum = json.loads((folder / "optimum.json").read_text())
     assert len(table) == SECTION["checks"]
     assert (table[list(PARAMETERS)].to_numpy() == np.array(list(optimum["parameters"].values()))).all()
     assert check["simulated"].to_numpy() == pytest.approx(responses(table)[0], rel=0.01)
-    summary = json.loads((folder / "check/summary.json").read_text())
+    summary = json.loads((folder / "summary.json").read_text())
     samples = [
         len(pd.read_csv(folder / name / "samples.csv"))
         for name in ("screening", "ascent", "surface", "check")
@@ -203,10 +205,10 @@ def test_too_few_piles_are_reported_with_their_folder(tmp_path):
     for name, one in {"dataset": data, "runs": runs}.items():
         one.to_csv(tmp_path / f"{name}.csv", index=False)
     with pytest.raises(InputError, match=f"{tmp_path}: .*enough for the model"):
-        files.run_step([tmp_path], study, tmp_path, tmp_path / "next.csv")
+        batches.run_propose("response_surface", study, [tmp_path], tmp_path / "next")
     write_poured(tmp_path, table.iloc[:5])
     with pytest.raises(InputError, match="all samples of the step"):
-        files.run_step([tmp_path], study, tmp_path, tmp_path / "next.csv")
+        batches.run_propose("response_surface", study, [tmp_path], tmp_path / "next")
 
 
 def test_no_two_steps_share_a_sample():
@@ -218,10 +220,10 @@ def test_figures(noisy):
     folder = noisy[0]
     surface_files = {name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")}
     drawings = [
-        (figures.pareto, {"effects": str(folder / "screening/effects.csv")}, 2),
-        (figures.pareto, {"effects": str(folder / "surface/effects.csv")}, 2),
+        (figures.pareto, {"effects": str(folder / "screening_effects.csv")}, 2),
+        (figures.pareto, {"effects": str(folder / "surface_effects.csv")}, 2),
         (figures.perturbation, surface_files, 2),
-        (figures.contours, surface_files | {"optimum": str(folder / "surface/optimum.json")}, None),
+        (figures.contours, surface_files | {"optimum": str(folder / "optimum.json")}, None),
     ]
     for function, inputs, panels in drawings:
         with style.applied():
@@ -243,6 +245,6 @@ def test_the_loop_of_a_study_is_that_of_the_files(noisy):
         data = batches.read([noisy[0] / name for name in STEPS[:number]], TARGETS)
     found = ResponseSurface().propose(study, data)
     assert isinstance(found, Answer)
-    solution = pd.read_csv(noisy[0] / "check/solutions.csv").iloc[0]
+    solution = pd.read_csv(noisy[0] / "solutions.csv").iloc[0]
     np.testing.assert_allclose(found.values, solution[list(PARAMETERS)].to_numpy(float), rtol=1e-6)
     np.testing.assert_allclose(found.mean, solution[list(TARGETS.predicted)].to_numpy(float), rtol=1e-6)

@@ -1,6 +1,5 @@
 """Verdicts of the refinement's rounds, for one target, two and four."""
 
-import json
 from itertools import chain
 
 import numpy as np
@@ -8,7 +7,6 @@ import pandas as pd
 import pytest
 from shared import targets_of
 
-from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
 from repose.strategies.refined import rounds
@@ -53,7 +51,7 @@ def test_a_round_is_cut_into_blocks_of_its_seeds_and_neighbours():
 
 def test_no_seed_of_a_round_was_used_before():
     seeds = [
-        pour_seeds(2026, "refine", sample, count)
+        pour_seeds(2026, "refined", sample, count)
         for round_ in range(4)
         for sample, _, count in rounds.jobs(SECTION, round_)
     ]
@@ -166,27 +164,3 @@ def test_targets_out_of_reach_end_the_loop_where_it_comes_no_nearer():
     assert rounds.goes_on(row | {"out_of_reach": False}, nearer)
     assert "out of reach and came no nearer" in rounds.why_stopped(row, 4, TARGETS, nearer)
     assert "the limit of 4 refits" in rounds.why_stopped(row, 4, TARGETS, farther)
-
-
-def test_rounds_with_a_gap_are_refused(tmp_path):
-    (tmp_path / "verdict.json").write_text('{"round": 1, "outcome": "within"}')
-    with pytest.raises(InputError, match="without a gap"):
-        rounds.run_tables([tmp_path / "verdict.json"], 4, TARGETS, tmp_path)
-    (tmp_path / "verdict.json").write_text("{}")
-    with pytest.raises(InputError, match=r"verdict\.json: round"):
-        rounds.run_tables([tmp_path / "verdict.json"], 4, TARGETS, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("outcome", "message"), [("within", "met; round 0 meets"), ("not within", "NOT met; the limit")]
-)
-def test_the_end_of_a_refinement_says_last_whether_the_targets_are_met(outcome, message, tmp_path):
-    row = judged(aor_deg=[29.9, 30.1, 30.0], height_mm=[60.0, 60.2, 59.8])
-    assert row["outcome"] == "within"
-    (tmp_path / "verdict.json").write_text(json.dumps(row | {"outcome": outcome, "usable": 1}))
-    rounds.run_tables([tmp_path / "verdict.json"], 0, TARGETS, tmp_path)
-    text = rounds.describe(tmp_path / "summary.json", "wheat").splitlines()
-    assert text[0] == "wheat: the refined parameters:"
-    assert [line.split()[:2] for line in text[1:7]] == [[name, "0.5"] for name in PARAMETERS]
-    assert text[7].startswith("Simulated: AoR 30.00 ± 0.06 deg (+0.00 %) and Height")
-    assert text[-1].startswith(f"Refined: targets {message}")

@@ -18,8 +18,8 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.pictures.figures import style
 from repose.pictures.figures.sequential import sequential
+from repose.strategies import batches
 from repose.strategies.batches import data_of
-from repose.strategies.sequential import files
 from repose.strategies.sequential.advise import LEAST_GAIN, OUT_OF_REACH, advise, start
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
@@ -74,21 +74,17 @@ def write_poured(folder, table, runs, targets):
 def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, seed=1):
     """All batches and the check on files; the summary."""
     known = study(targets, space, sequential=section, design={"seed": seed})
-    files.run_start(known, folder / "batch_0/samples.csv")
-    table, k = pd.read_csv(folder / "batch_0/samples.csv"), 0
-    while True:
-        runs = runs_of(table, section["seeds"], noise, [seed, k], targets.names)
-        write_poured(folder / f"batch_{k}", table, runs, targets)
-        folders = [folder / f"batch_{j}" for j in range(k + 1)]
-        found = files.run_batch(folders, known, folders[-1])
-        table = pd.read_csv(folders[-1] / "next.csv")
-        if found["stop"]:
-            break
-        k += 1
-    runs = runs_of(table, section["checks"], noise, [seed, 999], targets.names)
-    write_poured(folder / "check", table, runs, targets)
-    check = folder / "check/dataset.csv", folder / "check/runs.csv"
-    files.run_check(folders, *check, known, folder)
+    folders, found = [], {"answer": False}
+    while not found["answer"]:
+        own = folder / f"batch_{len(folders)}"
+        found = batches.run_propose("sequential", known, folders, own)
+        table = pd.read_csv(own / "samples.csv")
+        assert set(table["seeds"]) == {section["checks" if found["answer"] else "seeds"]}
+        stream = [seed, 999 if found["answer"] else len(folders)]
+        runs = runs_of(table, table["seeds"], noise, stream, targets.names)
+        write_poured(own, table, runs, targets)
+        folders.append(own)
+    batches.run_conclude("sequential", known, folders, folder)
     return json.loads((folder / "summary.json").read_text())
 
 
@@ -119,9 +115,9 @@ def test_the_answer_of_a_campaign_meets_the_targets(done):
     folder, summary = done
     answer = pd.DataFrame([summary["answer"]])
     off = 100 * np.abs(responses(answer)[0] / TARGETS.aim - 1)
-    batches = pd.read_csv(folder / "batches.csv")
+    table = pd.read_csv(folder / "batches.csv")
     # within four of the errors of the last batch
-    errors = [100 * batches[f"{one.name}_error"].iloc[-1] / one.aim for one in TARGETS]
+    errors = [100 * table[f"{one.name}_error"].iloc[-1] / one.aim for one in TARGETS]
     assert (off < 4 * np.array(errors)).all()
     assert summary["stop"] == "probability"
     assert summary["probability"] >= 0.8
@@ -130,20 +126,23 @@ def test_the_answer_of_a_campaign_meets_the_targets(done):
 
 def test_batches_are_poured_one_after_the_other(done):
     folder, summary = done
-    batches = pd.read_csv(folder / "batches.csv")
-    assert batches["pours"].tolist() == [24 + 8 * k for k in range(len(batches))]
-    assert batches["stop"].notna().tolist() == [False] * (len(batches) - 1) + [True]
-    numbers = pd.concat([pd.read_csv(path)["sample"] for path in folder.glob("batch_*/dataset.csv")])
+    table = pd.read_csv(folder / "batches.csv")
+    assert table["pours"].tolist() == [24 + 8 * k for k in range(len(table))]
+    assert table["stop"].notna().tolist() == [False] * (len(table) - 1) + [True]
+    numbers = pd.read_csv(folder / "dataset.csv")["sample"]
     assert sorted(numbers) == list(range(1, len(numbers) + 1))
-    following = pd.read_csv(folder / f"batch_{len(batches) - 1}/next.csv")
-    assert following[list(PARAMETERS)].iloc[0].to_dict() == pytest.approx(summary["answer"])
-    assert following["sample"].tolist() == [len(numbers) + 1], "seeds of its own"
+    checked = pd.read_csv(folder / f"batch_{len(table)}/samples.csv")
+    assert checked[list(PARAMETERS)].iloc[0].to_dict() == pytest.approx(summary["answer"])
+    assert checked["sample"].tolist() == [len(numbers) + 1], "seeds of its own"
+    assert summary["check_pours"] == SECTION["checks"]
 
 
 def test_the_same_pours_give_the_same_bits(done, tmp_path):
     folder, summary = done
     assert campaign(tmp_path) == summary
-    for path in tmp_path.glob("*/next.csv"):
+    made = sorted(tmp_path.glob("*/samples.csv"))
+    assert len(made) == len(pd.read_csv(folder / "batches.csv")) + 1
+    for path in made:
         assert path.read_bytes() == (folder / path.relative_to(tmp_path)).read_bytes()
 
 
@@ -295,12 +294,13 @@ def test_no_point_near_a_failed_sample():
 
 
 def test_failed_runs_count_for_the_budget_and_failed_samples_are_known(tmp_path):
-    table = files.run_start(study(sequential=SECTION), tmp_path / "samples.csv")
+    batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
+    table = pd.read_csv(tmp_path / "samples.csv")
     runs = runs_of(table, 2, 0.5, 1, TARGETS.names)
     runs.loc[[0, 4, 5], "status"] = "jammed"
     runs.loc[[0, 4, 5], list(TARGETS.names)] = np.nan
     write_poured(tmp_path, table, runs, TARGETS)
-    found = files.run_batch([tmp_path], study(sequential=SECTION), tmp_path)
+    found = batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
     assert found["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
     seen, failed = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
@@ -328,11 +328,12 @@ def test_runs_of_several_bench_tests_are_independent():
 
 
 def test_pours_that_do_not_tell_the_noise_are_refused(tmp_path):
-    table = files.run_start(study(sequential=SECTION), tmp_path / "samples.csv")
+    batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
+    table = pd.read_csv(tmp_path / "samples.csv")
     runs = runs_of(table, 1, 0.5, 1, TARGETS.names)
     write_poured(tmp_path, table, runs, TARGETS)
     with pytest.raises(InputError, match="enough for an estimate of the noise"):
-        files.run_batch([tmp_path], study(sequential=SECTION), tmp_path)
+        batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
 
 
 @pytest.mark.parametrize("targets", [TARGETS, HEIGHT])

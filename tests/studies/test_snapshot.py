@@ -8,7 +8,7 @@ STRATEGY = "(refined|sequential)"
 KEEP = ("config.json", "card.json", "dataset.csv", "validation/.+csv", "figures/.+png", "refined/[^/]+csv")
 KEEP += ("pool/[^/]+csv", "comparison/.+csv", "berry/.+json", "noise/.+csv", "network/.+npz")
 KEEP += (
-    rf"{STRATEGY}/(?P<batch>(batch|round)_\d+)/(dataset|round)\.csv",
+    rf"{STRATEGY}/(?P<batch>batch_\d+)/dataset\.csv",
     r"(?P<batch>sequential)/dataset\.csv",
 )
 MADE = ("card.json", "dataset.csv", "validation/table4.csv", "figures/figure13.png")
@@ -22,9 +22,9 @@ def study(tmp_path):
         "validation/table4.csv",
         "figures/figure13.png",
         "heaps/001.json",
-        "refined/rounds.csv",
-        "refined/round_0/round.csv",
-        "refined/round_0/heaps/1001.json",
+        "refined/batches.csv",
+        "refined/batch_1/dataset.csv",
+        "refined/batch_1/heaps/1001.json",
         "pool/fresh_runs.csv",
         "pool/heaps/fresh/001.json",
         "comparison/accuracy.csv",
@@ -49,8 +49,8 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
         "dataset.csv",
         "figures/figure13.png",
         "pool/fresh_runs.csv",
-        "refined/round_0/round.csv",
-        "refined/rounds.csv",
+        "refined/batch_1/dataset.csv",
+        "refined/batches.csv",
         "validation/table4.csv",
     ]
     assert (out / "dataset.csv").read_text() == "dataset.csv"
@@ -115,9 +115,9 @@ def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
     before = optional(results)
     own = [path.relative_to(out) for path in snapshot.take(results, out, KEEP)]
     for name in ("fast", "published/fast", "sequential", "paper"):
-        for part in ("config.json", "dataset.csv", "sequential/dataset.csv", "refined/round_1/round.csv"):
+        for part in ("config.json", "dataset.csv", "sequential/dataset.csv", "refined/batch_2/dataset.csv"):
             write_text(results / name / part, "{}")
-    for name in ("published/refined/round_1/round.csv", "copies/round_1/dataset.csv"):
+    for name in ("published/refined/batch_2/dataset.csv", "copies/batch_1/dataset.csv"):
         write_text(results / name, "in no study")
     assert optional(results) == before
     assert [path.relative_to(out) for path in snapshot.take(results, out, KEEP)] == own
@@ -126,7 +126,7 @@ def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
 def test_files_of_the_strategy_are_no_optional_study(tmp_path):
     results = study(tmp_path)
     of_refined, of_others = optional(results, "refined"), optional(results)
-    write_text(results / "refined/round_1/round.csv", "the next round")
+    write_text(results / "refined/batch_2/dataset.csv", "the next round")
     assert optional(results, "refined") == of_refined
     assert optional(results) != of_others
 

@@ -2,12 +2,9 @@
 
 import json
 import re
-import shutil
 
 import pytest
-from plans import ROOT, as_ours, planned, snakemake
-
-from repose.core.files import write_text
+from plans import ROOT, planned, snakemake
 
 pytestmark = pytest.mark.slow
 
@@ -55,12 +52,12 @@ def test_the_workflow_runs_from_either_file(project):
 
 
 def test_a_snapshot_needs_the_products_of_the_strategy_and_no_others(project):
-    for file, poured_by in (("config/fast.yaml", "batch_pour"), ("config/quick.yaml", "pour")):
+    for file, made_by in (("config/fast.yaml", "propose"), ("config/quick.yaml", "pour")):
         calibration = planned(project, "--configfile", file)
         jobs = planned(project, "--configfile", file, "--", "snapshot")
         assert calibration.pop("everything") == jobs.pop("snapshot") == 1
         assert jobs == calibration
-        assert {"pour", "batch_pour"} & set(jobs) == {poured_by}
+        assert {"pour", "propose"} & set(jobs) == {made_by}
 
 
 def test_samples_are_run_in_every_bench_test_of_the_targets(project):
@@ -190,60 +187,6 @@ def test_uncertainty_is_a_target_of_its_own(finished):
     # of the finished study only empty files are there, so nothing before the tables has to run
     assert set(jobs) == {*own, "posterior_tables", *drawn, "uncertainty", "total"}
     assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
-
-
-ROUND = {"refine_propose", "batch_pour", "measure_batch_runs", "batch_dataset", "refine_round"}
-END = {"refine_tables", "draw_approach", "refined", "total"}
-
-
-def test_a_round_of_the_refinement_runs_every_bench_test_of_the_targets(project):
-    (project / "mine.yaml").write_text(json.dumps({"targets": MIXED}))
-    words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "refined")
-    jobs = planned(project, *words)
-    assert (jobs["batch_pour"], jobs["measure_batch_runs"]) == (8, 8), "four jobs in each bench test"
-    shown = snakemake(project, "-n", "-p", *words).stdout
-    for folder, name in (("heaps", "funnel"), ("drum_runs", "drum")):
-        out = f"results/quick/refined/round_0/{folder}"
-        assert f"{out}/1101.json" in shown
-        poured = [
-            line for line in shown.splitlines() if f"--out {out} " in line and "repose stage pour" in line
-        ]
-        assert len(poured) == 4
-        assert all(f"--apparatus {name} " in line and "--purpose refine " in line for line in poured)
-
-
-def test_the_refinement_is_a_target_of_its_own(finished):
-    project, words = finished
-    jobs = planned(project, *words, "--", "refined")
-    assert set(jobs) == ROUND | END, "until round 0 is judged no other is planned"
-    assert jobs["batch_pour"] == 4, "two blocks of the proposal and two neighbours"
-    more = planned(project, *words, "refine={seeds: 6}", "--", "refined")
-    assert more["batch_pour"] == 5
-    assert not (ROUND | END - {"total"}) & set(planned(project, *words, "--forceall"))
-
-
-def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_limit_is_met(finished):
-    project, words = finished
-    folder = project / "results/quick/refined/round_0"
-    for name in ("heaps", "network", "miga"):
-        (folder / name).mkdir(parents=True)
-    names = [f"network/{name}" for name in ("network.json", "metrics.json", "predictions.csv", "starts.csv")]
-    names += [f"miga/{name}" for name in ("network.json", "feasible.csv", "summary.json")]
-    names += ["proposal.csv", *(f"heaps/{job}.pours.json" for job in (1001, 1002, 1101, 1102))]
-    names += [f"heaps/{job}.{kind}" for job in (1001, 1002, 1101, 1102) for kind in ("npz", "json")]
-    for name in [*names, "dataset.csv", "runs.csv", "dataset_summary.json", "round.csv", "verdict.json"]:
-        (folder / name).touch()
-    as_ours(folder)
-    for verdict, rules in (
-        ({"outcome": "not within", "usable": 4}, ROUND | END),
-        ({"outcome": "within", "usable": 4}, END),
-        ({"outcome": "no pile", "usable": 0}, END),
-    ):
-        write_text(folder / "verdict.json", json.dumps(verdict))
-        assert set(planned(project, *words, "--", "refined")) == rules, verdict
-    write_text(folder / "verdict.json", '{"outcome": "not within", "usable": 4}')
-    assert set(planned(project, *words, "refine={rounds: 0}", "--", "refined")) == END
-    shutil.rmtree(folder.parent)
 
 
 def test_every_figure_and_table_has_a_caption():

@@ -16,10 +16,9 @@ from repose.core import places
 from repose.core.errors import BAD_INPUT, InputError, print_fault
 from repose.core.lock import take_folder
 from repose.core.published import beside, published_count
-from repose.core.seeds import pour_seeds
+from repose.core.seeds import PURPOSES, pour_seeds
 from repose.core.sources import engine_hash, stage_hash
 from repose.dem.cache import source_hash
-from repose.strategies.refined import rounds
 from repose.studies import next_measurement, snapshot
 from repose.surrogate import kind_of
 
@@ -81,12 +80,12 @@ STUDY = or_one_message(
 config = STUDY.config
 RESULTS = config["results_dir"]
 CONFIG = f"{RESULTS}/config.json"
-# Rules that make the products of the study's strategy.
-PRODUCTS = strategies.strategy(config["strategy"]).rules
-if not PRODUCTS:
-    refuse(
-        f"strategy is {config['strategy']!r}, which has no rules; allowed: use it by repose.Study"
-    )
+# Rules that make the products of the study's strategy: those of the article's method, and of a strategy with several batches.
+AFTER_THE_ARTICLE = strategies.strategy(config["strategy"]).begins_with_design
+PRODUCTS = [
+    *(["calibration", "figures"] if AFTER_THE_ARTICLE else []),
+    *([config["strategy"]] if config["strategy"] != "published" else []),
+]
 
 
 def is_result(path):
@@ -226,7 +225,7 @@ ANSWERS = {}  # by strategy
 
 def answer():
     """The answer of the study's strategy; `refined` goes on from the published one."""
-    return ANSWERS.get(config["strategy"], ANSWERS["published"])
+    return ANSWERS["published" if AFTER_THE_ARTICLE else config["strategy"]]
 
 
 def of_the_chain():
@@ -254,7 +253,7 @@ def all_files(*names):
 def answer_jobs(wildcards):
     """Measured runs of the answer."""
     if not of_the_chain():
-        return jobs_of(config["strategy"], "check")
+        return check_jobs(config["strategy"])
     return expand(
         rules.measure_validation_runs.output.result,
         runs=folders_of_targets(),

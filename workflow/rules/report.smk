@@ -50,14 +50,13 @@ else:
         "Parameter sets found": answer().feasible,
         "The answer simulated again": answer().table4,
     }
+    OF_BATCHES = getattr(rules, answer().rule).output
+    TABLES["Batches"] = OF_BATCHES.batches
     if config["strategy"] == "response_surface":
         PAGE |= drawn("pareto_screening", "contours")
-        TABLES["Analysis of variance of the surface"] = (
-            f"{RESPONSE_SURFACE}/surface/anova.csv"
-        )
-    else:
-        PAGE |= drawn("sequential") | {"runs": rules.sequential_check.output.runs}
-        TABLES["Batches"] = rules.sequential_check.output.batches
+        TABLES["Analysis of variance of the surface"] = f"{SURFACE}/surface_anova.csv"
+    if config["strategy"] == "sequential":
+        PAGE |= drawn("sequential") | {"runs": OF_BATCHES.runs}
 
     use rule trajectory as strategy_trajectory with:
         input:

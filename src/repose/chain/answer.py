@@ -14,6 +14,7 @@ from repose.core.targets import Target, Targets
 
 # Remedy by strategy, if only the prediction meets the targets.
 ADVICE = {
+    "refined": "larger refine.rounds or refine.seeds",
     "response_surface": "another response_surface.reach or .most_factors",
     "sequential": "a larger sequential.most_pours",
 }
@@ -122,6 +123,7 @@ class Answer:
     tables: Path = Path()  # folder of the check
     solutions: Path = Path()  # all parameter sets found
     advice: str = MORE_POURS  # remedy if only the prediction meets the targets
+    why: str = ""  # why a strategy with several batches ended
     out_of_reach: bool = False  # the sequential strategy stopped because probably no set meets the targets
 
     @property
@@ -156,7 +158,16 @@ class Answer:
             f"Tables: {self.tables}; all solutions: {self.solutions}; "
             f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
         )
-        lines = [f"{head}:", *rows, "Simulated again with fresh seeds:", *checks, tables, self.verdict]
+        ended = [f"No more batches: {self.why}."] if self.why else []
+        lines = [
+            f"{head}:",
+            *rows,
+            "Simulated again with fresh seeds:",
+            *checks,
+            tables,
+            *ended,
+            self.verdict,
+        ]
         return "\n".join(lines)
 
 
@@ -190,6 +201,7 @@ def read(
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
         advice=ADVICE.get(strategy, MORE_POURS),
+        why=summary.get("why", ""),
         out_of_reach=summary.get("stop") == "out_of_reach",
         within={
             percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()

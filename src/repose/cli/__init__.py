@@ -18,7 +18,7 @@ from repose import __version__
 # The lines that register all verbs, in the order in which they are listed.
 from repose.cli import new, docs, checking, run, exporting, inputs, pouring, measuring  # noqa: F401, isort: skip
 from repose.cli import calibration, cards, strategies, own_simulator, uncertainty  # noqa: F401, isort: skip
-from repose.cli import refinement, pictures, services  # noqa: F401, isort: skip
+from repose.cli import pictures, services  # noqa: F401, isort: skip
 from repose.cli.registry import PROGRAM, VERBS
 from repose.cli.stages import stage
 from repose.core.errors import BAD_INPUT, InputError, print_fault
@@ -38,8 +38,10 @@ STAGE = "stage"
 # Verbs of earlier versions whose names are no longer near those of today.
 SUCCESSORS = {
     "measure_heap": "measure_runs",
-    **dict.fromkeys(("refine_data", "refine_search"), "refine_propose"),
-    **dict.fromkeys(("response_screening", "response_ascent", "response_surface"), "response_step"),
+    **dict.fromkeys(("refine_data", "refine_search", "refine_propose", "refine_judge"), "propose"),
+    **dict.fromkeys(("response_screening", "response_ascent", "response_surface"), "propose"),
+    **dict.fromkeys(("response_design", "response_step", "sequential_start", "sequential_batch"), "propose"),
+    **dict.fromkeys(("refine_tables", "response_check", "sequential_check"), "conclude"),
 }
 # Verbs up to version 0.2 whose studies are rules of research/Snakefile now.
 MOVED = ("compare", "joint_targets", "measurement_study", "pool", "profiles", "second_responses", "shape")

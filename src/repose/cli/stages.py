@@ -20,7 +20,8 @@ def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") 
         from repose.config import stands_on
 
         berry_is_made = hasattr(args, "particle") and args.particle is None
-        return stands_on.settings_of(config, args.verb, apparatus, berry_is_made)
+        name = getattr(args, "strategy", None)
+        return stands_on.settings_of(config, args.verb, apparatus, berry_is_made, name)
 
     folder = Path(getattr(args, "config", None) or "").parent
     apparatus = getattr(args, "apparatus", None)

@@ -15,6 +15,7 @@ from repose.core import attached
 from repose.core.provenance import hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
 from repose.core.sources import engine_hash
+from repose.strategies import strategy
 
 Config = Mapping[str, Any]
 
@@ -25,9 +26,6 @@ def _keys(section, *names):
 
 
 RESPONSES = "responses"  # in place of the targets: what `responses` gives
-_SEQUENTIAL = ("targets", "parameters", "design.seed", *_keys("sequential", "seeds", "tolerance_percent"))
-_SURFACE = ("targets", "parameters")
-_SOLUTIONS = _keys("miga", "solutions", "distance")
 # A test runs the stages and compares these with the keys that they read.
 KEYS = {
     "berry": ("berry",),
@@ -50,23 +48,7 @@ KEYS = {
     "sensitivity": ("parameters", "targets", "sensitivity"),
     "plausible": ("posterior.seed",),
     "next": ("targets", "posterior.discrepancy_percent", "measure"),
-    "sequential_start": ("parameters", "design.seed", *_keys("sequential", "start_samples", "seeds")),
-    "sequential_batch": (
-        *_SEQUENTIAL,
-        *_keys("sequential", "start_samples", "batch", "probability", "most_pours"),
-        *_SOLUTIONS,
-    ),
-    "sequential_check": (*_SEQUENTIAL, "sequential.start_samples", *_SOLUTIONS),
-    "response_design": ("parameters", *_keys("response_surface", "screening_runs", "centres", "seeds")),
-    "response_step": (*_SURFACE, "response_surface"),
-    "response_check": (*_SURFACE, "response_surface", "design.seed", *_SOLUTIONS),
-    "refine_propose": (
-        *_keys("design", "samples", "seed"),
-        *("parameters", "targets", "surrogate", "network", "miga"),
-        *_keys("refine", "seeds", "block", "neighbours", "neighbour_seeds", "reach", "tolerance_percent"),
-    ),
-    "refine_judge": ("targets", *_keys("refine", "tolerance_percent", "standard_error_percent")),
-    "refine_tables": ("targets", "refine.rounds"),
+    "conclude": ("parameters", "targets"),
 }
 # Names of the study and its folder, and the files of figures: no result depends on them.
 NAMES = ("label", "results_dir", "figures")
@@ -112,13 +94,18 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
 
 
 def settings_of(
-    config: Config, verb: str, apparatus: str | None = None, berry_is_made: bool = False
+    config: Config,
+    verb: str,
+    apparatus: str | None = None,
+    berry_is_made: bool = False,
+    name: str | None = None,
 ) -> dict[str, Any]:
     """Settings that the stage of a verb reads, with the content of files in place of their paths.
 
-    With `berry_is_made` the stage makes berry and particle itself; a verb that is not listed reads the whole
-    configuration except its names.
+    With `berry_is_made` the stage makes berry and particle itself; `name` is the strategy that proposes. A verb or a
+    strategy that does not list its keys reads the whole configuration except its names.
     """
+    keys = KEYS.get(verb) if name is None or verb in KEYS else strategy(name).reads
     apparatus = apparatus or UNNAMED
     if verb == "pour":
         chosen = pouring(config, apparatus)
@@ -128,8 +115,8 @@ def settings_of(
         chosen = pouring(config, "drum")
     elif verb == "measure_runs":
         chosen = measuring(config, apparatus)
-    elif verb in KEYS:
-        chosen = sections(config, *KEYS[verb])
+    elif keys is not None:
+        chosen = sections(config, *keys)
         if verb == "next":  # it measures the runs of every bench test
             tests = (test for test in bench_tests() if config.get(test.name))
             chosen |= sections(config, *(f"{test.name}.{key}" for test in tests for key in test.measured_by))

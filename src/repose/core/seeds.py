@@ -10,7 +10,7 @@ PURPOSES = {
     "shape_published": 3,
     "shape_sensitivity": 4,
     "shape_design": 5,
-    "refine": 8,
+    "refined": 8,
     "pool": 6,
     "fresh": 7,
     "shape_fresh": 10,
@@ -19,6 +19,7 @@ PURPOSES = {
     "sequential": 13,
     "joint_targets": 14,
     "next": 15,
+    "batches": 16,  # of a strategy without a stream of its own
 }
 
 

@@ -1,7 +1,8 @@
 """A strategy's answer in the files of the chain: material card, final message and report read one format."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,39 +17,68 @@ from repose.core.targets import Targets
 from repose.strategies.base import Answer, Studied
 
 
-def write(
-    best: Answer,
-    checked: pd.DataFrame,
-    study: Studied,
-    out_dir: str | os.PathLike,
-    steps: Sequence[str],
-    more: Mapping[str, Any],
-    note: str = "",
-) -> None:
-    """Write solutions.csv, table4.csv, representative.csv and summary.json.
-
-    `checked` holds the single runs of the answer, simulated again; `steps` says how it was obtained, a sentence each,
-    and `note` is a further sentence of the message; `more` is further content of summary.json.
-    """
-    space, targets = study.parameters, study.targets
-    row: dict[str, Any] = {"sample": 1, "solution": "1", "role": "representative"}
-    row |= dict(zip(space.names, best.values.tolist(), strict=True))
-    row |= dict(zip(targets.predicted, best.mean.tolist(), strict=True))
-    row |= _simulated(checked, targets)
-    feasible, message = verdict(best, targets, note)
-    summary = {
+def content(best: Answer, study: Studied) -> dict[str, Any]:
+    """An answer as `repose.strategies.batches` keeps it until it is simulated again."""
+    targets = study.targets
+    if (
+        best.simulated and best.model is not None
+    ):  # its mean is of these runs, which the check compares with the model
+        point = best.values[None]
+        mean, covariance = best.model.predict(point)[0], best.model.covariance(point)[0]
+        best = replace(best, mean=mean, covariance=covariance)
+    feasible, message = verdict(best, targets, best.notes.get("note", ""))
+    return {
         "feasible": feasible,
         "message": message,
-        "representative": {name: row[name] for name in (*space.names, *targets.predicted)},
-        "steps": list(steps),
+        "predicted_error": best.error,
+        "solutions": solutions(best, feasible, study.parameters, targets),
+        "simulated": best.simulated,
     }
-    out = Path(out_dir)
-    write_table(out / "solutions.csv", solutions(best, feasible, space, targets))
-    write_table(out / "table4.csv", validate.table4(pd.DataFrame([row]), targets.responses))
-    table = validate.against_physical(pd.Series(row), targets)
+
+
+def write(
+    found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_dir: str | os.PathLike
+) -> pd.DataFrame:
+    """Write solutions.csv, table4.csv, representative.csv, check.csv and summary.json; return the table of check.csv.
+
+    `found` is a proposal as `repose.strategies.batches` keeps it, `checked` holds the single runs of the answer.
+    """
+    targets, notes, pours = study.targets, found["notes"], len(checked) // len(study.targets.apparatus)
+    table = pd.DataFrame(found["solutions"])
+    best = table.loc[0, [*study.parameters.names, *targets.predicted]].astype(float).to_dict()
+    row = {"sample": 1, "solution": "1", "role": "representative", **best, **_simulated(checked, targets)}
+    check = _check(row, found["predicted_error"], targets)
+    summary = {name: found[name] for name in ("feasible", "message")} | {"representative": best}
+    summary["steps"] = [*notes.get("steps", ()), f"Check: the answer was poured {pours} more times."]
+    summary |= {
+        "why": found["why"],
+        "pours": found["pours"],
+        "check_pours": pours,
+        **notes.get("summary", {}),
+    }
     runs = {bench: of_bench(checked, bench).to_dict("records") for bench in targets.apparatus}
-    write_table(out / "representative.csv", validate.with_chances(table, runs, targets))
-    write_json(out / "summary.json", summary | dict(more))
+    physical = validate.against_physical(pd.Series(row), targets)
+    tables = {"solutions": table, "table4": validate.table4(pd.DataFrame([row]), targets.responses)}
+    tables |= {"representative": validate.with_chances(physical, runs, targets), "check": check}
+    for name, one in tables.items():
+        write_table(Path(out_dir) / f"{name}.csv", one)
+    write_json(Path(out_dir) / "summary.json", summary)
+    return check
+
+
+def _check(row, errors, targets):
+    """The answer predicted and simulated, a row for each response."""
+    rows = []
+    for target, error in zip(targets, errors, strict=True):
+        simulated = row[target.response.simulated]
+        own = {"response": target.name, "target": target.aim, "predicted": row[target.response.predicted]}
+        own |= {"predicted_error": error, "simulated": simulated}
+        own |= {
+            "simulated_error": row[target.response.error],
+            "deviation_percent": target.off_percent(simulated),
+        }
+        rows.append(own)
+    return pd.DataFrame(rows)
 
 
 def separated(unit: np.ndarray, distance: float, most: int) -> np.ndarray:

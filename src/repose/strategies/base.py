@@ -1,7 +1,8 @@
 """A strategy: from the runs so far to the samples that are simulated next, or to the answer; and the registry.
 
 To add a strategy, write a subclass of `Strategy` in a module of its own, put `@register("its_name")` above it, and
-import the module in `repose.strategies`; then the configuration knows the name, and `repose.Study` follows it.
+import the module in `repose.strategies`; then the configuration knows the name, and `repose.Study` and the workflow
+follow it.
 """
 
 from abc import ABC, abstractmethod
@@ -57,7 +58,8 @@ class Batch:
         `sample` (its number), a column for each parameter, and `seeds`, the number of runs of the sample. Further
         columns are the strategy's own.
     notes : mapping
-        Further results of the strategy, by name.
+        Further results of the strategy, by name: tables, and what JSON can hold. `why` is a sentence, `row` a
+        mapping, the row of this proposal in the workflow's table of batches.
     """
 
     samples: "pd.DataFrame"
@@ -90,7 +92,10 @@ class Answer:
     model : Predictor or None
         The model over the whole ranges; None if the strategy has none.
     notes : mapping
-        As in `Batch`.
+        As in `Batch`. The workflow writes those that `Strategy.files` names, and puts `summary`, a mapping, into the
+        answer's summary, `steps`, sentences, into the report, and `note`, a sentence, behind the message.
+    simulated : tuple of int
+        Samples of the last batch that simulated the answer already; without any, `samples` are simulated to check it.
     """
 
     values: np.ndarray
@@ -103,6 +108,7 @@ class Answer:
     others_mean: np.ndarray
     model: "Predictor | None" = None
     notes: Mapping[str, Any] = field(default_factory=dict)
+    simulated: tuple[int, ...] = ()
 
     @property
     def error(self) -> np.ndarray:
@@ -121,14 +127,20 @@ class Strategy(ABC):
         The section of the configuration with the strategy's name; None for a strategy that reads other sections only.
     repeats_points : bool
         Whether it asks for the same parameters under several numbers of samples.
-    rules : tuple of str
-        Rules of the workflow whose inputs are its products; empty for a strategy of `repose.Study` alone.
+    begins_with_design : bool
+        Whether its first batch is the article's design, which the workflow simulates as such.
+    files : tuple of str
+        Notes of its answer that the workflow writes: names with `.csv` for tables, with `.json` for mappings.
+    reads : tuple of str or None
+        Keys of the configuration that its proposals after a simulated batch depend on; None for all.
     """
 
     name: ClassVar[str]
     settings: ClassVar[type[Section] | None] = None
     repeats_points: ClassVar[bool] = False
-    rules: ClassVar[tuple[str, ...]] = ()
+    begins_with_design: ClassVar[bool] = False
+    files: ClassVar[tuple[str, ...]] = ()
+    reads: ClassVar[tuple[str, ...] | None] = None
 
     @abstractmethod
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:

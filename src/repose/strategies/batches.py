@@ -1,35 +1,108 @@
 """Batches of a strategy on files: the runs so far are read, the samples that it proposes after them are written."""
 
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from repose.chain.dataset import read_definitions
 from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
-from repose.core.files import write_table
+from repose.core.files import read_json, write_json, write_table
+from repose.core.responses import Definitions, require_same_definitions
 from repose.core.targets import Targets
-from repose.strategies.base import Answer, Batch, Studied, strategy
+from repose.strategies import answer
+from repose.strategies.base import Answer, Studied, strategy
 
+PROPOSAL = "proposal.json"
 Path_ = str | os.PathLike
 
 
-def propose(name: str, study: Studied, folders: Sequence[Path_] = ()) -> Batch | Answer:
-    """The strategy's proposal after the batches in `folders`; an InputError names the last of them."""
+def run_propose(
+    name: str,
+    study: Studied,
+    folders: Sequence[Path_],
+    out_dir: Path_,
+    definitions: Definitions | None = None,
+    source: object = "configuration",
+) -> dict[str, Any]:
+    """Write the strategy's proposal after the batches in `folders`: samples.csv and proposal.json; return the latter.
+
+    InputError, with `source`, for runs of other `definitions`.
+    """
+    for folder in folders:
+        own, path = read_definitions(Path(folder) / "dataset.csv")
+        require_same_definitions(own, path, definitions or {}, source)
     data = read(folders, study.targets) if folders else pd.DataFrame()
     try:
-        return strategy(name).propose(study, data)
+        proposal = strategy(name).propose(study, data)
     except InputError as error:
         raise InputError(folders[-1] if folders else name, error.key, error.value, error.allowed) from None
+    why = proposal.why if isinstance(proposal, Answer) else proposal.notes.get("why", "")
+    found = {"answer": isinstance(proposal, Answer), "why": why, "pours": len(data), "notes": proposal.notes}
+    found |= answer.content(proposal, study) if isinstance(proposal, Answer) else {}
+    write_table(Path(out_dir) / "samples.csv", proposal.samples)
+    write_json(Path(out_dir) / PROPOSAL, _plain(found))
+    return found
 
 
-def write_samples(proposal: Batch | Answer, path: Path_) -> pd.DataFrame:
-    """Write and return the samples of a proposal, without their seeds, which the section has."""
-    table = proposal.samples.drop(columns="seeds")
-    write_table(path, table)
-    return table
+def run_conclude(name: str, study: Studied, folders: Sequence[Path_], out_dir: Path_) -> pd.DataFrame:
+    """Write the answer, simulated again, and the tables of all batches; return the table of check.csv.
+
+    `folders` hold all batches, the one of the answer last. Besides the files of `answer.write` these are batches.csv, a
+    row for each proposal, dataset.csv and runs.csv of all batches, and the notes that `Strategy.files` names.
+    """
+    proposals = [_proposal(folder) for folder in folders[1:]]
+    found, out = proposals[-1], Path(out_dir)
+    if not found["answer"]:
+        raise InputError(Path(folders[-1]) / PROPOSAL, "answer", False, "true in the last folder")
+    dataset, runs = tables_of(folders[:-1], study.targets)
+    simulated = runs["sample"].isin(found["simulated"])
+    checked = runs[simulated] if simulated.any() else tables_of(folders[-1:], study.targets)[1]
+    check = answer.write(found, checked, study, out)
+    for key, table in {"batches": _batches(proposals), "dataset": dataset, "runs": runs}.items():
+        write_table(out / f"{key}.csv", table)
+    for file in strategy(name).files:
+        note = found["notes"][Path(file).stem]
+        if file.endswith(".csv"):
+            write_table(out / file, pd.DataFrame(note))
+        else:
+            write_json(out / file, note)
+    return check
+
+
+def _proposal(folder):
+    """What `run_propose` wrote into a folder."""
+    keys = {"answer": bool, "why": str, "pours": int, "notes": dict}
+    return read_json(Path(folder) / PROPOSAL, keys, "output of repose stage propose")
+
+
+def _batches(proposals):
+    """A row for each proposal: number and pours of the batches before it, its note `row`, and why.
+
+    Where some have that note, the others are left out.
+    """
+    rows = [
+        {"batch": batch, "pours": found["pours"], **found["notes"].get("row", {}), "why": found["why"]}
+        for batch, found in enumerate(proposals)
+    ]
+    own = [row for row, found in zip(rows, proposals, strict=True) if "row" in found["notes"]]
+    return pd.DataFrame(own or rows)
+
+
+def _plain(value):
+    """A note for JSON: a table as its columns, no NaN."""
+    if isinstance(value, pd.DataFrame):
+        value = value.to_dict("list")
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:

@@ -49,7 +49,7 @@ FIGURES = {
     "discrepancy": Figure(_drawn_by("discrepancy", "over_the_discrepancy"), ("discrepancy",)),
     "region": Figure(_drawn_by("region", "not_excluded"), ("region", "summary")),
     "sobol": Figure(_drawn_by("uncertainty", "sobol_indices"), ("sobol",)),
-    "approach": Figure(_drawn_by("refinement", "approach"), ("rounds",), ("summary",)),
+    "approach": Figure(_drawn_by("refinement", "approach"), ("batches",), ("summary",)),
     "pareto_screening": Figure(_drawn_by("response_surface", "pareto"), ("effects",)),
     "pareto_surface": Figure(_drawn_by("response_surface", "pareto"), ("effects",)),
     "perturbation": Figure(_drawn_by("response_surface", "perturbation"), ("samples", "dataset")),

@@ -22,7 +22,7 @@ def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Each round's proposal, predicted and simulated, off the target in percent of it; its standard errors."""
     responses = style.targets_of(config).responses
     columns = [derived(response.name, what) for response in responses for what in COLUMNS]
-    rounds = read_table(inputs["rounds"], ("round", "n_seeds", "outcome", *columns))
+    rounds = read_table(inputs["batches"], ("round", "n_seeds", "outcome", *columns))
     section, rows = config["refine"], style.grid_rows(len(responses))
     figure = style.new_figure(style.PAGE, 3.9 * rows)
     panels = figure.subplots(

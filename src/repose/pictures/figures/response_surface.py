@@ -60,7 +60,7 @@ def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
 def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Contours of each response over every pair of factors, the others at the optimum."""
     targets, models = _models(inputs, config)
-    best = read_json(inputs["optimum"], ("coded",), "output of repose stage response_step")["coded"]
+    best = read_json(inputs["optimum"], ("coded",), "output of repose stage conclude")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))
     shown = [(target, model, pair) for target, model in zip(targets, models, strict=True) for pair in pairs]
     columns = min(3, max(len(pairs), len(models)))

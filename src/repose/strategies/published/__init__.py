@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 class Published(Strategy):
     """One batch, then the answer."""
 
-    rules = ("calibration", "figures")
+    begins_with_design = True
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.published import strategy

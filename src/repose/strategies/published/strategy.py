@@ -27,9 +27,8 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     samples = samples_of_runs(data, study.parameters, study.targets)
     model, support = fitted(study, samples, data).model, support_of(study, samples)
     inversion = invert(model, study.parameters, study.targets, study.config["miga"], support=support)
-    return answer_of(
-        study, model, inversion, data, "the batch is simulated: the search on its surrogate answers"
-    )
+    why = "the batch is simulated: the search on its surrogate answers"
+    return answer_of(study, model, inversion, data, why, seeds_of(study))
 
 
 def seeds_of(study: Studied) -> int:
@@ -51,7 +50,9 @@ def support_of(study: Studied, samples: pd.DataFrame) -> Support:
     return Support(good[list(space.names)].to_numpy(float), low, high, space.names)
 
 
-def answer_of(study: Studied, model: Surrogate, inversion: Inversion, data: pd.DataFrame, why: str) -> Answer:
+def answer_of(
+    study: Studied, model: Surrogate, inversion: Inversion, data: pd.DataFrame, why: str, seeds: int
+) -> Answer:
     """The representative solution of a search, and the other feasible ones."""
     space, targets = study.parameters, study.targets
     names = list(space.names)
@@ -63,7 +64,7 @@ def answer_of(study: Studied, model: Surrogate, inversion: Inversion, data: pd.D
         mean[0],
         covariance[0],
         probability_of(mean, covariance, targets),
-        samples_of(space, space.unit(values), seeds_of(study), next_number(data)),
+        samples_of(space, space.unit(values), seeds, next_number(data)),
         why,
         others[names].to_numpy(float),
         others[list(targets.predicted)].to_numpy(float),

@@ -56,7 +56,7 @@ def propose(
     for name in space.names:
         table[name] = float(best[name])
     if near.any() and space.dimensions:
-        rng = np.random.default_rng([study_seed, PURPOSES["refine"], OF_A_ROUND * (round_ + 1)])
+        rng = np.random.default_rng([study_seed, PURPOSES["refined"], OF_A_ROUND * (round_ + 1)])
         unit = lhsdesign(int(near.sum()), space.dimensions, rng=rng)
         table.loc[near, list(space.names)] = search_box(space, best, section["reach"]).values(unit)
     table[list(targets.predicted)] = model.predict(table[list(space.names)].to_numpy(float))

@@ -8,19 +8,12 @@ is within ``refine.tolerance_percent`` of its target, with a standard error belo
 the target.
 """
 
-import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from repose.chain.answer import describe_parameters
-from repose.core.errors import InputError
-from repose.core.files import read_json, read_table, write_json, write_table
-from repose.core.parameter_sets import read_samples
-from repose.core.parameters import named
 from repose.core.responses import Response, derived
 from repose.core.runs import Recorded, of_bench, summarise_runs
 from repose.core.targets import Targets
@@ -71,7 +64,7 @@ def judge(
     round_: int,
     names: Sequence[str],
 ) -> dict[str, Any]:
-    """Result of a round, a row of rounds.csv: a missing number is NaN, `outcome` is of `OUTCOMES`.
+    """Result of a round, a row of batches.csv: a missing number is NaN, `outcome` is of `OUTCOMES`.
 
     `objective` is Eq. 11 of the simulated means; `out_of_reach`: the prediction itself misses the bar.
     """
@@ -122,7 +115,7 @@ def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
 def _numbers(
     response: Response, wanted: float, predicted: float, mean: float, error: float
 ) -> dict[str, float]:
-    """Columns of one response in rounds.csv."""
+    """Columns of one response in a round's row."""
     name, quantity = response.name, response.quantity
     return {
         derived(name, "target"): wanted,
@@ -190,100 +183,8 @@ def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
     values = []
     for response in targets.responses:
         error, off = verdict[response.error], verdict[f"{response.quantity}_deviation_percent"]
-        known = "unknown" if error is None else f"{error:.2f}"
+        known = f"{error:.2f}" if np.isfinite(error) else "unknown"
         mean = f"{response.symbol} {verdict[response.simulated]:.2f} ± {known}"
         values.append(f"{mean} {response.unit} ({off:+.2f} %)")
     seeds = f"{verdict['n_seeds']} fresh seeds, in no fit before"
     return f"{' and '.join(values)}, mean and standard error of {seeds}"
-
-
-def points(
-    proposal: pd.DataFrame, dataset: pd.DataFrame, row: Mapping[str, Any], targets: Targets
-) -> pd.DataFrame:
-    """The table round.csv: all points of a round, the jobs of the proposal as a single point (`row` of `judge`)."""
-    measured = [column for target in targets for column in (target.name, target.response.error)]
-    shown = dataset[["sample", "n_seeds", *targets.names, *targets.errors, "status", "reason"]]
-    table = proposal.drop(columns=["seeds", "warning"]).merge(shown, on="sample")
-    renamed = {target.name: target.response.simulated for target in targets}
-    table = table.rename(columns=renamed)
-    own = table["role"] == PROPOSAL
-    table = pd.concat([table[own].head(1), table[~own]], ignore_index=True).astype({"reason": object})
-    for column in ("n_seeds", *(renamed.get(name, name) for name in measured)):
-        table.loc[0, column] = row[column]
-    if row["outcome"] != "no pile":
-        table.loc[0, ["status", "reason"]] = ["ok", ""]
-    return table
-
-
-def run_judge(
-    proposal_csv: str | os.PathLike,
-    dataset_csv: str | os.PathLike,
-    runs_csv: str | os.PathLike,
-    targets: Targets,
-    section: Mapping[str, Any],
-    out_dir: str | os.PathLike,
-) -> dict[str, Any]:
-    """Write round.csv (`points`) and verdict.json, the row of `judge` with the number of usable samples; return it."""
-    proposal = read_samples(proposal_csv)
-    dataset = read_table(dataset_csv, ("sample", "status", "n_seeds", *targets.names, *targets.errors))
-    runs = read_table(runs_csv, ("sample", "status", "reason", *targets.names))
-    missing = sorted(set(proposal["sample"]) - set(dataset["sample"]))
-    if missing:
-        raise InputError(dataset_csv, "samples", missing, f"all samples of {proposal_csv}")
-    round_ = round_of(int(proposal["sample"].iloc[0]))
-    row = judge(proposal, runs, targets, section, round_, named(proposal))
-    row |= {"usable": int((dataset["status"] == "ok").sum())}
-    write_table(Path(out_dir) / "round.csv", points(proposal, dataset, row, targets))
-    write_json(Path(out_dir) / "verdict.json", _plain(row))
-    return row
-
-
-def run_tables(
-    verdict_jsons: Sequence[str | os.PathLike], limit: int, targets: Targets, out_dir: str | os.PathLike
-) -> dict[str, Any]:
-    """Write rounds.csv, a row for each round, and summary.json with the reason of the stop; return the summary.
-
-    InputError if the rounds, in any order, are not 0, 1, 2, ...
-    """
-    keys = {"round": int, "outcome": str}
-    verdicts = [read_json(path, keys, "output of repose stage refine_judge") for path in verdict_jsons]
-    verdicts.sort(key=lambda verdict: verdict["round"])
-    if [verdict["round"] for verdict in verdicts] != list(range(len(verdicts))) or not verdicts:
-        raise InputError(
-            "verdicts", "rounds", [verdict["round"] for verdict in verdicts], "0, 1, 2, ... without a gap"
-        )
-    write_table(Path(out_dir) / "rounds.csv", pd.DataFrame(verdicts))
-    last = verdicts[-1]
-    summary = {
-        "met": last["outcome"] == "within",
-        "rounds": len(verdicts),
-        "why": why_stopped(last, limit, targets, verdicts[-2] if len(verdicts) > 1 else None),
-        "solution": {name: last[name] for name in named(last)},
-        "claim": claim(last, targets),
-        "pours": int(sum(verdict["poured"] for verdict in verdicts)),
-    }
-    write_json(Path(out_dir) / "summary.json", summary)
-    return summary
-
-
-def describe(summary_json: str | os.PathLike, label: str) -> str:
-    """Result of a finished refinement for the end of a run; `summary_json` is of `run_tables`."""
-    keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
-    summary = read_json(summary_json, keys, "output of repose stage refine_tables")
-    met = "Refined: targets met" if summary["met"] else "Refined: targets NOT met"
-    return "\n".join(
-        [
-            f"{label}: the refined parameters:",
-            *describe_parameters(summary["solution"]),
-            f"Simulated: {summary['claim']}",
-            f"Tables: {Path(summary_json).parent}; pours of all rounds: {summary['pours']}",
-            f"{met}; {summary['why']}.",
-        ]
-    )
-
-
-def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """The row for JSON, which has no NaN: None instead."""
-    return {
-        key: None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()
-    }

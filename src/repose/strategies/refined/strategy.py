@@ -9,13 +9,14 @@ import pandas as pd
 from repose.chain.invert import Inversion, invert
 from repose.chain.train import Training
 from repose.core.errors import InputError
-from repose.strategies.base import Answer, Batch, Studied, samples_of
+from repose.strategies.base import Answer, Batch, Studied
 from repose.strategies.published import strategy as published
 from repose.strategies.published.strategy import answer_of, fitted, probability_of, support_of
 from repose.strategies.refined import refine
 from repose.strategies.refined.rounds import (
     OF_A_ROUND,
     PROPOSAL,
+    claim,
     goes_on,
     jobs,
     judge,
@@ -23,7 +24,7 @@ from repose.strategies.refined.rounds import (
     round_of,
     why_stopped,
 )
-from repose.strategies.runs import next_number, runs_by_bench, samples_of_runs
+from repose.strategies.runs import runs_by_bench, samples_of_runs
 from repose.surrogate.base import Surrogate
 
 
@@ -66,26 +67,48 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     targets, section = study.targets, study.config["refine"]
     number = int(data["sample"].map(round_of).max())
     if number < 0:
-        return Batch(follow(study, data, 0).proposal)
+        return _batch(follow(study, data, 0), {"why": "the answer of the search is simulated"})
     now, runs = follow(study, data, number), runs_by_bench(data, targets)
     verdict = judge(now.proposal, runs, targets, section, number, study.parameters.names)
     samples = samples_of_runs(data, study.parameters, targets)
     verdict["usable"] = int(samples.loc[samples["status"] == "ok", "sample"].map(round_of).eq(number).sum())
     before = {"objective": objective_of(jobs(section, number - 1), runs, targets)} if number else None
     if number < section["rounds"] and goes_on(verdict, before):
-        return Batch(follow(study, data, number + 1).proposal)
+        why = f"round {number} is {verdict['outcome']}: {verdict['reason']}"
+        return _batch(follow(study, data, number + 1), {"row": verdict, "why": why})
     why = why_stopped(verdict, section["rounds"], targets, before)
-    return _simulated(answer_of(study, now.model, now.inversion, data, why), study, now.proposal, data)
+    best = answer_of(study, now.model, now.inversion, data, why, section["seeds"])
+    best = replace(best, notes={**best.notes, "row": verdict, **_told(verdict, why, study)})
+    return _simulated(best, study, now.proposal, data)
+
+
+def _batch(following, notes):
+    """The batch of a round; its notes also have the fit and the search behind it."""
+    found = {"fit": following.training.metrics, "search": following.inversion.summary}
+    return Batch(following.proposal, notes | found)
+
+
+def _told(verdict, why, study):
+    """The end of the rounds, for the summary and the report."""
+    solution = {name: verdict[name] for name in study.parameters.names}
+    met, claimed = verdict["outcome"] == "within", claim(verdict, study.targets)
+    steps = (
+        f"Design: {study.config['design']['samples']} parameter sets, and a search on their surrogate.",
+        f"Rounds: {verdict['round'] + 1}, each of the search's answer and its neighbours. They stopped: {why}.",
+        f"Simulated: {claimed}.",
+    )
+    summary = {"met": met, "rounds": verdict["round"] + 1, "solution": solution, "claim": claimed}
+    return {"summary": summary, "steps": steps}
 
 
 def _simulated(answer, study, proposal, data):
     """The answer with the simulated means of its own runs in place of the predicted ones."""
-    space, targets = study.parameters, study.targets
+    targets = study.targets
     numbers = proposal.loc[proposal["role"] == PROPOSAL, "sample"]
+    answer = replace(answer, simulated=tuple(numbers))
     values = data.loc[data["sample"].isin(numbers), list(targets.names)].dropna()
     mean, covariance = values.mean().to_numpy(), values.cov().to_numpy() / max(len(values), 1)
     if len(values) <= len(targets) or np.linalg.matrix_rank(covariance) < len(targets):
         return answer
-    samples = samples_of(space, space.unit(answer.values), study.config["refine"]["seeds"], next_number(data))
     probability = probability_of(mean[None], covariance[None], targets)
-    return replace(answer, mean=mean, covariance=covariance, probability=probability, samples=samples)
+    return replace(answer, mean=mean, covariance=covariance, probability=probability)

@@ -12,6 +12,8 @@ from repose.strategies.base import Answer, Batch, Strategy, Studied, register
 if TYPE_CHECKING:
     import pandas as pd
 
+FITTED = ("anova", "effects", "statistics")  # tables of a step's models
+
 
 class Settings(Section):
     """Screening, steepest ascent and a quadratic surface."""
@@ -33,7 +35,11 @@ class ResponseSurface(Strategy):
 
     settings = Settings
     repeats_points = True
-    rules = ("response_surface",)
+    files = (
+        *(f"{step}_{table}.csv" for step in ("screening", "surface") for table in FITTED),
+        *("screening.json", "path.csv", "surface.csv", "predictions.csv", "optimum.json", "check.csv"),
+    )
+    reads = ("parameters", "targets", "design.seed", "response_surface", "miga.solutions", "miga.distance")
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.response_surface import strategy

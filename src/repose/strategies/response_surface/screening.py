@@ -73,7 +73,12 @@ def notes(found: Screened, space: ParameterSpace, targets: Targets) -> dict[str,
     corners = dict(zip(targets.names, (float(model.constant) for model in found.models), strict=True))
     summary = {"kept": found.kept, "dropped": dropped, "centre": found.centre.to_dict(), "corners": corners}
     why = f"kept {', '.join(found.kept)}; dropped {', '.join(dropped) or 'none'}"
-    return {**analysis(found.models, targets)._asdict(), "screening": summary, "why": why}
+    return {**named(analysis(found.models, targets), "screening"), "screening": summary, "why": why}
+
+
+def named(tables: Analysis, step: str) -> dict[str, pd.DataFrame]:
+    """The tables of a step with the step before their names."""
+    return {f"{step}_{name}": table for name, table in tables._asdict().items()}
 
 
 def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:

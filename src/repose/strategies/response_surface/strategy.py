@@ -12,10 +12,11 @@ from repose.strategies.runs import next_number, samples_of_runs
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
-    """The samples of the next step, or the answer; the notes are the tables of the last step, and `why` in words."""
+    """The samples of the next step, or the answer; the notes are the tables of all steps so far, and `why` in words."""
     space, section = study.parameters, study.config["response_surface"]
+    notes: dict[str, Any] = {}
 
-    def batch(table: pd.DataFrame, **notes: Any) -> Batch:
+    def batch(table: pd.DataFrame) -> Batch:
         return Batch(table.assign(seeds=section["seeds"]), notes)
 
     table = screening.design(space, section)
@@ -24,21 +25,24 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     targets = study.targets
     dataset = samples_of_runs(data, space, targets)
     found = screening.screened(table, dataset, space, targets, section, "runs")
+    notes |= screening.notes(found, space, targets)
     if _lacks(data, found.path):
-        return batch(found.path, **screening.notes(found, space, targets))
+        return batch(found.path)
     points = surface.walked(found.path, dataset, targets)
     table = surface.design(points, space, section)
+    nearest = points[points["best"]].iloc[0]
+    why = f"sample {nearest['sample']} is nearest to the targets, {nearest['error_percent']:.2f} % off"
+    notes |= {"path": points, "why": why}
     if _lacks(data, table):
-        best = points[points["best"]].iloc[0]
-        why = f"sample {best['sample']} is nearest to the targets, {best['error_percent']:.2f} % off"
-        return batch(table, path=points, why=why)
+        return batch(table)
     models = screening.models_of(table, dataset, targets, "quadratic", "runs")
     best = surface.best_point(models, targets)
     check = surface.check_samples(table, best, space, section)
-    notes = screening.analysis(models, targets)._asdict()
+    notes |= screening.named(screening.analysis(models, targets), "surface")
+    notes["surface"] = table
     notes |= surface.notes(models, best, check, space, targets)
     if _lacks(data, check):
-        return batch(check, **notes)
+        return batch(check)
     others, predicted = surface.alternatives(models, table, space, targets, study.config)
     unit = surface.natural_unit(table, best.coded, space)
     error = np.array([float(model.standard_error(best.coded[None])[0]) for model in models])
@@ -53,7 +57,24 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         "the optimum of the surfaces is simulated",
         others,
         predicted,
-        notes=notes | {"check": surface.checked(notes["predictions"], poured)},
+        notes=notes
+        | {
+            "check": surface.checked(notes["predictions"], poured),
+            "summary": {"surfaces_meet_targets": best.met},
+        }
+        | {"steps": _steps(found.kept, len(table), section)},
+        simulated=tuple(check["sample"]),
+    )
+
+
+def _steps(kept, samples, section):
+    """The way to the optimum, in sentences."""
+    return (
+        f"Screening: {section['screening_runs']} runs of a Plackett-Burman design and "
+        f"{section['centres']} of the centre; kept: {', '.join(kept)}.",
+        "Steepest ascent towards the targets, to the best point of the path.",
+        f"Surface: {samples} parameter sets about it ({section['surface']}), a quadratic "
+        "model for each response, and its optimum.",
     )
 
 

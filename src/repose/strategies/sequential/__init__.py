@@ -29,7 +29,7 @@ class Sequential(Strategy):
     """A space-filling start, then batches where the targets are probably met."""
 
     settings = Settings
-    rules = ("sequential",)
+    reads = ("parameters", "targets", "design.seed", "sequential", "miga.solutions", "miga.distance")
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.sequential import strategy

@@ -38,13 +38,13 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
     except ValueError as error:
         raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
-    notes = {"pours": len(data), **_notes(advice, study)}
+    notes = _notes(advice, study)
     if advice.stop is None:
         return Batch(samples_of(space, advice.batch, section["seeds"], next_number(data)), notes)
     best = answer(study, data)
     if advice.stop == "out_of_reach":
         best = _at(advice.answer, best, study, data)
-    return replace(best, why=WHY[advice.stop], notes=notes)
+    return replace(best, why=WHY[advice.stop], notes=notes | _told(notes, study, data))
 
 
 def answer(study: Studied, data: pd.DataFrame) -> Answer:
@@ -118,24 +118,57 @@ def _at(unit, best, study, data):
         mean=mean[0],
         covariance=covariance[0],
         probability=probability,
-        samples=samples_of(space, unit[None], study.config["sequential"]["seeds"], next_number(data)),
+        samples=samples_of(space, unit[None], _checks(study), next_number(data)),
     )
 
 
+def _checks(study):
+    """Runs of the answer; a simulator of the user's own has no key for them."""
+    section = study.config["sequential"]
+    return section.get("checks", section["seeds"])
+
+
 def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
-    """The advice as advice.json has it."""
+    """The state after the runs so far; `needed` are the pours that the noise alone asks for."""
     space, targets = study.parameters, study.targets
-    return {
-        "stop": advice.stop,
-        "why": WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured",
-        "answer": dict(zip(space.names, space.values(advice.answer[None])[0].tolist(), strict=True)),
-        "probability": advice.probability,
-        "responses": {
-            target.name: {"target": target.aim, "mean": float(mean), "error": float(error)}
-            for target, mean, error in zip(targets, advice.mean, advice.error, strict=True)
-        },
-        "reachable": advice.reachable,
-        "needed": advice.needed,
-        "in_reach": advice.reach.probability,
-        "nearest": {"deviation": advice.reach.nearest, "error": advice.reach.error},
+    answer = dict(zip(space.names, space.values(advice.answer[None])[0].tolist(), strict=True))
+    state: dict[str, Any] = {"probability": advice.probability, "reachable": advice.reachable}
+    state |= {"in_reach": advice.reach.probability, "needed": advice.needed, "stop": advice.stop}
+    row = state.copy()
+    for name, mean, error in zip(targets.names, advice.mean, advice.error, strict=True):
+        row |= {f"{name}_mean": float(mean), f"{name}_error": float(error)}
+    why = WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured"
+    nearest = {"deviation": advice.reach.nearest, "error": advice.reach.error}
+    return {**state, "nearest": nearest, "answer": answer, "row": row | answer, "why": why}
+
+
+def _told(notes, study, data):
+    """The end of the search, for the summary and the report."""
+    section = study.config["sequential"]
+    kept = ("answer", "probability", "stop", "needed", "in_reach", "nearest")
+    tolerance = section["tolerance_percent"]
+    steps = (
+        f"Start: {section['start_samples']} parameter sets all over the ranges, each poured {section['seeds']} times.",
+        f"Batches: each about the best point so far; {len(data)} pours in all. They stopped: {notes['why']}.",
+        f"Model: kriging of the samples' means with their known errors. The answer lies within "
+        f"{tolerance:g} % of all targets with probability {notes['probability']:.2f}.",
+    )
+    told = {
+        "summary": {name: notes[name] for name in kept} | {"tolerance_percent": tolerance},
+        "steps": steps,
     }
+    return told | ({"note": _out_of_reach(notes, study.targets)} if notes["stop"] == "out_of_reach" else {})
+
+
+def _out_of_reach(notes, targets):
+    """How near the answer comes, a sentence."""
+    off = []
+    for target in targets:
+        mean, error = (notes["row"][f"{target.name}_{what}"] for what in ("mean", "error"))
+        percent = [100 * value / target.whole for value in (mean - target.aim, error)]
+        off.append(f"{percent[0]:+.1f} ± {abs(percent[1]):.1f} % off the target of {target.response.symbol}")
+    return (
+        "The targets are probably out of reach: some parameter set meets them with probability "
+        f"{notes['in_reach']:.2f}. "
+        f"The answer is the nearest: {', '.join(off)}."
+    )

@@ -1,0 +1,187 @@
+"""The workflow of strategies with several batches: a batch is known when those before it are analysed."""
+
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from plans import as_ours, planned, snakemake
+from synthetic import SPACE, write_poured
+from synthetic import Study as Given
+
+from repose import strategies
+from repose.config.study import Study
+from repose.core.files import write_text
+from repose.core.targets import Targets
+from repose.strategies import base, batches
+from repose.strategies.base import samples_of
+
+pytestmark = pytest.mark.slow
+
+# Targets from two bench tests.
+MIXED = [
+    {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
+    for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
+]
+# Samples of each batch in the small study, the check of the answer last. The screening has corners and the centre, then
+# come the path, a Box-Behnken design in three factors, and the check.
+SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3, 2]}
+SECTIONS = {"sequential": {"probability": 0.99}, "response_surface": {}}
+
+
+def poured(folder, seed):
+    """Files of a batch's pours as if it had run, with responses of a simulator of one line."""
+    table = pd.read_csv(folder / "samples.csv")
+    (folder / "heaps").mkdir()
+    for sample in table["sample"]:
+        for kind in ("pours.json", "npz", "json"):
+            (folder / "heaps" / f"{sample:03d}.{kind}").touch()
+    write_poured(folder, table, 4.0, seed, int(table["seeds"].iloc[0]))
+    (folder / "dataset_summary.json").write_text("{}")
+    as_ours(folder)
+
+
+@pytest.mark.parametrize("strategy", list(SAMPLES))
+def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(strategy, finished):
+    project, words = finished
+    folder = project / "results/quick" / strategy
+    config = Study.load(project / "config/quick.yaml").config
+    config |= {strategy: config[strategy] | SECTIONS[strategy]}
+    study = Given(SPACE, Targets.of(config["targets"]), config)
+    words = (*words, f"{strategy}={json.dumps(SECTIONS[strategy])}", "--", strategy)
+
+    folders, sizes, found = [], [], {"answer": False}
+    while not found["answer"]:
+        # everything before is kept: all that is planned is to read what was poured
+        jobs = planned(project, *words)
+        assert not {"pour", "batch_pour"} & set(jobs), "none of the published method either"
+        assert jobs["propose"] == 1
+        folders.append(folder / f"batch_{len(folders)}")
+        found = batches.run_propose(strategy, study, folders[:-1], folders[-1])
+        jobs = planned(project, *words)
+        assert jobs[f"conclude_{strategy}"] == 1
+        if found.get("simulated"):
+            break
+        sizes.append(len(pd.read_csv(folders[-1] / "samples.csv")))
+        assert jobs["batch_pour"] == jobs["measure_batch_runs"] == sizes[-1]
+        poured(folders[-1], [1, len(folders)])
+    assert sizes == SAMPLES[strategy]
+    jobs = planned(project, *words)
+    assert not {"propose", "batch_pour", "batch_dataset"} & set(jobs)
+    assert f"conclude_{strategy}" in jobs
+    next((folders[0] / "heaps").glob("*.npz")).unlink()
+    lost = planned(project, *words)["batch_pour"]
+    assert lost == 1 + sum(sizes[1:]), "a lost file is made again, then what follows from it"
+    shutil.rmtree(folder)
+
+
+@pytest.mark.essential
+@pytest.mark.parametrize("strategy", list(SAMPLES))
+def test_the_strategy_chooses_what_a_study_makes(strategy, project):
+    words = ("--configfile", "config/quick.yaml", "--config", f"strategy={strategy}")
+    first = project / f"results/quick/{strategy}/batch_0"
+    jobs = planned(project, *words)
+    assert jobs["propose"] == 1
+    assert not {"pour", "network", "miga", "drum_run"} & set(jobs)
+    assert {"page", "card", "strategy_trajectory"} <= set(jobs), "what every calibration ends with"
+    done = snakemake(project, "--cores", "1", *words, "--", str((first / "samples.csv").relative_to(project)))
+    assert done.returncode == 0, done.stderr
+    assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
+    assert not {"propose", "batch_pour"} & set(planned(project, "--configfile", "config/quick.yaml"))
+    # all bench tests of the targets are run, with seeds of the strategy's own
+    (project / "mine.yaml").write_text(json.dumps({"targets": MIXED, "posterior": {"shape_study": None}}))
+    mixed = ("--configfile", "config/quick.yaml", "mine.yaml", "--rerun-triggers", "mtime", "--", strategy)
+    assert planned(project, *mixed)["batch_pour"] == 2 * SAMPLES[strategy][0]
+    shown = snakemake(project, "-n", "-p", *mixed).stdout
+    assert "--apparatus drum " in shown
+    assert f"--purpose {strategy} " in shown
+    shutil.rmtree(first.parent)
+
+
+def test_a_misfit_is_reported_before_any_work(project):
+    words = ("--configfile", "config/quick.yaml", "--config", "strategy=response_surface")
+    done = snakemake(project, "-n", "--quiet", "all", *words, "response_surface={centres: 2}")
+    assert done.returncode != 0
+    assert "centres is 2; allowed: at least 3 where surface is box_behnken" in done.stderr
+
+
+END = {"conclude_refined", "draw_approach", "refined", "total"}
+ROUND = {"propose", "batch_pour", "measure_batch_runs", "batch_dataset"} | END
+JOBS = {1001: 2, 1002: 2, 1101: 2, 1102: 2}  # two blocks of the proposal and two neighbours, with their seeds
+
+
+def proposed(folder, answer=False, jobs=JOBS):
+    """Write a proposal of the refinement."""
+    rows = "".join(f"{sample},{seeds}\n" for sample, seeds in jobs.items())
+    write_text(folder / "samples.csv", f"sample,seeds\n{rows}")
+    simulated = [1001, 1002] if answer else []
+    write_text(folder / "proposal.json", json.dumps({"answer": answer, "simulated": simulated}))
+
+
+def test_a_round_of_the_refinement_runs_every_bench_test_of_the_targets(finished):
+    project, words = finished
+    (project / "mine.yaml").write_text(json.dumps({"targets": MIXED, "posterior": {"shape_study": None}}))
+    words = (*words[:2], "mine.yaml", *words[2:], "--rerun-triggers", "mtime", "--", "refined")
+    folder = project / "results/quick/refined"
+    proposed(folder / "batch_1")
+    jobs = planned(project, *words)
+    assert (jobs["batch_pour"], jobs["measure_batch_runs"]) == (8, 8), "four jobs in each bench test"
+    shown = snakemake(project, "-n", "-p", *words).stdout
+    for runs, name in (("heaps", "funnel"), ("drum_runs", "drum")):
+        out = f"results/quick/refined/batch_1/{runs}"
+        poured = [line for line in shown.splitlines() if f"--out {out} " in line and "stage pour" in line]
+        assert len(poured) == 4
+        assert all(f"--apparatus {name} " in line and "--purpose refined " in line for line in poured)
+        assert all("--seeds 2 " in line for line in poured)
+    shutil.rmtree(folder)
+
+
+def test_a_round_that_misses_is_followed_by_the_next_until_the_answer(finished):
+    project, words = finished
+    words = (*words, "--", "refined")
+    assert set(planned(project, *words)) == {"propose", *END}, "until round 0 is proposed no other is planned"
+    assert not (ROUND - {"total"}) & set(planned(project, *words[:-2], "--forceall"))
+    folder = project / "results/quick/refined/batch_1"
+    proposed(folder)
+    jobs = planned(project, *words)
+    assert set(jobs) == ROUND
+    assert jobs["batch_pour"] == jobs["measure_batch_runs"] == 4
+    (folder / "heaps").mkdir()
+    for name in [f"heaps/{job}.{kind}" for job in JOBS for kind in ("pours.json", "npz", "json")]:
+        (folder / name).touch()
+    for name in ("dataset.csv", "runs.csv", "dataset_summary.json"):
+        (folder / name).touch()
+    as_ours(folder)
+    assert set(planned(project, *words)) == {"propose", *END}
+    proposed(folder.with_name("batch_2"))
+    assert set(planned(project, *words)) == ROUND
+    proposed(folder.with_name("batch_2"), answer=True)
+    assert set(planned(project, *words)) == END
+    shutil.rmtree(folder.parent)
+
+
+class Probe(strategies.Strategy):
+    """A strategy as CONTRIBUTING.md has one, without rules, files and keys of its own."""
+
+    name = "probe"
+
+    def propose(self, study, data):
+        unit = np.full((3, study.parameters.dimensions), 0.5)
+        return strategies.Batch(samples_of(study.parameters, unit, 2, 1))
+
+
+def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(finished, monkeypatch):
+    monkeypatch.setitem(base._REGISTRY, "probe", Probe())
+    project, words = finished
+    words = (*words, "strategy=probe")
+    jobs = planned(project, *words)
+    assert {"propose", "conclude_probe", "page", "card"} <= set(jobs)
+    assert not {"pour", "network"} & set(jobs)
+    folder = project / "results/quick/probe/batch_0"
+    config = Study.load(project / "config/quick.yaml").config
+    batches.run_propose("probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder)
+    assert planned(project, *words)["batch_pour"] == 3
+    shown = snakemake(project, "-n", "-p", *words).stdout
+    assert "--seeds 2 --purpose batches " in shown
+    shutil.rmtree(folder.parent)
