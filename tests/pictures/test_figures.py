@@ -7,8 +7,7 @@ import struct
 import numpy as np
 import pandas as pd
 import pytest
-from made_up import inputs_of, made_up_inputs, words
-from made_up_config import CONFIG
+from made_up import CONFIG, inputs_of, made_up_inputs, words
 from PIL import Image
 
 from repose.core.errors import InputError
