@@ -43,14 +43,11 @@ def put(config, key, value):
     config[last] = value
 
 
-def test_shipped_configurations_pass_every_check():
-    for name in SHIPPED:
-        Study.load(f"config/{name}.yaml").check_inputs()
-
-
-def test_shipped_configurations_write_to_folders_of_their_own():
-    folders = [Study.load(f"config/{name}.yaml").config["results_dir"] for name in SHIPPED]
-    assert len(set(folders)) == 3
+def test_shipped_configurations_pass_every_check_and_write_to_folders_of_their_own():
+    studies = [Study.load(f"config/{name}.yaml") for name in SHIPPED]
+    for study in studies:
+        study.check_inputs()
+    assert len({study.config["results_dir"] for study in studies}) == len(SHIPPED)
 
 
 def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
@@ -198,30 +195,23 @@ def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config)
     )
 
 
-def test_a_mistyped_key_is_reported_with_the_one_that_was_meant(config):
+def test_a_mistyped_key_or_section_is_reported_once_with_the_one_that_was_meant(config):
+    wrong = config | {"refin": config["refine"]}
+    del wrong["refine"]
+    with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
+        Study.of(wrong, "my.yaml")
     config["funnel"]["seads"] = config["funnel"].pop("seeds")
     with pytest.raises(InputError, match=r"funnel\.seads is 6; .*did you mean seeds"):
         Study.of(config, "my.yaml")
 
 
-def test_a_mistyped_section_is_reported_once(config):
-    config["refin"] = config.pop("refine")
-    with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
-        Study.of(config, "my.yaml")
-
-
-def test_replicates_are_needed(config):
-    config["funnel"]["seeds"] = 1
-    config["network"]["replicates"] = True
-    with pytest.raises(
-        InputError, match=r"funnel\.seeds is 1; allowed: at least 2, or network\.replicates: false"
-    ):
-        Study.of(config)
-
-
 def test_replicates_are_needed_of_every_bench_test_of_the_targets(config):
-    config["drum"]["seeds"] = 1
     config["network"]["replicates"] = True
+    once = config | {"funnel": config["funnel"] | {"seeds": 1}}
+    allowed = r"funnel\.seeds is 1; allowed: at least 2, or network\.replicates: false"
+    with pytest.raises(InputError, match=allowed):
+        Study.of(once)
+    config["drum"]["seeds"] = 1
     Study.of(config)
     config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})
     with pytest.raises(InputError, match=r"drum\.seeds is 1; allowed: at least 2"):
