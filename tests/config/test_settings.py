@@ -13,7 +13,6 @@ from repose.config.computed import COMPUTED
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import FURTHER
-from repose.core.seeds import pour_seeds
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ("config", "paper", "quick")
@@ -332,18 +331,6 @@ def test_a_range_that_its_prior_excludes_is_refused(config):
     ):
         of(0.57)
     assert of(0.52).parameters.prior["mus_gg"] == (0.5, 0.01)
-
-
-def test_seeds_are_stable_distinct_and_fresh_for_validation():
-    assert pour_seeds(2026, "design", 1, 2) == pour_seeds(2026, "design", 1, 8)[:2]
-    design = [seed for k in range(1, 151) for seed in pour_seeds(2026, "design", k, 8)]
-    numbers = [*range(1, 7), *range(101, 107)]
-    fresh = [seed for k in numbers for seed in pour_seeds(2026, "validation", k, 8)]
-    assert len(set(design + fresh)) == len(design) + len(fresh)
-    assert pour_seeds(2027, "design", 1, 1) != pour_seeds(2026, "design", 1, 1)
-    assert pour_seeds(2026, "design", 1, 2, "drum") != pour_seeds(2026, "design", 1, 2)
-    # the stream of the drum alone says so by its purpose
-    assert pour_seeds(2026, "drum", 1, 2, "drum") == pour_seeds(2026, "drum", 1, 2)
 
 
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):

@@ -106,7 +106,7 @@ def test_a_prior_narrows_its_parameter_and_counts_as_no_information():
 
 def test_fixed_parameters_are_not_sampled():
     space = UNIT | {name: {"fixed": 0.5} for name in PARAMETERS if name not in ("mus_gp", "e_gg")}
-    found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}], space)
+    found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}], space, steps=400)
     assert list(found.parameters["parameter"]) == ["e_gg", "mus_gp"]
     assert (found.draws["mur_gg"] == 0.5).all()
     assert found.draws["mus_gp"].std() == pytest.approx(math.hypot(0.6, 0.1) / 12, rel=0.1)

@@ -350,15 +350,3 @@ def test_a_file_with_more_or_fewer_samples_than_inputs_is_refused(fitted, tmp_pa
     path.write_text(json.dumps(json.loads(path.read_text()) | {"samples": samples}))
     with pytest.raises(InputError, match=f"{len(samples)} samples of"):
         load(path)
-
-
-def test_json_and_folded_function_are_the_same_network(fitted, tmp_path):
-    model, X, _ = fitted
-    model.save(tmp_path / "network.json")
-    loaded = load(tmp_path / "network.json")
-    np.testing.assert_allclose(loaded.predict(X), model.predict(X), rtol=1e-12)
-    low, high = np.linspace(-2, 0, 6), np.linspace(1, 3, 6)
-    points = np.random.RandomState(1).uniform(-1, 1, (50, 6))
-    real = low + (points + 1) / 2 * (high - low)
-    folded = loaded.response_function(low, high)
-    np.testing.assert_allclose(folded(points), model.predict(real), rtol=1e-10)
