@@ -1,7 +1,12 @@
 """What several tests share."""
 
+import functools
+
 import pytest
 
+from repose.config import reading
+from repose.config.study import Study
+from repose.core import places
 from repose.core.targets import Targets
 
 # The article's parameter ranges and targets.
@@ -31,6 +36,14 @@ TARGETS = [
         "range": [64.0, 69.0],
     },
 ]
+
+
+@functools.cache
+def every_bench_test():
+    """The program's configuration with the section of every bench test that is shipped or an example."""
+    whole = Study.load(places.root() / "config/config.yaml").config
+    paths = (places.root() / "examples/bench_tests").glob("*.yaml")
+    return whole | {path.stem: reading.read(path)[path.stem] for path in paths}
 
 
 def targets_of(sd_percent=5.0, **values):

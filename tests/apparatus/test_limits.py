@@ -143,13 +143,6 @@ def test_a_published_set_of_low_restitution_counts(tmp_path):
     assert refused_by_check(config, many, berry)
 
 
-def test_more_spheres_than_the_engine_takes_are_refused_by_the_schema():
-    config = copy.deepcopy(CONFIG)
-    config["berry"]["spheres"] = 65
-    with pytest.raises(InputError, match=r"berry\.spheres is 65; allowed: fewest or an integer from 1 to 64"):
-        Study.of(config)
-
-
 def test_the_smallest_berry_is_one_that_can_be_drawn():
     spread = {"scale_sd": 0.1, "scale_low": 0.8, "scale_high": 1.2}
     least = size_distribution.smallest("measured", spread)

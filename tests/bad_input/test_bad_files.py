@@ -55,7 +55,9 @@ def test_every_cell_of_a_table_is_a_number(tmp_path):
     def check(read, text, row, column, value):
         cells = [line.split(",") for line in text.splitlines()]
         cells[row][column] = value
-        raises(read, tmp_path / "a.csv", "\n".join(map(",".join, cells)))
+        fault = str(raises(read, tmp_path / "a.csv", "\n".join(map(",".join, cells))))
+        # a comma makes another cell of it
+        assert f"row {row}: {'cells' if ',' in value else cells[0][column]} is" in fault
 
     places = [(berry_files.read_sizes, SIZES, row, column) for row, column in ((1, 0), (2, 1), (1, 2))]
     places += [(berry_files.read_compression, TESTS, 2, column) for column in range(7)]

@@ -3,10 +3,9 @@
 import ast
 import copy
 import math
-from pathlib import Path
 
 import pytest
-from shared import check_all
+from shared import check_all, every_bench_test
 
 from repose.config import faults
 from repose.config.computed import COMPUTED
@@ -15,12 +14,7 @@ from repose.config.study import Study
 from repose.core.errors import InputError, YamlError
 from repose.core.parameters import FURTHER, PARAMETERS
 
-ROOT = Path(__file__).parents[2]
-EXAMPLES = [parse(path.read_text(), path.name) for path in (ROOT / "examples/bench_tests").glob("*.yaml")]
-GOOD = Study.load(ROOT / "config/config.yaml").config | {
-    example["label"]: example[example["label"]] for example in EXAMPLES
-}
-GOOD["figures"] = {"format": ["png", "pdf"], "dpi": 300}
+GOOD = every_bench_test() | {"figures": {"format": ["png", "pdf"], "dpi": 300}}
 NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
 
 

@@ -142,11 +142,6 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, s
     assert "fit_from" not in secant["settings"]
 
 
-def test_a_missing_card_is_reported(capsys):
-    assert main(["card", "show", "nowhere.json"]) == 2
-    assert "nowhere.json: file is 'No such file or directory'; allowed: " in capsys.readouterr().err
-
-
 def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     bad = made(config, solutions)
     bad["grain"]["density_kg_m3"] = -1

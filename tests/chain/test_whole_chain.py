@@ -10,7 +10,6 @@ import pytest
 from shared import RANGES
 
 from repose.chain import dataset, design, invert, train, validate
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import response
@@ -162,17 +161,3 @@ def test_the_chain_runs_with_another_surrogate(tmp_path, name):
     assert found.metrics["noise_covariance"] is not None
     assert found.metrics["test"]["aor_deg"]["r2"] > 0.9
     assert (found.representative["simulated"] - targets.value).abs().max() < 1.5
-
-
-def test_files_of_another_definition_are_refused_with_both_named(tmp_path):
-    targets = targets_of("height_mm")
-    space = ParameterSpace.of(RANGES)
-    found = whole_chain(tmp_path, targets, space)
-    other = {"height_mm": {"measure.views": 12}}
-    assert json.loads((tmp_path / "dataset_summary.json").read_text())["definitions"] == found.definitions
-    files = (tmp_path / "dataset.csv", tmp_path / "runs.csv", targets, NETWORK, tmp_path / "again")
-    with pytest.raises(InputError, match=r"dataset_summary\.json: definition of height_mm .*as in my\.yaml"):
-        train.run(*files, other, "my.yaml")
-    network = tmp_path / "network/network.json"
-    with pytest.raises(InputError, match=r"network\.json: definition of height_mm .*as in my\.yaml"):
-        invert.run(network, space, targets, MIGA, None, tmp_path / "again", None, other, "my.yaml")

@@ -287,20 +287,6 @@ def test_measure_refuses_a_picture_without_a_pile(tmp_path, capsys):
     assert "nowhere.png" in error_of(capsys, "measure", "nowhere.png", "--mm-per-pixel", "0.1")
 
 
-def test_a_missing_file_is_named(tmp_path, capsys):
-    particle = "results/published/recommended/berry/particle.json"
-    out = str(tmp_path / "film.gif")
-    assert "nowhere.npz" in error_of(capsys, "film", "nowhere.npz", "--particle", particle, "--out", out)
-    words = ["--input", "states=nowhere.npz", "--input", f"particle={particle}"]
-    assert "nowhere.npz" in error_of(
-        capsys, "figure", "figure15", *words, "--out", str(tmp_path / "film.png")
-    )
-
-
-def test_figure_refuses_an_unknown_name(tmp_path, capsys):
-    assert "figure99" in error_of(capsys, "figure", "figure99", "--out", str(tmp_path / "x.png"))
-
-
 def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
     def provenance(_args):
         print("1 ± 0.1 µm")

@@ -15,18 +15,30 @@ PROFILE = [
     *("--rerun-incomplete", "--show-failed-logs", "--nolock"),
 ]
 OWN = [*SNAKEFILE, *PROFILE]
+QUICK, SLURM = (str(places.root() / name) for name in ("config/quick.yaml", "profiles/slurm"))
 
 
-def test_the_programs_own_workflow_and_all_cores_where_nothing_is_said():
-    assert run.snakemake_arguments([]) == [*OWN, "--cores", "all"]
-
-
-@pytest.mark.parametrize(
-    "cores", [["--cores", "2"], ["--cores=2"], ["-c2"], ["-j", "3"], ["--profile", "mine"]]
-)
-def test_cores_that_are_given_stay(cores):
-    own = SNAKEFILE if "--profile" in cores else OWN
-    assert run.snakemake_arguments(cores) == [*own, *cores]
+def test_words_become_those_of_snakemake(tmp_path, monkeypatch):
+    """All cores where none are given, and files of the program that an empty folder lacks; a target goes in front."""
+    monkeypatch.chdir(tmp_path)
+    cases = {
+        "": [*OWN, "--cores", "all"],
+        "--cores 2": [*OWN, "--cores", "2"],
+        "--cores=2": [*OWN, "--cores=2"],
+        "-c2": [*OWN, "-c2"],
+        "-j 3": [*OWN, "-j", "3"],
+        "--profile mine": [*SNAKEFILE, "--profile", "mine"],
+        "berry --profile profiles/slurm -n": [*SNAKEFILE, "berry", "--profile", SLURM, "-n"],
+        "-s mine.smk -c1": ["-s", "mine.smk", "-c1"],
+        "-c1 --configfile config/quick.yaml": [*OWN, "-c1", "--configfile", QUICK],
+        "-c1 --configfile=config/quick.yaml": [*OWN, "-c1", f"--configfile={QUICK}"],
+        "-c2 --configfile mine.yaml more.yaml uncertainty -n": [
+            *("uncertainty", *OWN, "-c2", "--configfile", "mine.yaml", "more.yaml", "-n")
+        ],
+    }
+    assert {words: run.snakemake_arguments(words.split()) for words in cases} == cases
+    (tmp_path / "profiles/default").mkdir(parents=True)  # its own profile is left to snakemake
+    assert run.snakemake_arguments(["-c1"]) == [*SNAKEFILE, "-c1"]
 
 
 @pytest.mark.parametrize("words", [["--cores", "2", "refined"], ["-c", "2", "refined"], ["refined", "-c2"]])
@@ -44,36 +56,6 @@ def test_a_closed_terminal_that_is_ignored_stays_so():
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     finally:
         signal.signal(signal.SIGHUP, before)
-
-
-def test_another_snakefile_stays():
-    assert run.snakemake_arguments(["-s", "mine.smk", "-c1"]) == ["-s", "mine.smk", "-c1"]
-
-
-def test_a_target_behind_the_configuration_is_a_target():
-    words = ["--cores", "2", "--configfile", "mine.yaml", "more.yaml", "uncertainty", "-n"]
-    expected = ["uncertainty", *OWN, "--cores", "2", "--configfile", "mine.yaml", "more.yaml", "-n"]
-    assert run.snakemake_arguments(words) == expected
-
-
-@pytest.mark.parametrize("words", [["--configfile", "config/quick.yaml"], ["--configfile=config/quick.yaml"]])
-def test_a_configuration_that_the_folder_lacks_is_the_programs(words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    quick = str(places.root() / "config" / "quick.yaml")
-    assert "=".join(run.snakemake_arguments(["-c1", *words])[len(OWN) + 1 :]) == f"--configfile={quick}"
-
-
-def test_a_default_profile_of_the_folder_is_left_to_snakemake(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "profiles/default").mkdir(parents=True)
-    assert run.snakemake_arguments(["-c1"]) == [*SNAKEFILE, "-c1"]
-
-
-def test_a_profile_that_the_folder_lacks_is_the_programs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    slurm = str(places.root() / "profiles" / "slurm")
-    words = ["berry", "--profile", "profiles/slurm", "-n"]
-    assert run.snakemake_arguments(words) == [*SNAKEFILE, "berry", "--profile", slurm, "-n"]
 
 
 def test_the_verb_passes_every_word_on_in_its_order(monkeypatch):

@@ -84,10 +84,7 @@ def test_numbers_that_are_given_stay(folder):
     config = Study.load("more.yaml").config
     assert config["measure"]["mm_per_pixel"] == 0.3
     assert config["network"]["split"] == [0.7, 0.1, 0.2]
-
-
-def test_a_network_stops_by_samples_of_its_own(folder):
-    (folder / "more.yaml").write_text("surrogate: network\n")
+    (folder / "more.yaml").write_text("surrogate: network\n")  # it stops by samples of its own
     assert Study.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
 
 

@@ -1,5 +1,6 @@
 """The parameters that a contact law adds: in the configuration, the design, the tables and the simulation."""
 
+import copy
 from pathlib import Path
 
 import numpy as np
@@ -7,12 +8,16 @@ import pandas as pd
 import pytest
 
 from repose.apparatus.scene import _contacts
-from repose.chain.card import laws
+from repose.apparatus.settings import SimulationSettings
+from repose.chain.card import laws as described_laws
 from repose.chain.design import design
+from repose.config import faults, stands_on
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
 from repose.core.parameters import LABELS, PARAMETERS, named, of_law
+from repose.core.provenance import hash_of
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
 ROOT = Path(__file__).parents[2]
 COHESION = {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.02}}
@@ -21,6 +26,20 @@ COHESION = {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.02}}
 def study(contact_law, **parameters):
     overrides = {"simulation": {"contact_law": contact_law}, "parameters": parameters}
     return Study.load(ROOT / "config/config.yaml", overrides=overrides)
+
+
+def test_the_configuration_knows_the_laws_of_the_engine():
+    for key, laws, default in (
+        ("contact_law", CONTACT_LAWS, "hertz_mindlin"),
+        ("rolling_law", ROLLING_LAWS, "budget"),
+    ):
+        assert faults.subschema(["simulation", key])["enum"] == list(laws)
+        config = copy.deepcopy(study("hertz_mindlin").config)
+        before = hash_of(stands_on.settings_of(config, "pour"))
+        config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"
+        assert hash_of(stands_on.settings_of(config, "pour")) != before
+        del config["simulation"][key]
+        assert getattr(SimulationSettings.of(config), key) == default
 
 
 def test_a_law_adds_its_parameters_to_the_six(tmp_path):
@@ -41,13 +60,13 @@ def test_a_law_adds_its_parameters_to_the_six(tmp_path):
 
 
 def test_the_card_names_the_convention_of_the_surface_energy():
-    words = laws(study("jkr", **COHESION).config)
+    words = described_laws(study("jkr", **COHESION).config)
     assert "w = 2 gamma" in words["normal"]
     assert "3 pi gamma R*" in words["normal"]
     for direction in ("tangential", "rolling"):
         assert "times the sum of the damped normal force and twice the pull-off force" in words[direction]
     assert "by more than the pull-off force" in words["end of an impact"]
-    words = laws(study("sjkr", k_gg=[0.0, 1e4], k_gp={"fixed": 0.0}).config)
+    words = described_laws(study("sjkr", k_gg=[0.0, 1e4], k_gp={"fixed": 0.0}).config)
     assert "mu_s times the size of the damped normal force without cohesion" in words["tangential"]
     assert words["end of an impact"].startswith("the force without cohesion never pulls")
 

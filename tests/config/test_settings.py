@@ -13,7 +13,6 @@ from repose.config.computed import COMPUTED
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import FURTHER
-from repose.core.seeds import pour_seeds
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ("config", "paper", "quick")
@@ -43,14 +42,11 @@ def put(config, key, value):
     config[last] = value
 
 
-def test_shipped_configurations_pass_every_check():
-    for name in SHIPPED:
-        Study.load(f"config/{name}.yaml").check_inputs()
-
-
-def test_shipped_configurations_write_to_folders_of_their_own():
-    folders = [Study.load(f"config/{name}.yaml").config["results_dir"] for name in SHIPPED]
-    assert len(set(folders)) == 3
+def test_shipped_configurations_pass_every_check_and_write_to_folders_of_their_own():
+    studies = [Study.load(f"config/{name}.yaml") for name in SHIPPED]
+    for study in studies:
+        study.check_inputs()
+    assert len({study.config["results_dir"] for study in studies}) == len(SHIPPED)
 
 
 def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
@@ -198,30 +194,23 @@ def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config)
     )
 
 
-def test_a_mistyped_key_is_reported_with_the_one_that_was_meant(config):
+def test_a_mistyped_key_or_section_is_reported_once_with_the_one_that_was_meant(config):
+    wrong = config | {"refin": config["refine"]}
+    del wrong["refine"]
+    with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
+        Study.of(wrong, "my.yaml")
     config["funnel"]["seads"] = config["funnel"].pop("seeds")
     with pytest.raises(InputError, match=r"funnel\.seads is 6; .*did you mean seeds"):
         Study.of(config, "my.yaml")
 
 
-def test_a_mistyped_section_is_reported_once(config):
-    config["refin"] = config.pop("refine")
-    with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
-        Study.of(config, "my.yaml")
-
-
-def test_replicates_are_needed(config):
-    config["funnel"]["seeds"] = 1
-    config["network"]["replicates"] = True
-    with pytest.raises(
-        InputError, match=r"funnel\.seeds is 1; allowed: at least 2, or network\.replicates: false"
-    ):
-        Study.of(config)
-
-
 def test_replicates_are_needed_of_every_bench_test_of_the_targets(config):
-    config["drum"]["seeds"] = 1
     config["network"]["replicates"] = True
+    once = config | {"funnel": config["funnel"] | {"seeds": 1}}
+    allowed = r"funnel\.seeds is 1; allowed: at least 2, or network\.replicates: false"
+    with pytest.raises(InputError, match=allowed):
+        Study.of(once)
+    config["drum"]["seeds"] = 1
     Study.of(config)
     config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})
     with pytest.raises(InputError, match=r"drum\.seeds is 1; allowed: at least 2"):
@@ -342,18 +331,6 @@ def test_a_range_that_its_prior_excludes_is_refused(config):
     ):
         of(0.57)
     assert of(0.52).parameters.prior["mus_gg"] == (0.5, 0.01)
-
-
-def test_seeds_are_stable_distinct_and_fresh_for_validation():
-    assert pour_seeds(2026, "design", 1, 2) == pour_seeds(2026, "design", 1, 8)[:2]
-    design = [seed for k in range(1, 151) for seed in pour_seeds(2026, "design", k, 8)]
-    numbers = [*range(1, 7), *range(101, 107)]
-    fresh = [seed for k in numbers for seed in pour_seeds(2026, "validation", k, 8)]
-    assert len(set(design + fresh)) == len(design) + len(fresh)
-    assert pour_seeds(2027, "design", 1, 1) != pour_seeds(2026, "design", 1, 1)
-    assert pour_seeds(2026, "design", 1, 2, "drum") != pour_seeds(2026, "design", 1, 2)
-    # the stream of the drum alone says so by its purpose
-    assert pour_seeds(2026, "drum", 1, 2, "drum") == pour_seeds(2026, "drum", 1, 2)
 
 
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):

@@ -54,6 +54,20 @@ def test_another_order_of_the_keys_is_the_same_text(name, monkeypatch):
     assert str(stands_on.sections(other, "berry", "miga")) == str(stands_on.sections(config, "berry", "miga"))
 
 
+def test_keys_of_a_bench_test_define_what_its_targets_are(monkeypatch):
+    """No rule runs again for a key of a bench test without a target, so the files of before must stay good."""
+    monkeypatch.chdir(ROOT)
+    study = Study.load()
+    assert "height_mm" in study.definitions
+    assert "drum_slip_deg" not in study.definitions
+    other = copy.deepcopy(study.config)
+    other["cylinder"]["diameter_mm"] *= 2
+    other["drum"]["fit_share"] /= 2
+    assert Study.of(other).definitions == study.definitions
+    other["targets"][1] |= {"response": "drum_slip_deg", "apparatus": "drum"}
+    assert Study.of(other).definitions["drum_slip_deg"]["drum.fit_share"] == other["drum"]["fit_share"]
+
+
 def test_results_do_not_depend_on_the_files_of_figures(monkeypatch):
     monkeypatch.chdir(ROOT)
     config = Study.load("config/config.yaml").config

@@ -19,26 +19,14 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    "name", ["Snakefile", "workflow/Snakefile", "profiles/default/config.yaml", "config"]
-)
-def test_the_program_brings_what_a_study_needs(name):
-    assert (places.root() / name).exists()
-
-
-def test_a_folder_finds_the_programs_files(folder):
+def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
     path = Path("resources/berries.csv")
-    assert places.find(path) == places.root() / path
-
-
-def test_a_folders_own_file_goes_first(folder):
-    path = folder / "resources" / "berries.csv"
+    for name in (path, "Snakefile", "workflow/Snakefile", "profiles/default/config.yaml", "config"):
+        assert places.find(name) == places.root() / name
+        assert (places.root() / name).exists()
     path.parent.mkdir()
     path.touch()
-    assert places.find("resources/berries.csv") == Path("resources/berries.csv")
-
-
-def test_a_file_that_nobody_has_keeps_its_name(folder):
+    assert places.find("resources/berries.csv") == path
     assert places.find("mine.csv") == Path("mine.csv")
 
 
@@ -56,6 +44,8 @@ def test_a_study_of_the_programs_crop_lies_over_it(folder):
     own.write_text("label: mine\n")
     assert places.configs() == [METHOD, CONFIG, Path("config/config.yaml")]
     assert Study.load(inputs=True).config["label"] == "mine"
+    own.write_text("berry: {sizes: sizes.csv}\n")  # of another crop nothing of the program's lies under it
+    assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
 
 
 def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
@@ -89,13 +79,6 @@ def test_a_given_file_without_a_grain_is_a_study_of_the_folders_crop(folder):
     assert loader.layers([CONFIG, mine]) == [METHOD, CONFIG, mine]  # the program's crop, asked for by name
     (folder / "config.yaml").write_text("berry: {sizes: sizes.csv}\n")
     assert loader.layers([mine]) == [METHOD, Path("config.yaml"), mine]
-
-
-def test_a_deployed_study_of_another_crop_inherits_nothing_of_the_programs(folder):
-    own = folder / "config/config.yaml"
-    own.parent.mkdir()
-    own.write_text("berry: {sizes: sizes.csv}\n")
-    assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
 
 
 def test_in_the_programs_own_folder_there_is_one_configuration(monkeypatch):

@@ -91,6 +91,8 @@ def test_shapes_materials_and_walls():
         (lambda: Material(0.0, 0.3), r"shear_modulus_pa is 0\.0; allowed: above 0"),
         (lambda: Material(1.0, 0.6), r"poisson_ratio is 0\.6; allowed: above -1, at most 0\.5"),
         (lambda: Contact(1.5, 0.1, 0.1), r"restitution is 1\.5; allowed: above 0, at most 1"),
+        (lambda: Contact(0.0, 0.1, 0.1), r"restitution is 0\.0; allowed: above 0, at most 1"),
+        (lambda: Contact(0.5, 0.1, -1), "rolling_friction is -1"),
         (lambda: Contact(0.5, math.inf, 0.1), "static_friction is inf; allowed: 0 or more"),
         (lambda: Contact(0.5, 0.1, "much"), "rolling_friction is 'much'; allowed: 0 or more"),
         (lambda: Plane((0, 0), (0, 0, 1), "a"), r"point_m is \(0, 0\); allowed: three finite numbers"),
@@ -139,6 +141,11 @@ def test_add_leaves_nothing_behind():
     ]
     assert not not_refused(add, cases, ValueError)
     assert simulation.n_bodies == 0
+    full = Simulation(**GOOD)
+    for x in (-0.05, 0.05):
+        full.add("ball", (x, 0.0, 0.01))
+    with pytest.raises(ValueError, match="capacity is 2; body 3 does not fit"):
+        full.add("ball", (0.0, 0.0, 0.01))
     assert not simulation.bodies.rows[0, :10].any()
 
 

@@ -105,11 +105,6 @@ def test_any_simulation_becomes_an_animation(box, tmp_path):
     assert [(w.r_low_m, w.z_high_m) for w in setting_of(simulation).frusta] == [(0.03, 0.1)]
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_the_examples_are_short(path):
-    assert path.stem == "bench_test" or len(path.read_text().splitlines()) <= 65
-
-
 # Arguments that make each example small, and what it then says.
 SMALL = {
     "chute": ({"bodies": 24, "seconds": 0.1}, r"3 frames in .*; the front is at -\d+ mm"),

@@ -28,24 +28,25 @@ from repose.pictures.scenery import setting_of
 NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
 
 
+def among(walls, **keywords):
+    """A simulation of a berry and a ball among walls, all of one material."""
+    shapes = {
+        "berry": Shape.ellipsoid((0.01, 0.006, 0.005), 840.0, "m"),
+        "ball": Shape.sphere(0.006, 840.0, "m"),
+    }
+    room = {"capacity": 3, "lower": (-0.05, -0.05, 0.0), "upper": (0.05, 0.05, 0.2)}
+    contacts = {("m", "m"): Contact(0.3, 0.5, 0.02)}
+    return Simulation(shapes, {"m": Material(4.3e4, 0.32)}, contacts, 1e-4, walls=walls, **room | keywords)
+
+
 def scene():
     """An ellipsoid, a ball and one that fell out, in a tube on a rising floor."""
-    simulation = Simulation(
-        {"berry": Shape.ellipsoid((0.01, 0.006, 0.005), 840.0, "m"), "ball": Shape.sphere(0.006, 840.0, "m")},
-        {"m": Material(4.3e4, 0.32)},
-        {("m", "m"): Contact(0.3, 0.5, 0.02)},
-        1e-4,
-        capacity=3,
-        lower=(-0.05, -0.05, 0.0),
-        upper=(0.05, 0.05, 0.2),
-        walls={
-            "tube": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.04, "m"),
-            "floor": Plane((0, 0, 0.02), (0, 0, 1), "m", motion=Motion((0, 0, 0.5))),
-            "lid": Plane((0, 0, 0.15), (0, 0, -1), "m", radius_m=0.03),
-        },
-        largest_scale=1.5,
-        floor_height_m=-0.1,
-    )
+    walls = {
+        "tube": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.04, "m"),
+        "floor": Plane((0, 0, 0.02), (0, 0, 1), "m", motion=Motion((0, 0, 0.5))),
+        "lid": Plane((0, 0, 0.15), (0, 0, -1), "m", radius_m=0.03),
+    }
+    simulation = among(walls, largest_scale=1.5, floor_height_m=-0.1)
     simulation.add("berry", (0.0, 0.01, 0.1), (1, 2, 3, 4), (0.1, 0.2, 0.3), (1, 2, 3), scale=1.5)
     simulation.add("ball", (1.0, 1.0, -0.2))
     simulation.add("ball", (0.01, -0.02, 0.09))
@@ -122,17 +123,7 @@ def test_planes_end_at_each_other_and_walls_face_the_bodies():
         "cone": Cone.between((0, 0, 0.05), (0, 0, 1), 0.1, 0.01, 0.03, "m"),
         "edge": edge,
     }
-    simulation = Simulation(
-        {"ball": Shape.sphere(0.005, 840.0, "m")},
-        {"m": Material(4.3e4, 0.32)},
-        {("m", "m"): Contact(0.3, 0.5, 0.02)},
-        1e-4,
-        capacity=1,
-        lower=(-0.1, -0.05, 0.0),
-        upper=(0.1, 0.05, 0.2),
-        walls=walls,
-    )
-    found = triangulated_walls(simulation)
+    found = triangulated_walls(among(walls, lower=(-0.1, -0.05, 0.0), upper=(0.1, 0.05, 0.2)))
     points, triangles = found["floor"]
     assert points[:, 0].min() == pytest.approx(0.0, abs=1e-12)
     assert found["slope"][0][:, 0].max() == pytest.approx(0.0, abs=1e-12)
@@ -186,18 +177,9 @@ def test_wrong_names_are_reported(tmp_path):
 def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]], float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    simulation = Simulation(
-        {"ball": Shape.sphere(0.005, 1000.0, "wood")},
-        {"wood": Material(1e6, 0.3)},
-        {("wood", "wood"): Contact(0.5, 0.3, 0.0)},
-        1e-5,
-        capacity=1,
-        lower=(-0.5, -0.5, -0.5),
-        upper=(0.5, 0.5, 0.5),
-        walls={"wedge": Mesh(corners, faces, "wood", motion=Motion((1.0, 0.0, 0.0)))},
-    )
+    simulation = among({"wedge": Mesh(corners, faces, "m", motion=Motion((1.0, 0.0, 0.0)))})
     simulation.add("ball", (0.0, 0.0, 0.4))
-    simulation.run_steps(1000)
+    simulation.run_steps(100)
     shift = np.array([0.01, 0.0, 0.0])
     points, triangles = triangulated_walls(simulation)["wedge"]
     assert np.allclose(points, corners + shift)

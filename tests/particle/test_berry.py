@@ -96,31 +96,24 @@ def test_given_moduli_replace_the_measured_ones(tmp_path):
 
 
 def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
-    path = written(tmp_path, "# caliper, 1 May\nlong_mm,major_mm,minor_mm\n20,10,9\n\n22,11,8\n")
+    text = (
+        "# caliper, 1 May\nberry, minor_mm,long_mm,major_mm\n1,9,20,10\n\n2,8,22,11\n"  # columns in any order
+    )
+    path = written(tmp_path, text)
+    assert berry.read_sizes(path).loc[2].to_dict() == {"long_mm": 22.0, "major_mm": 11.0, "minor_mm": 8.0}
     _, record = run(tmp_path, sizes_csv=path, compression_csv=None, poisson_ratio=0.3, shear_modulus_pa=1e4)
     assert record["reconstruction"] is False
     assert record["n"] == 2
     assert record["long_mm"] == 21.0
 
 
-def test_columns_may_stand_in_any_order(tmp_path):
-    path = written(tmp_path, "berry, minor_mm,long_mm,major_mm\n1,8,20,10\n2,9,21,11\n")
-    assert berry.read_sizes(path).loc[2].to_dict() == {"long_mm": 21.0, "major_mm": 11.0, "minor_mm": 9.0}
-
-
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
         ("long_mm,major_mm\n20,10\n21,10\n", ["header", "minor_mm"]),
-        ("long_mm,major_mm,minor_mm\n20,10,9\n21,ten,9\n", ["row 2", "major_mm", "ten", "positive number"]),
-        ("long_mm,major_mm,minor_mm\n20,10,9\n21,,9\n", ["row 2", "major_mm", "''"]),
-        ("long_mm,major_mm,minor_mm\n20,10,-9\n21,10,9\n", ["row 1", "minor_mm", "-9"]),
-        ("long_mm,major_mm,minor_mm\n20,10,nan\n21,10,9\n", ["row 1", "minor_mm", "nan"]),
         ("# x\nlong_mm,major_mm,minor_mm\n20,10,9\n10,21,9\n", ["row 2", "major_mm", "21", "long_mm"]),
         ("long_mm,major_mm,minor_mm\n20,10,9\n21,10,12\n", ["row 2", "minor_mm", "12", "major_mm"]),
-        ("long_mm,major_mm,minor_mm\n20,10,9,1\n21,10,9\n", ["row 1", "cells", "4"]),
         ("long_mm,major_mm,minor_mm\n20,10,9\n", ["rows", "at least 2"]),
-        ("", ["header", "long_mm"]),
     ],
 )
 def test_bad_sizes_are_named(tmp_path, text, parts):
@@ -129,11 +122,6 @@ def test_bad_sizes_are_named(tmp_path, text, parts):
         berry.read_sizes(path)
     for part in [str(path), *parts]:
         assert part in str(error.value)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere\.csv"):
-        berry.read_sizes(tmp_path / "nowhere.csv")
 
 
 def test_a_load_that_does_not_shorten_is_refused(tmp_path):

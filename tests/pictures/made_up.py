@@ -6,7 +6,7 @@ import made_up_studies
 import matplotlib.text
 import numpy as np
 import pandas as pd
-from made_up_config import RANGES, TARGETS
+from shared import RANGES, TARGETS, every_bench_test
 
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import derived
@@ -14,6 +14,8 @@ from repose.core.targets import Targets
 from repose.particle import build
 from repose.pictures import figures
 
+MEASURE = every_bench_test()["measure"] | {"views": 2, "mm_per_pixel": 0.5, "response": "flank"}
+CONFIG = every_bench_test() | {"measure": MEASURE, "small_run": False}
 PUBLISHED = ("aor_deg", "height_mm")
 DOT = """digraph snakemake_dag {
     graph[bgcolor=white, margin=0];
@@ -124,8 +126,7 @@ def made_up_drum(folder, centres, quaternions):
 def made_up_inputs(folder):
     """Made-up inputs of every figure in a folder: name of the file without its ending to its path."""
     made_up_tables(folder)
-    rng = np.random.default_rng(2)
-    long = rng.normal(21, 2, 50)
+    long = np.random.default_rng(2).normal(21, 2, 50)
     sizes = pd.DataFrame({"long_mm": long, "major_mm": 0.54 * long, "minor_mm": 0.46 * long})
     (folder / "sizes.csv").write_text("# reconstruction\n" + sizes.to_csv(index=False))
     mesh = build.ellipsoid_mesh([21.14, 11.37, 9.88], subdivisions=3)
@@ -145,7 +146,7 @@ def made_up_inputs(folder):
     intervals["low"] = [0.199, 0.600, 0.036, 0.202, 0.455, 0.181]
     intervals["high"] = [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
     intervals.to_csv(folder / "table3.csv", index=False)
-    made_up_studies.write(folder, rng)
+    made_up_studies.write(folder, CONFIG)
     return {path.stem: path for path in folder.iterdir()} | {"folder": folder}
 
 

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pandas as pd
-from made_up import cone_of_berries
-from made_up_config import CONFIG, RANGES
+from made_up import CONFIG, cone_of_berries
+from shared import RANGES
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS

@@ -5,37 +5,41 @@ import json
 
 import numpy as np
 import pandas as pd
-from made_up_config import CONFIG, RANGES
 
-from repose.core.parameters import PARAMETERS
+from repose.core.parameter_space import ParameterSpace
+from repose.core.responses import derived
 from repose.core.targets import Targets
 from repose.studies import noise
 
 
-def write(folder, rng):
-    """Write the tables of every study to a folder."""
-    _uncertainty(folder, rng)
-    _rounds(folder)
-    _discrepancy(folder)
-    _region(folder)
+def write(folder, config):
+    """Write the tables of every study to a folder, for the targets and the parameters of a configuration."""
+    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    rng = np.random.default_rng(2)
+    _noise(folder, rng, targets)
+    _uncertainty(folder, rng, space, targets)
+    _rounds(folder, targets)
+    _discrepancy(folder, space)
+    _region(folder, space)
 
 
-def _uncertainty(folder, rng):
-    """Tables of noise, posterior and sensitivity; the posterior leans to the upper end of every range."""
+def _noise(folder, rng, targets):
     runs = pd.DataFrame({"sample": np.repeat(np.arange(20), 4), "seed": np.tile(np.arange(4), 20)})
     runs["status"] = np.where(rng.random(80) < 0.05, "jammed", "ok")
-    for column, mean, spread in (("aor_deg", 24.0, 1.5), ("height_mm", 61.0, 3.0)):
-        runs[column] = mean + 1.4 * spread * np.sin(runs["sample"]) + rng.normal(0, spread, 80)
+    for one in targets:
+        runs[one.name] = one.value + one.sd * (np.sin(runs["sample"]) + rng.normal(0, 0.7, 80))
     runs.to_csv(folder / "noise_runs.csv", index=False)
-    noise.run(folder / "noise_runs.csv", Targets.of(CONFIG["targets"]), folder / "floor")
+    noise.run(folder / "noise_runs.csv", targets, folder / "floor")
     for name in ("seeds.csv", "noise.json"):
         (folder / "floor" / name).rename(folder / name)
-    draws = pd.DataFrame(
-        {name: low + (high - low) * rng.beta(3, 1, 500) for name, (low, high) in RANGES.items()}
-    )
-    draws.to_csv(folder / "draws.csv", index=False)
-    rows = pd.DataFrame({"parameter": PARAMETERS, "width_ratio": 0.7, "information_bits": 0.4})
-    low, high = np.array([RANGES[name] for name in PARAMETERS]).T
+
+
+def _uncertainty(folder, rng, space, targets):
+    """Tables of posterior and sensitivity; the posterior leans to the upper end of every range."""
+    low, high = space.low, space.high
+    draws = pd.DataFrame(low + (high - low) * rng.beta(3, 1, (500, len(low))), columns=list(space.free))
+    draws.assign(**space.fixed).to_csv(folder / "draws.csv", index=False)
+    rows = pd.DataFrame({"parameter": space.free, "width_ratio": 0.7, "information_bits": 0.4})
     places = {"low": 0, "high": 1, "credible_low": 0.3, "credible_high": 1, "median": 0.8}
     places |= {"published_low": 0.4, "published_high": 0.5, "miga_low": 0.6, "miga_high": 0.62}
     for column, place in places.items():
@@ -47,51 +51,52 @@ def _uncertainty(folder, rng):
         "converged": False,
         "largest_r_hat": 1.2,
     }
-    predicted = {name: {"mean": 30.0, "low": 29.0, "high": 31.0} for name in ("aor_deg", "height_mm")}
+    predicted = {name: {"mean": 30.0, "low": 29.0, "high": 31.0} for name in targets.names}
     summary |= {"least_effective_draws": 90.0, "predicted": predicted, "not_implausible_share": 0.5}
     (folder / "posterior_summary.json").write_text(json.dumps(summary))
     sobol = [
         {"response": response, "parameter": name, "first": 0.15, "first_low": 0.1, "first_high": 0.2}
         | {"total": 0.2, "total_low": 0.18, "total_high": 0.22}
-        for response in ("aor_deg", "height_mm")
-        for name in PARAMETERS
+        for response in targets.names
+        for name in space.free
     ]
     pd.DataFrame(sobol).to_csv(folder / "sobol.csv", index=False)
     effects = pd.concat(
-        pd.DataFrame({"parameter": name, "value": np.linspace(*RANGES[name], 5)}) for name in PARAMETERS
+        pd.DataFrame({"parameter": name, "value": np.linspace(*ends, 5)})
+        for name, *ends in zip(space.free, low, high, strict=True)
     )
-    effects["aor_deg"], effects["height_mm"] = np.tile([20, 22, 24, 25, 25.5], 6), 60.0
+    effects = effects.assign(**{one.name: one.value + effects["value"] for one in targets})
     effects.to_csv(folder / "effects.csv", index=False)
 
 
-def _discrepancy(folder):
+def _discrepancy(folder, space):
     """Bits and intervals over a stated discrepancy, independent and correlated, and of a shape study."""
     stated = [(percent, correlation, "stated") for correlation in (0.0, 0.9) for percent in (0.0, 2.0, 10.0)]
     columns = ["discrepancy_percent", "discrepancy_correlation", "evidence"]
     table = pd.DataFrame([*stated, (13.0, 0.8, "shape study")], columns=columns)
     table["information_bits"] = 3.0 / (1.0 + table["discrepancy_percent"])
     table["effective_points"] = np.where(table["discrepancy_percent"] > 0.0, 5000.0, 200.0)
-    for name in PARAMETERS:
+    for name in space.free:
         table[f"{name}_low"], table[f"{name}_high"] = 0.2, 0.3
     table.to_csv(folder / "discrepancy.csv", index=False)
 
 
-def _region(folder):
+def _region(folder, space):
     """Projections of a region that is all of every pair."""
-    pairs = pd.DataFrame(itertools.combinations(PARAMETERS, 2), columns=["x", "y"])
+    pairs = pd.DataFrame(itertools.combinations(space.free, 2), columns=["x", "y"])
     cells = pd.DataFrame(itertools.product((0.25, 0.75), repeat=2), columns=["x_quantile", "y_quantile"])
     table = pairs.merge(cells, how="cross").assign(least_implausibility=1.0, share=1.0)
     table.to_csv(folder / "region.csv", index=False)
 
 
-def _rounds(folder):
+def _rounds(folder, targets):
     """Three rounds of a refinement; the second gave no pile, the third is within."""
     rounds = pd.DataFrame({"round": [0, 1, 2], "n_seeds": [64, 20, 63]})
     rounds["outcome"] = ["not within", "no pile", "within"]
-    for name, unit, target in (("aor", "deg", 32.87), ("height", "mm", 65.57)):
-        rounds[f"{name}_target_{unit}"] = target
-        rounds[f"{name}_predicted_{unit}"] = target * np.array([1.0, 1.001, 1.0])
-        rounds[f"{name}_simulated_{unit}"] = target * np.array([0.96, np.nan, 1.005])
-        rounds[f"{name}_se_{unit}"] = target * np.array([0.006, np.nan, 0.005])
+    shares = {"target": [1, 1, 1], "predicted": [1, 1.001, 1]}
+    shares |= {"simulated": [0.96, np.nan, 1.005], "se": [0.006, np.nan, 0.005]}
+    for one in targets:
+        for what, share in shares.items():
+            rounds[derived(one.name, what)] = one.value * np.array(share)
     rounds.to_csv(folder / "batches.csv", index=False)
     (folder / "refined_summary.json").write_text(json.dumps({"why": "round 2 meets both targets"}))

@@ -7,9 +7,9 @@ import struct
 import numpy as np
 import pandas as pd
 import pytest
-from made_up import inputs_of, made_up_inputs, words
-from made_up_config import CONFIG
+from made_up import CONFIG, inputs_of, made_up_inputs, words
 from PIL import Image
+from refusals import not_refused
 
 from repose.core.errors import InputError
 from repose.measure import saved_pours
@@ -138,45 +138,67 @@ def test_the_names_of_rules_stay_in_their_boxes(tmp_path):
         assert box.y0 < text.y0 < text.y1 < box.y1
 
 
-def test_a_drum_without_a_slip_says_so(inputs, tmp_path, monkeypatch):
+def test_figures_say_what_a_reader_has_to_know(inputs, tmp_path, monkeypatch):
     monkeypatch.setattr(rotation, "PIXELS", 120)
+    changed = {name: tmp_path / path.name for name, path in inputs.items()}
+    changed["sizes"].write_text(inputs["sizes"].read_text().replace("# reconstruction\n", ""))
+    changed["summary"].write_text(json.dumps({"feasible": False, "message": "nearest: 3.1 deg short"}))
     with np.load(inputs["states"]) as file:
         kept = {key: file[key] for key in file if key.split("_")[1] in ("start", "report")}
-    np.savez(tmp_path / "states.npz", **kept)
+    np.savez(changed["states"], **kept)
+    # residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1
+    value = np.array([-3.0, -1.0, 1.0, 3.0])
+    table = pd.DataFrame({"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value})
+    table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array([1, -1, 1, -1])
+    table.to_csv(changed["predictions"], index=False)
+    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.1, "height_se_mm": 0.1}).to_csv(changed["dataset"])
+    table = pd.DataFrame({"solution": [5], "aor_predicted_deg": [33.0], "height_predicted_mm": [63.0]})
+    table["aor_simulated_deg"], table["height_simulated_mm"] = 30.0, 70.0
+    table.to_csv(changed["table4"], index=False)
+    corner = ("NOT CONVERGED", "EXTRAPOLATED", "best draw 2.00 standard deviations")
+    cases = [
+        (berries.sizes_and_sphericity, {"sizes": inputs["sizes"]}, (berries.RECONSTRUCTED,)),
+        (berries.sizes_and_sphericity, {"sizes": changed["sizes"]}, ()),
+        (uncertainty.corner, inputs_of("corner", inputs), corner),
+        (
+            search.feasible_solutions,
+            {"feasible": inputs["feasible"], "summary": changed["summary"]},
+            ("NO FEASIBLE SOLUTION", "nearest: 3.1 deg short"),
+        ),
+        (
+            samples.responses_over_parameters,
+            {"dataset": inputs["dataset"]},
+            ("3 of 150 samples gave no result", "3 jammed"),
+        ),
+        (
+            rotation.states,
+            {"states": changed["states"], "particle": inputs["particle"]},
+            ("NO SLIP", "at the report"),
+        ),
+        (
+            surrogate.predicted_against_simulated,
+            {"predictions": changed["predictions"], "dataset": changed["dataset"]},
+            ("test: R² 0.800, RMSE 1.00 deg, n 4",),
+        ),
+        # errors are percent of the simulated value
+        (checks.validation, {"table4": changed["table4"]}, ("| 10.0 |",)),
+    ]
     with style.applied():
-        figure = rotation.states({"states": tmp_path / "states.npz", "particle": inputs["particle"]}, CONFIG)
-    assert "NO SLIP" in words(figure)
-    assert "at the report" in words(figure)
+        texts = [words(draw(files, CONFIG)) for draw, files, _ in cases]
+    for text, (draw, _, said) in zip(texts, cases, strict=True):
+        assert [part for part in said if part not in text] == [], draw
+    assert berries.RECONSTRUCTED not in texts[1]
+    assert "published" not in texts[-1]
 
 
 def test_bad_names_and_inputs_are_named(inputs, tmp_path):
-    with pytest.raises(InputError, match="figure99"):
-        figures.draw("figure99", {}, tmp_path / "x.png", CONFIG)
-    with pytest.raises(InputError, match="sizes"):
-        figures.draw("figure02", {}, tmp_path / "x.png", CONFIG)
-    with pytest.raises(InputError, match="sises"):
-        figures.draw("figure02", {"sizes": inputs["sizes"], "sises": ""}, tmp_path / "x.png", CONFIG)
-    with pytest.raises(InputError, match="nowhere"):
-        figures.draw("figure02", {"sizes": tmp_path / "nowhere.csv"}, tmp_path / "x.png", CONFIG)
-
-
-def test_reconstructed_sizes_are_called_so(inputs, tmp_path):
-    with style.applied():
-        assert berries.RECONSTRUCTED in words(
-            berries.sizes_and_sphericity({"sizes": inputs["sizes"]}, CONFIG)
-        )
-        measured = tmp_path / "measured.csv"
-        measured.write_text(inputs["sizes"].read_text().replace("# reconstruction\n", ""))
-        assert berries.RECONSTRUCTED not in words(berries.sizes_and_sphericity({"sizes": measured}, CONFIG))
-
-
-def test_a_posterior_that_is_not_converged_or_extrapolated_says_so(inputs):
-    files = inputs_of("corner", inputs)
-    with style.applied():
-        text = words(uncertainty.corner(files, CONFIG))
-    assert "NOT CONVERGED" in text
-    assert "EXTRAPOLATED" in text
-    assert "best draw 2.00 standard deviations" in text
+    cases = [
+        (("figure99", {}), "figure99"),
+        (("figure02", {}), "sizes"),
+        (("figure02", {"sizes": inputs["sizes"], "sises": ""}), "sises"),
+        (("figure02", {"sizes": tmp_path / "nowhere.csv"}), "nowhere"),
+    ]
+    assert not not_refused(lambda case: figures.draw(*case, tmp_path / "x.png", CONFIG), cases, InputError)
 
 
 def test_the_approach_shows_the_bars_and_why_it_stopped(inputs):
@@ -188,46 +210,6 @@ def test_the_approach_shows_the_bars_and_why_it_stopped(inputs):
     line = figure.axes[0].get_lines()
     simulated = next(one for one in line if one.get_marker() == "o").get_ydata()
     np.testing.assert_allclose(simulated, [-4, np.nan, 0.5], atol=1e-9)
-
-
-def test_no_feasible_solution_is_said_in_words(inputs, tmp_path):
-    summary = tmp_path / "summary.json"
-    summary.write_text(json.dumps({"feasible": False, "message": "nearest: 3.1 deg short, mus_gg low"}))
-    files = {"feasible": inputs["feasible"], "summary": summary}
-    with style.applied():
-        text = words(search.feasible_solutions(files, CONFIG))
-    assert "NO FEASIBLE SOLUTION" in text
-    assert r"nearest: 3.1 deg short, $\mu_{s,gg}$ low" in text
-
-
-def test_r2_and_rmse_of_known_predictions(tmp_path):
-    """Residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1."""
-    value = np.array([-3.0, -1.0, 1.0, 3.0])
-    table = pd.DataFrame({"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value})
-    table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array([1, -1, 1, -1])
-    table.to_csv(tmp_path / "predictions.csv", index=False)
-    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.1, "height_se_mm": 0.1}).to_csv(tmp_path / "d.csv")
-    files = {"predictions": tmp_path / "predictions.csv", "dataset": tmp_path / "d.csv"}
-    with style.applied():
-        text = words(surrogate.predicted_against_simulated(files, CONFIG))
-    assert "test: R² 0.800, RMSE 1.00 deg, n 4" in text
-
-
-def test_failed_samples_are_counted_with_their_reason(inputs):
-    with style.applied():
-        text = words(samples.responses_over_parameters({"dataset": inputs["dataset"]}, CONFIG))
-    assert "3 of 150 samples gave no result" in text
-    assert "3 jammed" in text
-
-
-def test_prediction_errors_are_percent_of_the_simulated_value(tmp_path):
-    table = pd.DataFrame({"solution": [5], "aor_predicted_deg": [33.0], "height_predicted_mm": [63.0]})
-    table["aor_simulated_deg"], table["height_simulated_mm"] = 30.0, 70.0
-    table.to_csv(tmp_path / "t.csv", index=False)
-    with style.applied():
-        text = words(checks.validation({"table4": tmp_path / "t.csv"}, CONFIG))
-    assert "10.0" in text.split(" | ")
-    assert "published" not in text
 
 
 def test_rule_graph_is_layered_by_the_longest_way_and_implied_arrows_go(inputs):

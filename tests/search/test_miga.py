@@ -29,17 +29,6 @@ def himmelblau(x):
     return (a * a + b - 11) ** 2 + (a + b * b - 7) ** 2
 
 
-def test_finds_the_minimum_of_the_sphere_in_six_dimensions():
-    search, _ = minimise(sphere, 6, 600)
-    assert search.best_fitness < 1e-5
-    np.testing.assert_allclose(search.best, 0.3, atol=5e-3)
-
-
-def test_finds_the_one_global_minimum_of_rastrigin_among_a_hundred():
-    search, _ = minimise(rastrigin, 2, 500)
-    np.testing.assert_allclose(search.best, 0.21, atol=2e-3)
-
-
 def test_finds_the_corner_where_the_minimum_is_a_corner():
     search, _ = minimise(lambda x: -x.sum(axis=1), 6, 300)
     np.testing.assert_allclose(search.best, 1.0, atol=1e-12)
@@ -198,8 +187,8 @@ def test_islands_ga_walks_past_points_that_are_infinite():
 @pytest.mark.parametrize("dimensions", [2, 6])
 def test_islands_ga_succeeds_from_every_seed_on_easy_functions(dimensions):
     for seed in range(5):
-        for function in (sphere, rastrigin):
-            assert islands_ga(function, [(-1, 1)] * dimensions, target=0.01, seed=seed).success
+        for function, target in ((sphere, 1e-5), (rastrigin, 1e-4 if dimensions == 2 else 0.01)):
+            assert islands_ga(function, [(-1, 1)] * dimensions, target=target, seed=seed).success
 
 
 @pytest.mark.parametrize(

@@ -81,12 +81,9 @@ def test_responses_of_different_bench_tests_are_independent():
     assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4
 
 
-def test_one_seed_a_sample_is_refused(tmp_path):
+def test_too_few_runs_are_reported_with_the_file(tmp_path):
     with pytest.raises(InputError, match=r"runs a sample is 1; allowed: 2 or more"):
         noise.run(write_runs(tmp_path, 1), TWO, tmp_path / "out")
-
-
-def test_too_few_runs_for_a_correlation_are_reported_with_the_file(tmp_path):
     runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
     runs.to_csv(tmp_path / "runs.csv", index=False)
     with pytest.raises(InputError, match=r"runs\.csv: runs is '2 degrees of freedom within samples"):

@@ -91,18 +91,17 @@ def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_pat
         (out / name).unlink()
 
 
-def test_an_unfinished_study_is_refused(tmp_path):
-    results = study(tmp_path)
-    (results / "card.json").unlink()
-    with pytest.raises(InputError, match="a finished study"):
-        snapshot.take(results, tmp_path / "published", KEEP)
-    assert not (tmp_path / "published").exists()
-
-
-def test_a_file_too_large_for_a_repository_is_refused(tmp_path, monkeypatch):
+def test_what_cannot_be_kept_is_refused(tmp_path, monkeypatch):
+    results, out = study(tmp_path), tmp_path / "published"
+    with pytest.raises(InputError, match=r"--keep is '\*.csv'"):
+        snapshot.take(results, out, ["*.csv"])
     monkeypatch.setattr(snapshot, "LARGEST_FILE", 5)
     with pytest.raises(InputError, match="at most 5 bytes"):
-        snapshot.take(study(tmp_path), tmp_path / "published", KEEP)
+        snapshot.take(results, out, KEEP)
+    (results / "card.json").unlink()
+    with pytest.raises(InputError, match="a finished study"):
+        snapshot.take(results, out, KEEP)
+    assert not out.exists()
 
 
 def optional(results, strategy="published"):
@@ -129,11 +128,6 @@ def test_files_of_the_strategy_are_no_optional_study(tmp_path):
     write_text(results / "refined/batch_2/dataset.csv", "the next round")
     assert optional(results, "refined") == of_refined
     assert optional(results) != of_others
-
-
-def test_an_invalid_pattern_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"--keep is '\*.csv'"):
-        snapshot.take(study(tmp_path), tmp_path / "published", ["*.csv"])
 
 
 def test_only_files_of_an_optional_study_change_the_hash_of_all_of_them(tmp_path):

@@ -39,18 +39,14 @@ def linear(monkeypatch):
     return model.fit(X, y), X, y
 
 
-def test_on_a_linear_model_gamma_is_its_closed_form(linear):
-    model, X, _ = linear
+def test_on_a_linear_model_gamma_is_its_closed_form_and_all_else_that_of_bayesian_ridge(linear):
+    from sklearn.linear_model import BayesianRidge
+
+    model, X, y = linear
     eigenvalues = np.linalg.eigvalsh(2 * model.beta_ * linear_features(X).T @ linear_features(X))
     exact = np.sum(eigenvalues / (eigenvalues + 2 * model.alpha_))
     assert 3 < exact < 8.99
     assert model.gamma_ == pytest.approx(exact, rel=1e-6)
-
-
-def test_on_a_linear_model_evidence_and_error_bars_are_those_of_bayesian_ridge(linear):
-    from sklearn.linear_model import BayesianRidge
-
-    model, X, y = linear
     flat = dict.fromkeys(("alpha_1", "alpha_2", "lambda_1", "lambda_2"), 0.0)
     ridge = BayesianRidge(max_iter=5000, tol=1e-12, fit_intercept=False, **flat).fit(linear_features(X), y)
     assert 2 * model.beta_ == pytest.approx(ridge.alpha_, rel=1e-5)
