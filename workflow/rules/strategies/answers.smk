@@ -1,74 +1,5 @@
 # The answer of every strategy with several batches, its figures, and a target by the name of the strategy:
 # `snakemake --cores 2 sequential`.
-def answer_of_batches(strategy):
-    """Number of the folder of the answer, and its proposal; the batches before it are requested on the way."""
-    number = first_batch(strategy)
-    while True:
-        made = checkpoints.propose.get(strategy=strategy, batch=number)
-        with open(made.output.proposal) as file:
-            proposal = json.load(file)
-        if proposal["answer"]:
-            return number, proposal
-        number += 1
-
-
-def batches_poured(strategy):
-    """Folders of the batches poured for a strategy, the check of the answer among them."""
-    number, proposal = answer_of_batches(strategy)
-    ends = number if proposal["simulated"] else number + 1
-    return [folder_of_batch(strategy, k) for k in range(ends)]
-
-
-def folders_until_answer(wildcards, input):
-    """Folders of all batches of a strategy, and of its answer."""
-    return list(
-        dict.fromkeys(map(os.path.dirname, [*input.tables, input.proposals[-1]]))
-    )
-
-
-def check_jobs(strategy):
-    """Measured jobs of the answer."""
-    number, proposal = answer_of_batches(strategy)
-    if not proposal["simulated"]:
-        return jobs_of(strategy, number)
-    jobs = jobs_of(strategy, number - 1)
-    names = {f"{sample:03d}.json" for sample in proposal["simulated"]}
-    return [path for path in jobs if os.path.basename(path) in names]
-
-
-def proposals_of(strategy):
-    """Input function: all proposals of a strategy."""
-    return lambda wildcards: expand(
-        rules.propose.output.proposal,
-        strategy=strategy,
-        batch=range(first_batch(strategy), answer_of_batches(strategy)[0] + 1),
-    )
-
-
-def tables_of(strategy):
-    """Input function: the tables of all batches of a strategy."""
-    return lambda wildcards: tables_in(batches_poured(strategy))
-
-
-def files_of_batches(strategy):
-    """Input function: every file of the batches by name, as in the method's chain: a lost file is made again."""
-
-    def files(wildcards):
-        paths = []
-        for number in range(first_batch(strategy), len(batches_poured(strategy))):
-            made = [*rules.batch_dataset.output, *rules.propose.output]
-            paths += expand(made, strategy=strategy, batch=number)
-            measured = jobs_of(strategy, number)
-            poured = [path.removesuffix("json") for path in measured]
-            paths += [
-                *measured,
-                *expand("{job}{kind}", job=poured, kind=("pours.json", "npz")),
-            ]
-        return paths
-
-    return files
-
-
 figure(
     "sequential",
     "Probability and prediction by pours",
@@ -117,14 +48,6 @@ for name, (label, shown) in RESPONSE_SURFACE_FIGURES.items():
         category="Response surface",
         **shown,
     )
-
-
-def figures_of(strategy):
-    """Names of the figures of a strategy."""
-    own = f"{RESULTS}/{strategy}"
-    return [
-        name for name, shown in FIGURES.items() if os.path.dirname(shown.path) == own
-    ]
 
 
 for name in BATCHED:
