@@ -95,9 +95,12 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
         return 2.0 * config["simulation"]["time_step_s"]
 
     grain = SimpleNamespace(volume_m3=GRAIN_M3)
-    stiffness, volume, grains = funnel.BENCH.advice(config, berry, grain, longest_step_s)
+    stiffness, volume, grains, smaller, *_ = funnel.BENCH.advice(config, berry, grain, longest_step_s)
     assert asked == [softest]
     assert stiffness.startswith("stiffness: the pile sinks by")
     assert stiffness.endswith("a run takes 0.5 of the time")
     assert volume.startswith("volume: ")
     assert grains.startswith("grains: the pile is 7.5 grains high.")
+    needed = funnel.needed_grains(config, GRAIN_M3)
+    assert f"funnel.berries would have to be {needed}" in volume
+    assert f"of the time of {needed};" in smaller

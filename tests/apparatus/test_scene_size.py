@@ -1,6 +1,5 @@
 """How many grains a pile needs, by the table of piles of the engine's own."""
 
-import math
 import subprocess
 import sys
 
@@ -8,7 +7,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from repose.apparatus import funnel, scene_size
+from repose.apparatus import scene_size
+from repose.cli import checking, main
 from repose.config.study import Study
 from repose.core import places
 
@@ -41,10 +41,13 @@ def test_a_change_is_that_of_the_table():
 def test_a_scaled_scene_keeps_its_proportions_and_lets_grains_through(config):
     own = config["funnel"]
     smaller = scene_size.scaled(own, 4, 13.34)
-    assert smaller["inlet_diameter_mm"] == pytest.approx(own["inlet_diameter_mm"] / 5)
+    assert smaller["plate_diameter_mm"] == pytest.approx(own["plate_diameter_mm"] / 5)
+    assert (
+        smaller["inlet_diameter_mm"] == 2 * smaller["outlet_diameter_mm"]
+    )  # a fifth would be narrower than the outlet
     assert smaller["rate_per_s"] == pytest.approx(own["rate_per_s"] * 5**-2.5)
     assert smaller["outlet_diameter_mm"] == pytest.approx(min(own["outlet_diameter_mm"], 2.4 * 13.34))
-    assert scene_size.scaled(own, own["berries"], 13.34) == own
+    assert scene_size.scaled(own, own["berries"], 13.34) == own | dict.fromkeys(scene_size.COMPUTED, "auto")
 
 
 def test_fewer_grains_are_enough_where_the_angle_stays(config):
@@ -61,21 +64,96 @@ def test_a_large_scene_gets_a_smaller_one_as_keys_that_a_study_takes(config):
     small = list(scene_size.advice(with_grains(config, 500), 13.34, 65.0))
     assert len(small) == 1
     assert small[0].startswith("grains: the pile is 4.9 grains high.")
-    _, smaller = scene_size.advice(with_grains(config, 1000), 13.34, 65.0)
-    keys = yaml.safe_load(smaller[smaller.index("funnel:") :])["funnel"]
+    assert f"from {scene_size.enough(500, 'secant')} grains on it is within 1 deg of that of 500" in small[0]
+    flank = next(scene_size.advice(with_grains(config, 500, "flank"), 13.34, 65.0))
+    assert flank.endswith(
+        f"no smaller number is within 1 deg of that of 500, but the secant from {scene_size.enough(500, 'secant')} on"
+    )
+    _, _, pasted, targets = scene_size.advice(with_grains(config, 1000), 13.34, 65.0)
+    keys = yaml.safe_load(pasted)["funnel"]
     assert keys["berries"] == scene_size.enough(1000, "secant")
+    before, after = config["targets"][-1], yaml.safe_load(targets)["targets"][-1]
+    assert before["response"] == after["response"] == "height_mm"
+    share = (keys["berries"] / 1000) ** (1 / 3) * scene_size.change(1000, keys["berries"], "secant").height
+    assert after["value"] / before["value"] == pytest.approx(share, rel=1e-3)
     assert keys["inlet_diameter_mm"] == pytest.approx(
         config["funnel"]["inlet_diameter_mm"] * (keys["berries"] / 1000) ** (1 / 3), rel=1e-3
     )
-    automatic = dict.fromkeys(("duration_s", "factory_diameter_mm", "factory_height_mm"), "auto")
-    Study.of({**config, "funnel": config["funnel"] | keys | automatic})
-    assert math.isfinite(funnel.last_berry_s(config["funnel"] | keys))
+    Study.of({**config, "funnel": config["funnel"] | keys})
 
 
 def test_beyond_the_table_nothing_is_promised(config):
     largest = max(scene_size.numbers())
-    *_, smaller = scene_size.advice(with_grains(config, 25 * largest), 13.34, 65.0)
-    assert "have not been compared" in smaller or "keeps the angle" in smaller
+    _, smaller, *_ = scene_size.advice(with_grains(config, 25 * largest), 13.34, 65.0)
+    assert "have not been compared" in smaller
+
+
+SEEDS = 1.8, 1.6, 1.5  # mm
+
+
+@pytest.fixture
+def seeds(tmp_path):
+    """A study of seeds of 1.6 mm whose targets, 30 degrees and 60 mm, need 180,000 of them."""
+    sizes = "\n".join(",".join(f"{size * axis:.4f}" for axis in SEEDS) for size in (0.95, 1.0, 1.05))
+    (tmp_path / "sizes.csv").write_text(f"long_mm,major_mm,minor_mm\n{sizes}\n")
+    shape = {"poisson_ratio": 0.3, "shear_modulus_pa": 2e6}
+    scene = {
+        "berries": 20000, "rate_per_s": 8000.0, "inlet_diameter_mm": 150.0, "outlet_diameter_mm": 15.0,
+        "cone_angle_deg": 60.0, "outlet_height_mm": 100.0, "plate_diameter_mm": 400.0, "rim_radius_mm": 10.0,
+        "duration_s": 20.0,
+    }  # fmt: skip
+    targets = [
+        {"response": name, "value": value, "sd": 0.02 * value, "repetitions": 5}
+        for name, value in (("aor_deg", 30.0), ("height_mm", 60.0))
+    ]
+    parameters = {"mus_gg": [0.2, 0.9], "mur_gg": [0.005, 0.1]}
+    parameters |= {name: {"fixed": 0.5} for name in ("e_gg", "mus_gp", "mur_gp", "e_gp")}
+    study = {
+        "label": "seeds", "berry": {"sizes": str(tmp_path / "sizes.csv"), "density_kg_m3": 1150.0} | shape,
+        "wall": shape, "parameters": parameters, "funnel": scene, "targets": targets, "design": {"samples": 30},
+        "surrogate": "gaussian_process", "validation": {"solutions": 1, "representative_seeds": 8, "seeds": 4},
+        "results_dir": str(tmp_path / "results"),
+    }  # fmt: skip
+    return study
+
+
+def lines_of(study, path):
+    """What `repose check` says of the grain of a study."""
+    path.write_text(yaml.safe_dump(study))
+    loaded = Study.load(path, inputs=True)
+    return list(checking._about_the_grain(loaded.config, loaded.grain, loaded.particle))
+
+
+@pytest.mark.parametrize("response", ["flank", "secant"])
+def test_fine_seeds_get_a_smaller_scene_that_the_check_calls_good(seeds, tmp_path, response):
+    seeds["measure"] = {"response": response}
+    *said, scene, targets = lines_of(seeds, tmp_path / "config.yaml")
+    assert any("funnel.berries would have to be 18" in line for line in said)
+    assert "Pour such a pile by hand" in said[-1]
+    pasted = yaml.safe_load(f"{scene}\n{targets}")
+    assert 62 <= pasted["funnel"]["berries"] <= 1000
+    again = lines_of(
+        seeds | {"targets": pasted["targets"], "funnel": pasted["funnel"]}, tmp_path / "smaller.yaml"
+    )
+    assert [line for line in again if "WARNING" in line] == []
+
+
+def test_more_grains_than_a_study_takes_are_refused_with_a_smaller_scene(seeds, tmp_path, capsys):
+    seeds["funnel"]["berries"] = 250_000
+    path = tmp_path / "config.yaml"
+    path.write_text(yaml.safe_dump(seeds))
+    for verb in ("check", "plan"):
+        assert main([verb, "--config", str(path)]) != 0
+        out, error = capsys.readouterr()
+        assert "funnel.berries is 250000" in error
+        assert "smaller scene: 1000 grains take" in out
+        assert yaml.safe_load(next(line for line in out.splitlines() if line.startswith("funnel: {")))
+
+
+def test_a_pile_that_reaches_the_outlet_is_told(seeds, tmp_path):
+    seeds["funnel"]["outlet_height_mm"] = 55.0
+    said = lines_of(seeds, tmp_path / "config.yaml")
+    assert any("a pile of 60 mm reaches the outlet at 55 mm" in line for line in said)
 
 
 def test_a_process_that_pours_does_not_wait_for_a_table_library():

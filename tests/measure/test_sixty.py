@@ -4,10 +4,11 @@ import coarse
 import cv2
 import numpy as np
 import pytest
+import rice
 import sixty
 
 from repose.core.errors import NoFlankError
-from repose.measure import photographs, sheet
+from repose.measure import finding, photographs, sheet
 from repose.measure.camera import Pose, calibrate
 from repose.measure.photograph_tables import describe, tables
 from repose.measure.pile import measure_segmented
@@ -31,6 +32,23 @@ def test_all_sixty(tmp_path):
     print(sixty.report(made))
     assert sixty.silent(made) == []
     assert len(sixty.lost(made)) <= 5
+
+
+def test_white_rice_before_grey_is_measured_by_its_roughness(tmp_path, monkeypatch):
+    one = rice.measured(8103, tmp_path)
+    assert (np.abs(rice.off(8103, one)) < sixty.WRONG).all()
+    assert not one.doubts
+    find = finding.find
+    monkeypatch.setattr(finding, "find", lambda *view: find(*view[:3]))  # by colour alone
+    assert "or the background is not plain" in rice.measured(8103, tmp_path).refused
+
+
+@pytest.mark.slow
+def test_all_twelve_of_rice(tmp_path):
+    made = {seed: rice.measured(seed, tmp_path) for seed in rice.SEEDS}
+    sure = [seed for seed, one in made.items() if one.measurement and not one.doubts]
+    assert len(sure) >= 10
+    assert (np.abs([rice.off(seed, made[seed]) for seed in sure]) < sixty.WRONG).all()
 
 
 @pytest.mark.slow

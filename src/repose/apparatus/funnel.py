@@ -269,7 +269,12 @@ def advice(
     yield f"stiffness: {_softer(config, berry, longest_step_s)}"
     sentence, fits = filling(config, particle.volume_m3)
     yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
-    yield from scene_size.advice(config, diameter_mm(berry), 1e3 * height_m(config, berry))
+    height_mm = 1e3 * height_m(config, berry)
+    outlet_mm = config[NAME]["outlet_height_mm"]
+    if height_mm > outlet_mm:
+        yield f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at {outlet_mm:g} mm and stops the flow"
+    grains = max(config[NAME]["berries"], 0 if fits else needed_grains(config, particle.volume_m3))
+    yield from scene_size.advice(config, diameter_mm(berry), height_mm, grains)
 
 
 def _softer(config, berry, longest_step_s):
@@ -375,6 +380,21 @@ def _needed(config, grain_m3, volumes_m3):
     numbers = [math.ceil(PACKING * volume / grain_m3) for volume in volumes_m3]
     count = " to ".join(f"{number}" for number in numbers)
     return f"funnel.berries would have to be {count}, or the targets are those of another pour"
+
+
+def needed_grains(config: Config, grain_m3: float) -> int:
+    """Number of grains that the targets need, nearest to that of the pour; that of the pour without a Height."""
+    grains, height, angle = config[NAME]["berries"], _target(config, "height_mm"), _target(config, "aor_deg")
+    if height is None:
+        return grains
+    low, high = SLOPES_DEG if angle is None else (angle, angle)
+    fewest, most = (
+        math.ceil(
+            PACKING * math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(slope)) ** 2) / grain_m3
+        )
+        for slope in (high, low)
+    )
+    return min(max(grains, fewest), most)
 
 
 def _target(config, response):

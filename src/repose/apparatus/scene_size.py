@@ -12,21 +12,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from repose.core.section import AUTO
+
 TABLE = Path(__file__).with_name("number_of_grains.csv")
 LENGTHS = (
     "inlet_diameter_mm",
     "outlet_height_mm",
     "plate_diameter_mm",
+    "tube_length_mm",
+)
+COMPUTED = (
     "factory_diameter_mm",
     "factory_height_mm",
-)
-# What a smaller scene has to say; the place where grains begin and the duration follow from these.
+    "duration_s",
+)  # follow from the others of a smaller scene
+# What a smaller scene has to say.
 PASTED = (
-    "inlet_diameter_mm",
+    *LENGTHS,
     "outlet_diameter_mm",
+    "rim_radius_mm",
     "cone_angle_deg",
-    "outlet_height_mm",
-    "plate_diameter_mm",
     "rate_per_s",
 )
 DISCHARGE = 2.5  # a funnel's flow goes with its lengths to this power (Beverloo et al. 1961)
@@ -35,6 +40,7 @@ OUTLET_GRAINS = (
 )
 COST = 7 / 6  # time of a pour goes with the number to this power: its bodies, and the time of discharge
 CLOSE_DEG = 1.0
+STEADY = "secant"  # the angle that depends least on the number of grains
 LARGE = 1000  # from so many grains on a smaller scene is worth a sentence
 
 Config = Mapping[str, Any]
@@ -74,17 +80,20 @@ def change(before: float, after: float, definition: str) -> Change:
     return Change(float(np.mean(angles)), float(np.mean(heights)))
 
 
-def scaled(funnel: Mapping[str, Any], grains: int, diameter_mm: float) -> dict[str, Any]:
+def scaled(
+    funnel: Mapping[str, Any], grains: int, diameter_mm: float, poured: int | None = None
+) -> dict[str, Any]:
     """The section `funnel` for another number of grains of the same size, all lengths by the cube root of the number.
 
-    The outlet stays as wide as `OUTLET_GRAINS` diameters of a grain, or as it is where it is narrower.
+    The outlet stays as wide as `OUTLET_GRAINS` diameters of a grain, or as it is where it is narrower. `poured` is the
+    number that this funnel poured, if it is not the section's.
     """
-    scale = (grains / funnel["berries"]) ** (1 / 3)
-    section = dict(funnel) | {key: scale * funnel[key] for key in LENGTHS}
-    outlet = funnel["outlet_diameter_mm"]
-    section["outlet_diameter_mm"] = max(scale * outlet, min(outlet, OUTLET_GRAINS * diameter_mm))
-    room = max(section["factory_diameter_mm"], section["outlet_diameter_mm"])
-    section["factory_diameter_mm"] = min(room, section["inlet_diameter_mm"])
+    scale = (grains / (poured or funnel["berries"])) ** (1 / 3)
+    section = dict(funnel) | {key: scale * funnel[key] for key in LENGTHS} | dict.fromkeys(COMPUTED, AUTO)
+    inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
+    section["outlet_diameter_mm"] = narrow = max(scale * outlet, min(outlet, OUTLET_GRAINS * diameter_mm))
+    section["inlet_diameter_mm"] = wide = max(scale * inlet, min(inlet, 2 * narrow))
+    section["rim_radius_mm"] = min(funnel["rim_radius_mm"], 0.24 * (wide - narrow))  # 0.25: no cone is left
     return section | {"berries": grains, "rate_per_s": funnel["rate_per_s"] * scale**DISCHARGE}
 
 
@@ -98,31 +107,70 @@ def enough(grains: int, definition: str) -> int | None:
     return found
 
 
-def advice(config: Config, diameter_mm: float, height_mm: float) -> Iterator[str]:
-    """Sentences on the number of grains of a pour."""
+def advice(config: Config, diameter_mm: float, height_mm: float, poured: int | None = None) -> Iterator[str]:
+    """Sentences on the number of grains of a pour, and a smaller scene as keys to paste.
+
+    `poured` is the number that the targets need, if it is more than the configured one.
+    """
     funnel, definition = config["funnel"], config["measure"]["response"]
-    grains, largest = funnel["berries"], max(numbers())
-    half = change(min(grains, largest), min(grains, largest) / 2, definition)
+    grains, largest = poured or funnel["berries"], max(numbers())
+    compared = min(grains, largest)
+    half = change(compared, compared / 2, definition)
+    fewer, steady = enough(compared, definition), enough(compared, STEADY)
+    close = f"within {CLOSE_DEG:g} deg of that of {compared}"
+    if fewer:
+        stays = f"from {fewer} grains on it is {close}"
+    else:
+        stays = f"no smaller number is {close}" + (f", but the {STEADY} from {steady} on" if steady else "")
     yield (
         f"grains: the pile is {height_mm / diameter_mm:.2g} grains high. Simulate as many as were poured: half as "
         f"many, in a funnel of 0.79 of the size, change the angle ({definition}) by {half.angle_deg:+.1f} deg, and the "
-        f"Height by {100 * (half.height - 1):+.0f} % besides its size"
+        f"Height by {100 * (half.height - 1):+.0f} % besides its size; {stays}"
     )
     if grains < LARGE:
         return
-    fewer = enough(min(grains, largest), definition)
-    if fewer is None:
+    if fewer is None and grains <= largest:
         yield (
             f"smaller scene: none of {min(numbers())} to {largest} grains keeps the angle ({definition}) within "
             f"{CLOSE_DEG:g} deg: pour fewer grains by hand, and simulate those"
         )
         return
-    keys = scaled(funnel, fewer, diameter_mm)
-    pasted = ", ".join(f"{key}: {keys[key]:.4g}" for key in PASTED)
+    yield from _smaller(config, grains, fewer, diameter_mm)
+
+
+def _smaller(config, grains, enough, diameter_mm):
+    """What a smaller scene costs and changes, and its keys: of as many grains as are enough, or of the most known."""
+    largest, definition = max(numbers()), config["measure"]["response"]
+    fewer = enough or largest
     other = change(grains, fewer, definition)
+    high = (fewer / grains) ** (1 / 3) * other.height
+    angle = f"{other.angle_deg:+.1f} deg" if enough else "not known: it grows with the number of grains"
     beyond = "" if grains <= largest else f"; piles of more than {largest} grains have not been compared"
     yield (
-        f"smaller scene: {fewer} grains take {(fewer / grains) ** COST:.1g} of the time; angle ({definition}) "
-        f"{other.angle_deg:+.1f} deg, Height {(fewer / grains) ** (1 / 3) * other.height:.2g} of the target's{beyond}: "
-        f"funnel: {{berries: {fewer}, {pasted}}}"
+        f"smaller scene: {fewer} grains take {(fewer / grains) ** COST:.1g} of the time of {grains}; "
+        f"angle ({definition}) {angle}, Height {high:.2g} of the target's{beyond}. Pour such a pile by hand, and give "
+        "its targets in place of these:"
     )
+    keys = scaled(config["funnel"], fewer, diameter_mm, grains)
+    pasted = {key: _rounded(keys[key]) for key in ("berries", *PASTED)} | dict.fromkeys(COMPUTED, AUTO)
+    yield _as_yaml("funnel", pasted)
+    if any(target["response"] == "height_mm" for target in config["targets"]):
+        yield _as_yaml("targets", [_lower(target, high) for target in config["targets"]])
+
+
+def _lower(target, share):
+    """A target, the Height by a share of it."""
+    share = share if target["response"] == "height_mm" else 1.0
+    numbers = {key: _rounded(share * target[key]) for key in ("value", "sd")}
+    return target | numbers | {"range": [_rounded(share * end) for end in target["range"]]}
+
+
+def _rounded(number):
+    return float(f"{number:.5g}") if isinstance(number, float) else number
+
+
+def _as_yaml(key, value):
+    """A key in one line, as a configuration takes it."""
+    import yaml
+
+    return yaml.safe_dump({key: value}, default_flow_style=True, sort_keys=False, width=10**6).strip()[1:-1]

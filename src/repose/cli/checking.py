@@ -9,7 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from repose.cli.registry import Option, load_with_inputs, verb
-from repose.core.errors import InputError
+from repose.core.errors import InputError, InputErrors
+from repose.core.section import MOST_BERRIES
 
 if TYPE_CHECKING:
     from repose.config.study import Study
@@ -30,10 +31,35 @@ TRIALS = {
 FAR = 1.5  # a time step that could be longer by this factor is worth a hint
 
 
+def _load_or_propose(args: argparse.Namespace) -> "Study":
+    """The study of --config; with too many grains for any study a smaller scene is printed before the error."""
+    try:
+        return load_with_inputs(args)
+    except InputError as error:
+        grains = error.value
+        if error.key == "funnel.berries" and isinstance(grains, int) and not isinstance(error, InputErrors):
+            _propose(args.config, grains)
+        raise
+
+
+def _propose(path: str, grains: int) -> None:
+    """Print a smaller scene for more grains than a study may have, if nothing else is wrong with it."""
+    from repose.apparatus import funnel, scene_size
+    from repose.config.study import Study
+
+    if grains <= MOST_BERRIES:
+        return
+    most = {"berries": MOST_BERRIES, **dict.fromkeys(scene_size.COMPUTED, "auto")}
+    with contextlib.suppress(InputError):
+        study = Study.load(path, overrides={"funnel": most}, inputs=True)
+        height_mm = 1e3 * funnel.height_m(study.config, study.grain)
+        print(*scene_size.advice(study.config, funnel.diameter_mm(study.grain), height_mm, grains), sep="\n")
+
+
 @verb(
     "check a configuration; print the longest time step, the softest grain and the cost of a run",
     example="--config config/paper.yaml",
-    study=load_with_inputs,
+    study=_load_or_propose,
     options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
 )
 def check(args: argparse.Namespace, study: "Study") -> None:
@@ -156,7 +182,7 @@ def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
 @verb(
     "before any pour: the pours that the noise requires, and the probability of success by budget",
     example="--config config/fast.yaml",
-    study=load_with_inputs,
+    study=_load_or_propose,
     options=[
         Option(
             "--runs",

@@ -2,11 +2,13 @@
 
 Colours are compared as ratios of the channels, and brightness has a small weight: a shadow changes the brightness of a
 surface and hardly its colour. A first guess is the difference from the background, row by row. GrabCut, which models
-the colours of both sides by mixtures and prefers short boundaries, corrects it.
+the colours of both sides by mixtures and prefers short boundaries, corrects it. Where colours show no pile, roughness
+takes the place of brightness: small grains have gaps between them, a wall has none.
 
 References
 ----------
 Rother, C., Kolmogorov, V., Blake, A. (2004). ACM Trans. Graph. 23, 309-314.
+Shi, J., Tomasi, C. (1994). Good features to track. Proc. IEEE Conf. Comput. Vis. Pattern Recognit., 593-600.
 """
 
 import math
@@ -31,15 +33,25 @@ ITS_OWN_COLOUR = 22.0  # a shadow's colour lies nearer to the background's colou
 
 NECK = 0.3  # of a grain's height: half the width of the neck between a loose grain and the pile
 GAP = 0.4  # of a grain's height: a part with more background below it does not stand on the plate
+ROUGH = 3.0  # difference of colours that counts as much as the scatter of the background's roughness
+WINDOW_PX = 5  # in which gradients are compared
+SMALL_PX = 4.0  # height of a grain in the coarse view, where roughness is needed
+LEAST_SCATTER = 0.02  # of a background without noise
 FAINT = 10.0  # difference of colours that texture and noise have too
 
 NOTHING = "nothing that stands on the plate differs from its background, or the background is not plain"
 
 
-def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> tuple[np.ndarray, bool]:
+class NotPlainError(NoFlankError):
+    """The colours of pile and background do not differ enough."""
+
+
+def find(
+    image: np.ndarray, hidden: np.ndarray, base_row: float, by_roughness: bool = False
+) -> tuple[np.ndarray, bool]:
     """The pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
     above = math.ceil(base_row)
-    colours = _fill(features(image), hidden)[:above]
+    colours = _seen(image, hidden, above, SMALL_PX if by_roughness else None)
     not_behind, rough = hidden[:above], _roughness(colours)
     for _ in range(2):  # the second background is fitted without the first guess
         behind = _background(colours, not_behind)
@@ -57,12 +69,21 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> tuple[np.nda
 
 
 def refine(
-    image: np.ndarray, hidden: np.ndarray, base_row: float, coarse: np.ndarray, berry_px: float
-) -> Segmentation:
-    """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), accurate to half a grain."""
+    image: np.ndarray,
+    hidden: np.ndarray,
+    base_row: float,
+    coarse: np.ndarray,
+    berry_px: float,
+    by_roughness: bool = False,
+) -> tuple[Segmentation, float]:
+    """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), accurate to half a grain.
+
+    And the share, 0 to 1, of its upper boundary at which both sides hardly differ.
+    """
     above = math.ceil(base_row)
-    colours, coarse = _fill(features(image), hidden)[:above], coarse[:above]
-    reach = max(4, round(0.4 * berry_px))
+    coarse = coarse[:above]
+    colours = _seen(image, hidden, above, berry_px if by_roughness else None, coarse)
+    reach = max(4, round((1.0 if by_roughness else 0.4) * berry_px))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     below = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
     start = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
@@ -77,18 +98,11 @@ def refine(
     pile, other = _means(colours, mask, 0.25 * berry_px)
     way = pile - other
     share = ((colours - other) * way).sum(-1) / np.maximum((way * way).sum(-1), 1e-6)
-    return Segmentation(grey, np.clip(share, 0, 1), 0.5, mask, base_row, pile_is)
-
-
-def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach_px: float) -> float:
-    """Share, 0 to 1, of a pile's upper boundary at which the colours of both sides hardly differ."""
-    rows = len(pile.mask)
-    colours = _fill(features(image), hidden)[:rows]
-    means = _means(colours, pile.mask, reach_px)
-    columns = np.flatnonzero(pile.mask.any(axis=0))
-    top = pile.mask.argmax(axis=0)[columns]
-    difference = np.linalg.norm((means[0] - means[1])[top, columns] * EQUAL, axis=1)
-    return float((difference < FAINT).mean())
+    columns = np.flatnonzero(mask.any(axis=0))
+    top = mask.argmax(axis=0)[columns]
+    difference = np.linalg.norm(way[top, columns] * (1 if by_roughness else EQUAL), axis=1)
+    faint = float((difference < FAINT).mean())
+    return Segmentation(grey, np.clip(share, 0, 1), 0.5, mask, base_row, pile_is), faint
 
 
 def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
@@ -116,6 +130,31 @@ def features(image: np.ndarray) -> np.ndarray:
         [128 + gain * (part - middle) for part, gain, middle in zip(parts, gains, middles, strict=True)],
         axis=-1,
     )
+
+
+def _seen(image, hidden, above, grain_px=None, pile=None):
+    """Features above the plate; with the height of a grain, roughness in place of brightness.
+
+    Roughness is the least gradient of any direction about a pixel (Shi and Tomasi 1994): a straight edge, as of a
+    table, has none. It is counted from that of the row without the pile, in units of the background's scatter.
+    """
+    colours = _fill(features(image), hidden)[:above]
+    if grain_px is None:
+        return colours
+    least = cv2.cornerMinEigenVal(np.ascontiguousarray(colours[..., 2]), WINDOW_PX)
+    half = max(1, round(0.25 * grain_px))
+    gaps, and_window = (
+        cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+        for reach in (half, half + WINDOW_PX // 2)
+    )
+    # Close the gaps between grains, and take back what the window of the gradients adds outside of them.
+    rough = cv2.erode(cv2.dilate(np.sqrt(np.maximum(least, 0)), gaps), and_window)
+    left_out = hidden[:above] if pile is None else hidden[:above] | (cv2.dilate(pile, gaps) > 0)
+    shown = np.where(left_out & ~left_out.all(axis=1, keepdims=True), np.nan, rough)
+    rough = rough - np.nanquantile(shown, SIDES, axis=1, keepdims=True)  # a pile may fill half of a row
+    scatter = 1.4826 * np.median(np.abs(rough[~left_out]))
+    colours[..., 2] = 128 + np.clip(ROUGH * rough / max(scatter, LEAST_SCATTER), 0, 127)
+    return colours
 
 
 def _fill(colours, hidden):
@@ -184,7 +223,7 @@ def _first_guess(difference, rough, hidden):
                 cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0,
                 another_heap(guess),
             )
-    raise NoFlankError(NOTHING)
+    raise NotPlainError(NOTHING)
 
 
 def _standing(mask):
@@ -275,7 +314,7 @@ def _largest(mask):
     """The largest part, holes filled."""
     contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     if not contours:
-        raise NoFlankError(NOTHING)
+        raise NotPlainError(NOTHING)
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, [max(contours, key=cv2.contourArea)], -1, 1, cv2.FILLED)
     return filled

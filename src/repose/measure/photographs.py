@@ -21,6 +21,7 @@ from repose.measure.settings import MeasureSettings
 
 LARGEST_PX = 4000  # a photograph's longer side; a larger one is reduced
 COARSE_PX, FINE_PX = 700, 1200  # longer sides of the views in which a pile is found, and its boundary
+ROUGH_PX = 8  # height of a grain at most, where roughness is seen: a larger one is smooth within
 FAINT_SHARE = 0.2
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
 USUAL_GRAINS = 8  # in the height of a pile, if the height of a grain is not known
@@ -121,14 +122,31 @@ def measure_all(
 
 
 def _measure_with_sheet(photograph, where, lens, how, square_mm):
-    """Measure a photograph that shows the sheet; NoFlankError has the reason for a refusal."""
-    size, on_paper = photograph.view.shape[1::-1], sheet.size_mm(square_mm)
-    pose = camera.Pose(lens, where, size)
-    photograph.note, image = lens.note, photograph.view
+    """Measure a photograph that shows the sheet, by colour, or else by roughness, without a doubt.
+
+    NoFlankError has the reason for a refusal.
+    """
+    pose = camera.Pose(lens, where, photograph.view.shape[1::-1])
+    image, photograph.note = photograph.view, lens.note
+    try:
+        _measure_seen(photograph, image, pose, how, sheet.size_mm(square_mm))
+    except finding.NotPlainError as by_colour:
+        kept = replace(photograph)
+        try:
+            _measure_seen(photograph, image, pose, how, sheet.size_mm(square_mm), by_roughness=True)
+            if photograph.doubts:
+                raise NoFlankError("; ".join(photograph.doubts))
+        except NoFlankError:
+            vars(photograph).update(vars(kept))
+            raise by_colour from None
+
+
+def _measure_seen(photograph, image, pose, how, on_paper, by_roughness=False):
+    """Find the pile as it is seen from a pose, and measure it."""
     coarse, low = camera.side_view(image, pose, on_paper, None, COARSE_PX)
     photograph.view = coarse.image
     photograph.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": coarse.tilt_deg}
-    mask, beside = finding.find(coarse.image, ~coarse.seen | coarse.sheet, coarse.base_row)
+    mask, beside = finding.find(coarse.image, ~coarse.seen | coarse.sheet, coarse.base_row, by_roughness)
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     crest = low + coarse.mm_per_pixel * float(np.median(np.flatnonzero(mask[rows[0]])))
     high = (coarse.base_row - rows[0]) * coarse.mm_per_pixel
@@ -137,14 +155,14 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
     reach = 1.3 * max(
         crest - low - columns[0] * coarse.mm_per_pixel, low + columns[-1] * coarse.mm_per_pixel - crest
     )
-    fine, left = camera.side_view(image, pose, on_paper, crest, FINE_PX, (-reach, reach, 1.6 * high))
     grain = how.berry_height_mm or high / USUAL_GRAINS
-    berry_px = grain / fine.mm_per_pixel
+    longest = min(FINE_PX, round(ROUGH_PX * max(2 * reach, 1.6 * high) / grain)) if by_roughness else FINE_PX
+    fine, left = camera.side_view(image, pose, on_paper, crest, longest, (-reach, reach, 1.6 * high))
     photograph.view = fine.image
     photograph.facts["mm_per_pixel"], photograph.facts["tilt_deg"] = fine.mm_per_pixel, fine.tilt_deg
-    hidden = ~fine.seen | fine.sheet
-    photograph.pile = finding.refine(
-        fine.image, hidden, fine.base_row, _onto(mask, coarse, low - crest, fine, left), berry_px
+    hidden, coarse_mask = ~fine.seen | fine.sheet, _onto(mask, coarse, low - crest, fine, left)
+    photograph.pile, faint = finding.refine(
+        fine.image, hidden, fine.base_row, coarse_mask, grain / fine.mm_per_pixel, by_roughness
     )
     if abs(look_down) > camera.LARGEST_LOOK_DOWN_DEG:
         raise NoFlankError(
@@ -152,20 +170,18 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
             f"hold the lens as high as the crest, {camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
         )
     _require_whole(photograph.pile.mask, hidden)
-    photograph.measurement = seen_level(_measured(photograph, how), look_down)
+    measurement = seen_level(_measured(photograph, how), look_down)
     photograph.pile = replace(photograph.pile, beside=beside)
-    doubts = _doubts(photograph.pile, photograph.measurement, grain, fine.mm_per_pixel)
-    doubts += _coarse(photograph.measurement, fine.mm_per_pixel)
-    faint = finding.faint_share(fine.image, hidden, photograph.pile, 0.25 * berry_px)
+    doubts = _doubts(photograph.pile, measurement, grain, fine.mm_per_pixel)
+    doubts += _coarse(measurement, fine.mm_per_pixel)
     if faint > FAINT_SHARE:
-        photograph.measurement = None
-        raise NoFlankError(
+        raise finding.NotPlainError(
             "the pile hardly differs from its background along its boundary: the background is not plain"
         )
     if faint > FAINT_SHARE / 2:
         share = f"{100 * faint:.0f} % of its boundary"
         doubts.append(f"{DOUBT}: the pile hardly differs from its background along {share}")
-    photograph.doubts = doubts
+    photograph.measurement, photograph.doubts = measurement, doubts
 
 
 def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:

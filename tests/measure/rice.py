@@ -1,0 +1,68 @@
+"""White rice before grey walls and on grey plates, whose mean tone it has: only its roughness shows the pile.
+
+`python tests/measure/rice.py` measures the photographs of the first twelve seeds.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import sixty
+from pinhole import Heap, Scene, truth
+
+from repose.measure import photographs
+from repose.measure.settings import MeasureSettings
+
+SEEDS = range(8101, 8113)  # chosen before any of them was measured
+
+
+def scene(seed: int) -> Scene:
+    """A pile with greys, light, size of grains, camera and sheet drawn at random."""
+    rng = np.random.default_rng([2032, seed])
+    heap = Heap(0.0, 0.0, rng.uniform(44, 58), rng.uniform(26, 36), foot=1.5)
+    left, right = -heap.half - rng.uniform(160, 185), heap.half + rng.uniform(40, 70)
+    away, wide = rng.uniform(500, 1200), int(rng.choice([880, 960, 1040, 1200]))
+    wall, plate = rng.uniform(120, 220, (2, 1)) + rng.uniform(-3, 3, (2, 3))
+    return Scene(
+        seed=seed, heaps=(heap,), axes=tuple(rng.uniform(0.8, 1.2) * np.array((6.8, 2.9, 2.3))),
+        colour=sixty.GRAINS["rice"][0], wall=tuple(wall), plate=tuple(plate),
+        eye=(
+            rng.uniform(-0.06, 0.06) * away, -away,
+            rng.uniform(0.4, 1.1) * heap.height + 0.02 * away * rng.uniform(-0.2, 1),
+        ),
+        aim=(0.5 * (left - 20 + right), 0.0, rng.uniform(45, 70)), roll=rng.uniform(-6, 6),
+        size=(wide, 3 * wide // 4), focal=wide * away / (right - left + 60), wall_at=rng.uniform(150, 500),
+        shadow=rng.uniform(0.1, 0.6), uneven=rng.uniform(0.05, 0.5), texture=rng.uniform(0.005, 0.03),
+        noise=rng.uniform(1, 3), blur=rng.uniform(0.4, 1.0), loose=int(rng.choice([0, 6])), left=left,
+    )  # fmt: skip
+
+
+def measured(seed: int, folder: Path) -> photographs.Photograph:
+    """The photograph, measured."""
+    path = sixty.drawn(scene(seed), folder / f"{seed}.png")
+    how = MeasureSettings(berry_height_mm=scene(seed).grain_mm)
+    return photographs.measure_all([path], how, photographs.Scale())[0]
+
+
+def off(seed: int, one: photographs.Photograph) -> tuple[float, float]:
+    """Measured minus true angle [deg] and Height [mm]."""
+    true = truth(scene(seed))
+    assert one.measurement is not None
+    return one.measurement.aor_deg - true.angle, one.measurement.height_mm - true.height
+
+
+def main() -> None:
+    """Print what came of each photograph."""
+    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    words.add_argument("--folder", type=Path, help="keeps the photographs")
+    asked = words.parse_args()
+    with tempfile.TemporaryDirectory() as kept:
+        for seed in SEEDS:
+            one = measured(seed, asked.folder or Path(kept))
+            result = one.refused or "{:+.2f} deg {:+.2f} mm".format(*off(seed, one))
+            print(seed, result, one.remarks, sep="; ", flush=True)
+
+
+if __name__ == "__main__":
+    main()
