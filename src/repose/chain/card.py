@@ -129,7 +129,7 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
     section, others = config[test.name], ("seeds", *test.measured_by)
     if CHOSEN in response.definition:
         own = {other.name: other for other in test.responses}
-        response = own[derived(response.name, config["measure"]["response"])]
+        response = own.get(derived(response.name, config["measure"]["response"]), response)
     settings = {key.rpartition(".")[2]: value for key, value in response.settings(config).items()}
     if BERRY_HEIGHT in settings:
         height = MeasureSettings.of(config["measure"], berry).berry_height_mm
