@@ -23,7 +23,8 @@ Contradictions = Iterator[tuple[str, str]]  # (key, allowed values)
 CONTRADICTION = "contradiction"  # type of the error that holds `Contradictions`
 
 Seeds = Annotated[int, Field(ge=1, le=100)]
-Berries = Annotated[int, Field(ge=1, le=20000)]
+MOST_BERRIES = 20000
+Berries = Annotated[int, Field(ge=1, le=MOST_BERRIES)]
 
 
 class Section(BaseModel):
