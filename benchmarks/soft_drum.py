@@ -222,7 +222,7 @@ def hits():
         one = ("small", "large").index(a)
         x = -0.04 + 0.02 * k
         if b == "steel":
-            depth = np.sqrt(DRUM.radius_m**2) - RADII_M[one] - gap
+            depth = DRUM.radius_m - RADII_M[one] - gap
             kinds, places = [*kinds, one], [*places, (0.0, -0.004 if one else 0.004, -depth)]
             motion.append((0.05, 0.0, -0.4, 3.0, 10.0, 1.0))
             continue
@@ -233,7 +233,8 @@ def hits():
     kinds, places, motion = np.array(kinds), np.array(places), np.array(motion)
     lasts_s, rows = 2e-3, {}
     for name in ("repose", "lammps"):
-        for steps in (4400, *((STEPS[name],) if STEPS[name] < 4400 else ())):
+        fine = round(4400 * OPTIONS.moduli**0.5)
+        for steps in (fine, STEPS[name]) if OPTIONS.moduli == 1.0 else (fine,):
             step_s = EVERY_S / steps
             many = round(lasts_s / step_s)
             if name == "lammps":
@@ -302,6 +303,9 @@ if __name__ == "__main__":
     parser.add_argument("--programs", nargs="+", default=list(STEPS), choices=list(STEPS))
     parser.add_argument("--out", type=Path, default=Path("results/examples/soft_drum"))
     parser.add_argument("--venv", default=str(Path(tempfile.gettempdir()) / "repose-peers"))
+    parser.add_argument("--moduli", type=float, default=1.0, help="factor of the moduli, of `hits`")
     parser.add_argument("--no-install", action="store_true", help="do not install LAMMPS")
     OPTIONS = parser.parse_args()
+    if OPTIONS.what == "hits":
+        YOUNG_PA = {name: OPTIONS.moduli * young for name, young in YOUNG_PA.items()}
     {"hits": hits, "run": run, "table": table}[OPTIONS.what]()
