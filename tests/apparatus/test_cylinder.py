@@ -7,12 +7,14 @@ from functools import partial
 
 import numpy as np
 import pytest
-from goji import BERRY, PARTICLE, named, recommended
+from goji import BERRY, PARTICLE, ROOT, named, recommended
 
 from repose.apparatus import bench, cylinder
 from repose.apparatus.bounds import Unstable
 from repose.apparatus.job import run_once
 from repose.apparatus.settings import SimulationSettings
+from repose.config.study import Study
+from repose.core.errors import InputError
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
 SET = named((0.25, 0.5, 0.03, 0.3, 0.6, 0.2))
@@ -155,6 +157,17 @@ def test_a_tapped_density_needs_taps():
     assert dict(cylinder.contradictions(own)) == {
         "cylinder.taps": "1 or more, for tapped_density_kg_m3 is a target"
     }
+
+
+def test_a_study_may_leave_out_the_taps():
+    """They are left out of the definitions, and a study that needs them is refused."""
+    over = [ROOT / "config/config.yaml", ROOT / "examples/bench_tests/cylinder.yaml"]
+    study = Study.load(*over)
+    assert "cylinder.taps" not in study.definitions["tapped_density_kg_m3"]
+    assert study.definitions["bulk_density_kg_m3"]["cylinder.height_mm"] == 150.0
+    study.config["targets"][0] |= {"response": "tapped_density_kg_m3", "range": None}
+    with pytest.raises(InputError, match=r"cylinder\.taps is null; allowed: 1 or more"):
+        Study.of(study.config)
 
 
 def test_a_small_filling():

@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -12,6 +11,7 @@ from refusals import not_refused
 
 from repose.apparatus import bench, funnel, lifted_cylinder
 from repose.apparatus.job import run_once
+from repose.chain import card
 from repose.config.study import Study
 from repose.core import published
 from repose.core.errors import InputError
@@ -22,10 +22,17 @@ from repose.measure.settings import MeasureSettings
 SET = named((0.3, 0.5, 0.1, 0.3, 0.5, 0.1))
 TUBE = {"berries": 200, "rate_per_s": 400.0, "lift_from_s": 1.0, "settle_s": 2.0, "diameter_mm": 60.0}
 TUBE |= {"length_mm": 130.0, "rim_radius_mm": 0.5}
-GOOD = lifted_cylinder.Lifting(filled=300, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12)
+GOOD = lifted_cylinder.Lifting(
+    filled=300, filling_height_mm=90.0, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12
+)
 
 
-config = partial(example, "lifted_cylinder")
+def config(**keys):
+    """The example; a number of berries takes the place of its filling height."""
+    whole = example("lifted_cylinder", **keys)
+    if "berries" in keys:
+        del whole["lifted_cylinder"]["filling_height_mm"]
+    return whole
 
 
 def lifted(seed, **keys):
@@ -35,7 +42,7 @@ def lifted(seed, **keys):
 
 def test_a_run_is_judged():
     def status(**changes):
-        return lifted_cylinder.status_of(dataclasses.replace(GOOD, **changes), config())[0]
+        return lifted_cylinder.status_of(dataclasses.replace(GOOD, **changes), config(berries=300), 10.0)[0]
 
     assert status() == "ok"
     assert status(unstable="why") == "unstable"
@@ -44,6 +51,11 @@ def test_a_run_is_judged():
     assert (status(off_plate=30), status(off_plate=31)) == ("ok", "left_plate")
     assert status(energy_j=1e-6) == status(energy_j=float("nan")) == "not_at_rest"
     assert status(in_pile=149) == "no_flank"
+    of_height = [
+        lifted_cylinder.status_of(dataclasses.replace(GOOD, filling_height_mm=mm), config(), 10.0)[0]
+        for mm in (79.9, 80.1, 99.9, 100.1, float("nan"))
+    ]
+    assert of_height == ["not_filled", "ok", "ok", "not_filled", "not_filled"]
 
 
 def test_a_tube_that_cannot_be_filled_or_lifted_is_refused():
@@ -54,7 +66,95 @@ def test_a_tube_that_cannot_be_filled_or_lifted_is_refused():
         ("speed", 20.0, "no such key"),
     ]
     wrong = [({key: value}, rf"lifted_cylinder\.{key}.*{allowed}") for key, value, allowed in cases]
-    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
+    assert not not_refused(lambda keys: Study.of(config(berries=300, **keys)), wrong, InputError)
+
+
+def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
+    name = r"lifted_cylinder\."
+    wrong = [
+        ({"berries": 300}, rf"{name}filling_height_mm is 90.0; allowed: no such key beside berries"),
+        ({"filling_height_mm": None}, rf"{name}filling_height_mm is null; allowed: .*1 to 5000"),
+        ({"length_mm": 100.0}, rf"{name}length_mm is 100.0; allowed: at least 111.*, the filling height"),
+        (
+            {"lift_from_s": 1.0},
+            rf"{name}lift_from_s is 1.0; allowed: above 1\.\d+, when the last of some 3\d\d",
+        ),
+        (
+            {"diameter_mm": 1000.0, "plate_diameter_mm": 2000.0},
+            rf"{name}filling_height_mm is 90.0; allowed: below \d+.*some 20000 berries",
+        ),
+    ]
+
+    def study(keys):
+        made = Study.of(example("lifted_cylinder", **keys))
+        made.check_inputs()
+
+    study({})
+    assert not not_refused(study, wrong, InputError)
+    neither = example("lifted_cylinder")
+    del neither["lifted_cylinder"]["filling_height_mm"]
+    with pytest.raises(InputError, match=rf"{name}filling_height_mm is null; allowed: 1 to 5000, or berries"):
+        Study.of(neither)
+
+
+def test_the_card_and_the_definitions_say_how_much_is_filled_in():
+    for keys, said, other in (
+        ({}, "filling_height_mm", "berries"),
+        ({"berries": 300}, "berries", "filling_height_mm"),
+    ):
+        study = Study.of(config(**keys))
+        for response in bench("lifted_cylinder").responses:
+            assert f"lifted_cylinder.{said}" in study.definitions[response.name]
+            assert f"lifted_cylinder.{other}" not in study.definitions[response.name]
+        described = card.described(study.config, bench("lifted_cylinder").responses[0], study.grain)
+        assert said in described["bench"]
+        assert said in described["definition"]["settings"]
+        assert other not in described["bench"]
+
+
+def surface_mm(positions, radius_m, grain_m, cells=8):
+    """Level of a bed of spheres by its surface: the mean of the highest points in square cells of the plan view."""
+    x, y, z = positions.T
+    side = 2.0 * radius_m / cells
+    highest = {}
+    for cell, top in zip(
+        zip(*(np.floor(np.array([x, y]) / side)), strict=True), z + grain_m / 2, strict=True
+    ):
+        highest[cell] = max(top, highest.get(cell, 0.0))
+    return 1e3 * np.mean(list(highest.values()))
+
+
+@pytest.mark.parametrize("level_mm", [25.0, 60.0])
+def test_the_bed_stands_as_high_as_was_asked_for_before_it_is_lifted(level_mm, monkeypatch):
+    """Within a grain's diameter, by its centre of mass and by its surface; sizes of the grains differ or not."""
+    seen = []
+    lift = lifted_cylinder._move
+
+    def looked(simulation, speed_m_s):
+        seen.append(simulation.positions.copy())
+        lift(simulation, speed_m_s)
+
+    monkeypatch.setattr(lifted_cylinder, "_move", looked)
+    own = {key: value for key, value in TUBE.items() if key != "berries"} | {"lifting_mm_s": 200.0}
+    record, run = run_once(
+        bench("lifted_cylinder"), config(**own, filling_height_mm=level_mm), SET, 1, SPHERE, BEAD
+    )
+    assert record["status"] == "ok", record["reason"]
+    assert record["filling_height_mm"] == pytest.approx(level_mm, abs=3.0)
+    assert surface_mm(seen[0], 0.03, 0.01) == pytest.approx(level_mm, abs=10.0)
+    assert record["berries"] == len(run.arrays["position"])
+    # as many as a pour by number takes to that level
+    by_number, _ = lifted(2, berries=record["berries"], lifting_mm_s=200.0)
+    assert by_number["filling_height_mm"] == pytest.approx(level_mm, abs=5.0)
+
+
+def test_a_bed_that_cannot_come_to_rest_in_time_is_not_filled():
+    own = {key: value for key, value in TUBE.items() if key != "berries"} | {"lift_from_s": 0.3}
+    record, _ = run_once(
+        bench("lifted_cylinder"), config(**own, filling_height_mm=90.0), SET, 1, SPHERE, BEAD
+    )
+    assert record["status"] == "not_filled"
+    assert "not at 90 mm" in record["reason"]
 
 
 def test_the_plate_has_its_diameter():
@@ -63,9 +163,9 @@ def test_the_plate_has_its_diameter():
 
 
 def test_a_berry_has_to_fit():
-    found = dict(lifted_cylinder.misfits(config(diameter_mm=20.0), (21.1, 11.4, 9.9)))
+    found = dict(lifted_cylinder.misfits(config(diameter_mm=20.0, berries=9), (21.1, 11.4, 9.9)))
     assert list(found) == ["lifted_cylinder.diameter_mm"]
-    assert not list(lifted_cylinder.misfits(config(), (21.1, 11.4, 9.9)))
+    assert not list(lifted_cylinder.misfits(config(berries=9), (21.1, 11.4, 9.9)))
 
 
 def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it():
@@ -123,15 +223,15 @@ def test_the_faster_the_lifting_the_flatter_the_pile():
 @pytest.mark.slow
 def test_a_hidden_surface_energy_is_found_again():
     """From the mean angle and Height of 32 piles, within 10 %; what else a pile depends on is known."""
-    hidden, test, config = 0.2, bench("lifted_cylinder"), example("lifted_cylinder")
-    config["simulation"] |= {"contact_law": "jkr", "time_step_s": 2.7e-4}
-    known = published.representative(config["validation"]["published"]) | {"gamma_gp": 0.0}
+    hidden, test, whole = 0.2, bench("lifted_cylinder"), config(berries=300)
+    whole["simulation"] |= {"contact_law": "jkr", "time_step_s": 2.7e-4}
+    known = published.representative(whole["validation"]["published"]) | {"gamma_gp": 0.0}
 
     seeds = itertools.count(1)
 
     def piles(energies):
         values = [known | {"gamma_gg": energy} for energy in energies]
-        runs = [run_once(test, config, of, next(seeds), PARTICLE, BERRY)[0] for of in values]
+        runs = [run_once(test, whole, of, next(seeds), PARTICLE, BERRY)[0] for of in values]
         return pd.DataFrame(runs)[["lifted_aor_deg", "lifted_height_mm"]].astype(float)
 
     measured = piles(32 * [hidden]).dropna()

@@ -148,6 +148,7 @@ def test_every_key_refuses_what_it_cannot_take():
 OPTIONAL = (
     "simulation.contact_law",
     "simulation.rolling_law",
+    *("lifted_cylinder.berries", "lifted_cylinder.filling_height_mm"),
     *("figures.format", "figures.dpi", "turning.tilt_deg", "cylinder.taps", "cylinder.tap_mm"),
     *(f"parameters.{name}" for name in FURTHER),
     *(setting.key for setting in COMPUTED),

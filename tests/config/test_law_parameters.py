@@ -88,7 +88,7 @@ def test_the_card_names_the_convention_of_the_surface_energy():
         (
             "hertz_mindlin",
             {"gamma_gg": [0.0, 0.1]},
-            "gamma_gg is .*; allowed: absent: it belongs to .* jkr, not hertz",
+            "gamma_gg is .*; allowed: absent: it belongs to .* jkr or eepa, not hertz",
         ),
         ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; allowed: a pair .* from 0 to"),
     ],

@@ -88,7 +88,9 @@ def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_pe
     linear_spring.LAW.kernel(linear_spring.LAW.make_options(), tile, kept, at, 1e-6)
     np.testing.assert_allclose(tile[tl.PUSH :][: st.LANES], hertz, rtol=1e-12)
     half_a_period = math.pi * math.sqrt(mass * overlap / hertz)
-    assert linear_spring.contact_time(GOJI, GOJI, mass, radius, 1.0) == pytest.approx(half_a_period)
+    assert linear_spring.contact_time(GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, 1.0) == pytest.approx(
+        half_a_period
+    )
 
 
 @pytest.mark.parametrize("tension", ["keep", "release", "cut"])
@@ -123,7 +125,9 @@ def test_hertz_impact_lasts_as_long_as_the_integral_of_its_energy_says():
     deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
     angle = (np.arange(200000) + 0.5) * (0.5 * math.pi / 200000)
     duration = 2.0 * deepest / speed * 0.8 * np.sum(np.sin(angle) ** -0.2) * (angle[1] - angle[0])
-    assert hertz_mindlin.contact_time(GOJI, GOJI, mass, radius, speed) == pytest.approx(duration, rel=1e-3)
+    assert hertz_mindlin.contact_time(
+        GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, speed
+    ) == pytest.approx(duration, rel=1e-3)
 
 
 OUTSIDE = """

@@ -114,6 +114,7 @@ def test_they_turn_with_a_frame_against_which_rolling_is_resisted():
 @pytest.mark.parametrize("contact", list(CONTACT_LAWS))
 def test_they_obey_each_law(contact, rolling):
     further = {"jkr": {"surface_energy_j_m2": 0.5}, "sjkr": {"cohesion_energy_density_j_m3": 5e3}}
+    further["eepa"] = {"plasticity_ratio": 0.5, "surface_energy_j_m2": 0.5}
     scenes = three(
         walls={"floor": FLOOR},
         gravity=(0.0, 0.0, -9.81),

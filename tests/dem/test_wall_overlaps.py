@@ -50,7 +50,7 @@ WALLS = {
     "slope": (SLOPE, beyond_slope, np.array([0.01, 0.0, 0.02]) + 0.025 * TILT + 0.033 * SIDE, SIDE),
     "edge": (EDGE, within_edge, np.array([0.0, 0.0, 0.02]) + 0.03 * SIDE, SIDE),
 }
-DEEP_M, SCALE = 5e-4, 1.2
+DEEP_M, SCALE, BALL_M = 5e-4, 1.2, 6e-3
 
 
 def farthest(kind, turn, beyond, place):
@@ -62,6 +62,8 @@ def farthest(kind, turn, beyond, place):
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         if kind == "clump":
             points = (BENT[:, None, :3] + BENT[:, None, 3:] * normals).reshape(-1, 3)
+        elif kind == "sphere":
+            points = BALL_M * normals
         else:
             points = sum(
                 axes**2 * normals / np.linalg.norm(axes * normals, axis=1)[:, None] for axes in BARREL
@@ -71,7 +73,7 @@ def farthest(kind, turn, beyond, place):
     return depths.max()
 
 
-@pytest.mark.parametrize("kind", ["smooth", "clump"])
+@pytest.mark.parametrize("kind", ["smooth", "sphere", "clump"])
 @pytest.mark.parametrize("name", WALLS)
 def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
     wall, beyond, place, into = WALLS[name]
@@ -87,7 +89,7 @@ def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
             s = scene({"body": bent()}, largest_scale=SCALE, **options)
             s.add("body", here, turned, scale=SCALE)
         else:
-            s = simulation(BARREL, largest_scale=SCALE, **options)
+            s = simulation([[BALL_M] * 3] if kind == "sphere" else BARREL, largest_scale=SCALE, **options)
             s.add(here, turned, scale=SCALE)
         s.run_steps(1)
         bodies, walls, overlaps = s.wall_overlaps()

@@ -359,7 +359,7 @@ ROLLING = {
 @pytest.mark.parametrize("particle", [THREE, BALL], ids=["clump", "sphere"])
 @pytest.mark.parametrize("program", export.PROGRAMS)
 def test_each_law_is_written_as_the_program_has_it_or_refused(config, program, particle, tmp_path):
-    constants = {"gamma_gg": 0.05, "gamma_gp": 0.02, "k_gg": 1e4, "k_gp": 1e4}
+    constants = {"gamma_gg": 0.05, "gamma_gp": 0.02, "k_gg": 1e4, "k_gp": 1e4, "plas_gg": 0.5, "plas_gp": 0.5}
     laws_of = [(("contact_law", law, CONTACT), (law, "budget")) for law in CONTACT_LAWS]
     laws_of += [(("rolling_law", law, ROLLING), ("hertz_mindlin", law)) for law in ROLLING_LAWS]
     for (key, law, written), pair in laws_of:

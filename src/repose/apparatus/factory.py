@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 # Random places that are tried for a new berry before the factory waits a time step.
 PLACES_TRIED = 200
+LIKELY_PACKING = 0.6  # share of a bed that is solid
 
 
 class Factory(Protocol):
@@ -133,10 +134,24 @@ def fill(
     `section` has ``berries`` (how many), ``rate_per_s`` (how many in a second) and may have ``orientation``
     (`random_orientation`) and ``speed_m_s``, down. `scales` are the sizes relative to the shape, 1 by default.
     """
-    rng, orientation = np.random.default_rng(seed), section.get("orientation", "random")
-    down = (0.0, 0.0, -section.get("speed_m_s", 0.0))
-    for k in range(section["berries"]):
-        due = round(k / section["rate_per_s"] / simulation.time_step_s)
+    _pour(
+        simulation,
+        factory,
+        section,
+        np.random.default_rng(seed),
+        section["berries"],
+        last_step,
+        run_to,
+        scales,
+    )
+
+
+def _pour(simulation, factory, section, rng, berries, last_step, run_to, scales):
+    """Add so many further berries, the first of them at once; see `fill`."""
+    orientation, down = section.get("orientation", "random"), (0.0, 0.0, -section.get("speed_m_s", 0.0))
+    first, began = simulation.n_bodies, simulation.steps
+    for k in range(berries):
+        due = began + round(k / section["rate_per_s"] / simulation.time_step_s)
         if due >= last_step:
             return
         run_to(due)
@@ -146,7 +161,7 @@ def fill(
             place = free_place(rng, simulation, factory)
         if place is None:
             return
-        scale = 1.0 if scales is None else scales[k]
+        scale = 1.0 if scales is None else scales[first + k]
         simulation.add("berry", place, random_orientation(orientation, rng), down, scale=scale)
 
 
@@ -160,9 +175,37 @@ def fill_and_rest(
     rests: Callable[[], bool],
     every: int,
 ) -> None:
-    """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long."""
+    """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long.
+
+    A section without ``berries`` has ``filling_height_mm``, the level of the bed (`level_m`); the number of `scales` is
+    that of berries without gaps between them up to there.
+    """
     simulation = filmed.simulation
     first, latest = (round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
-    fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
+    if "berries" in section:
+        fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
+    else:
+        _fill_to_level(filmed, factory, section, seed, scales, latest, rests, every)
     filmed.run_to(first)
     filmed.wait(rests, latest, every)
+
+
+def _fill_to_level(filmed, factory, section, seed, scales, latest, rests, every):
+    """Pour half of the berries that are likely to be needed, and by the packing of those that rest the others."""
+    simulation, rng = filmed.simulation, np.random.default_rng(seed)
+    level, fall_m_s2 = 1e-3 * section["filling_height_mm"], float(np.linalg.norm(simulation.physics.gravity))
+    fall = math.ceil(math.sqrt(2.0 * factory.height_m / fall_m_s2) / simulation.time_step_s)
+    missing = max(1, round(0.5 * LIKELY_PACKING * len(scales)))
+    while missing > 0 and simulation.steps < latest and simulation.n_bodies < len(scales):
+        missing = min(missing, len(scales) - simulation.n_bodies)
+        _pour(simulation, factory, section, rng, missing, latest, filmed.run_to, scales)
+        filmed.run_to(min(latest, simulation.steps + fall))
+        filmed.wait(rests, latest, every)
+        missing = round(simulation.n_bodies * (level / level_m(simulation) - 1.0))
+
+
+def level_m(simulation: "Simulation") -> float:
+    """Level of a bed on a floor at z = 0: twice the height of its centre of mass [m]."""
+    there = simulation.present
+    masses = simulation.masses_kg[there]
+    return 2.0 * float(masses @ simulation.positions[there, 2] / masses.sum())

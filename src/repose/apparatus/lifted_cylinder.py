@@ -4,6 +4,10 @@ The commonest test of the field's papers. Fast lifting takes the support away at
 angle falls with the speed: one simulated set of wheat gave 18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s (the
 project JoshuaMayo-vectr/DEM-calibration). The pile is measured as the funnel's, by the same code.
 
+How much is filled in is a number of berries or, as the papers state it, the filling height: the level of the bed in the
+tube, twice the height of its centre of mass. Berries are poured in steps, each as many as the packing of those that
+rest says, until the nearest whole number is in.
+
 The tube's wall has no thickness but for its rounded lower edge, which berries also touch from outside. The rising wall
 drags berries along by friction. Nothing turns, so rolling is resisted against space.
 """
@@ -19,12 +23,13 @@ from pydantic import Field
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill_and_rest, too_early
+from repose.apparatus.factory import LIKELY_PACKING, Disc, fill_and_rest, level_m, too_early
 from repose.apparatus.funnel import BERRY, LARGEST_LOSS, LINE, SEEN, SMALLEST_PILE, narrow_openings
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import ABSENT, MOST_BERRIES, Berries, Contradictions
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -37,7 +42,7 @@ LOOK_S = 0.05  # simulated time between two looks whether the berries rest, or h
 
 # --- responses ------------------------------------------------------------------------------------
 
-LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "diameter_mm", "lifting_mm_s"))
+LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "filling_height_mm", "diameter_mm", "lifting_mm_s"))
 OUTLINE, LOOSE = (*LIFT, *SEEN), (*LIFT, f"{NAME}.plate_diameter_mm")
 ANGLE, FOOT = (*OUTLINE, *LINE, "measure.response"), (*OUTLINE, BERRY)
 RESPONSES = (
@@ -53,7 +58,9 @@ RESPONSES = (
     ),
 )
 MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "filling_mm", "lifted_mm", "berries_in_pile"))
+RECORDED = Recorded(
+    means=MEASURED, single=(*MEASURED, "berries", "filling_height_mm", "lifted_mm", "berries_in_pile")
+)
 # Names of the same numbers in the measurement of a pile.
 OF_PILE = dict(zip(MEASURED, ("aor_deg", "height_mm", "base_radius_mm", "loose_percent"), strict=True))
 
@@ -63,6 +70,8 @@ OF_PILE = dict(zip(MEASURED, ("aor_deg", "height_mm", "base_radius_mm", "loose_p
 class Settings(Poured):
     """The section `lifted_cylinder` of the configuration; config/README.md explains its keys."""
 
+    berries: Berries = ABSENT
+    filling_height_mm: float = Field(default=ABSENT, ge=1, le=5000)
     lift_from_s: float = Field(ge=0.1, le=600)
     lifting_mm_s: float = Field(ge=0.1, le=5000)
     settle_s: float = Field(ge=0.1, le=600)
@@ -71,11 +80,19 @@ class Settings(Poured):
     rim_radius_mm: float = Field(ge=0.05, le=20)
     plate_diameter_mm: float = Field(ge=10, le=20000)
 
+    def contradictions(self) -> Contradictions:
+        """Neither or both of the two keys that say how much is filled in."""
+        if self.berries is self.filling_height_mm is ABSENT:
+            yield "filling_height_mm", "1 to 5000, or berries, 1 to 20000, in its place"
+        elif ABSENT not in (self.berries, self.filling_height_mm):
+            yield "filling_height_mm", "no such key beside berries, which gives the level already"
+
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     """Keys of a tube that cannot be filled before it is lifted, or is as wide as the plate, and what is allowed."""
     section = config[NAME]
-    yield from too_early(config, NAME, "lift_from_s")
+    if "berries" in section:
+        yield from too_early(config, NAME, "lift_from_s")
     wide = section["diameter_mm"] + 4 * section["rim_radius_mm"]
     if section["plate_diameter_mm"] <= wide:
         yield f"{NAME}.plate_diameter_mm", f"above {wide:g}, the tube's outer diameter"
@@ -84,6 +101,30 @@ def contradictions(config: Config) -> Iterator[tuple[str, str]]:
 def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
     """Keys of a tube that is too narrow for the mean berry, whose axes are given, the longest first."""
     yield from narrow_openings(config, NAME, {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]})
+    section = config[NAME]
+    if "filling_height_mm" not in section:
+        return
+    level = section["filling_height_mm"]
+    if section["length_mm"] < (needed := level + axes_mm[0]):
+        yield f"{NAME}.length_mm", f"at least {needed:.4g}, the filling height and the length of a mean berry"
+    berry_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
+    likely = LIKELY_PACKING * _without_gaps(section, berry_m3)
+    if likely > MOST_BERRIES:
+        highest = level * MOST_BERRIES / likely
+        yield f"{NAME}.filling_height_mm", f"below {highest:.4g}, which takes some {MOST_BERRIES} berries"
+    elif (last := likely / section["rate_per_s"]) >= section["lift_from_s"]:
+        yield f"{NAME}.lift_from_s", f"above {last:.4g}, when the last of some {likely:.0f} berries appears"
+
+
+def _without_gaps(section, berry_m3):
+    """Number of berries of a volume that would fill the tube up to the filling height without gaps between them."""
+    radius, height = 0.5e-3 * section["diameter_mm"], 1e-3 * section["filling_height_mm"]
+    return math.pi * radius**2 * height / berry_m3
+
+
+def room_for(section: Mapping[str, Any], particle: "Particle") -> int:
+    """Number of berries, or more than the tube takes up to the filling height."""
+    return section.get("berries") or math.ceil(_without_gaps(section, particle.volume_m3))
 
 
 # --- build and run --------------------------------------------------------------------------------
@@ -114,7 +155,7 @@ def build(
         parameters,
         particle,
         berry,
-        section["berries"],
+        room_for(section, particle),
         walls={
             "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate),
             "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach, radius, "wall"),
@@ -133,6 +174,7 @@ class Lifting:
     """Numbers by which a run is judged."""
 
     filled: int  # berries that found room in the tube
+    filling_height_mm: float  # level of the bed before the lifting
     in_tube: int  # berries above the tube's lower edge at the end
     off_plate: int
     in_pile: int
@@ -140,14 +182,17 @@ class Lifting:
     unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
 
 
-def status_of(lifting: Lifting, config: Config) -> tuple[str, str]:
-    """Status and reason of a run before it is measured."""
+def status_of(lifting: Lifting, config: Config, grain_mm: float) -> tuple[str, str]:
+    """Status and reason of a run before it is measured; grain_mm: length of a mean berry."""
     section, settings = config[NAME], SimulationSettings.of(config)
-    berries = section["berries"]
+    berries = section.get("berries", lifting.filled)
+    asked = section.get("filling_height_mm", lifting.filling_height_mm)
     if lifting.unstable:
         return "unstable", lifting.unstable
     if lifting.filled < berries:
         return "not_filled", f"only {lifting.filled} of {berries} berries find room in the tube"
+    if not abs(lifting.filling_height_mm - asked) <= grain_mm:
+        return "not_filled", f"the bed rests at {lifting.filling_height_mm:.4g} mm, not at {asked:g} mm"
     if lifting.in_tube:
         return "jammed", f"{lifting.in_tube} berries hang in the tube, which was lifted by its own length"
     if lifting.off_plate > LARGEST_LOSS * berries:
@@ -176,14 +221,14 @@ def run(
     """
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation, scales, reach = sized_simulation(
-        build, config, parameters, seed, particle, berry, section["berries"]
+        build, config, parameters, seed, particle, berry, room_for(section, particle)
     )
     length, speed = 1e-3 * section["length_mm"], 1e-3 * section["lifting_mm_s"]
     factory = Disc(0.5e-3 * section["diameter_mm"] - reach, length + reach)
     # berries that hang in the tube are lifted with it
     bounded = Bounded(simulation, factory.height_m + length, speed)
     filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
-    filled, filling_m, lifted_m = 0, math.nan, 0.0
+    filled, filling_mm, lifted_m = 0, math.nan, 0.0
 
     def in_tube() -> np.ndarray:
         return simulation.present & (simulation.positions[:, 2] > lifted_m)
@@ -193,7 +238,7 @@ def run(
 
     with bounded.guard():
         fill_and_rest(filmed, factory, section, seed, scales, section["lift_from_s"], rests, every)
-        filled, filling_m = simulation.n_bodies, float(simulation.positions[:, 2].max())
+        filled, filling_mm = simulation.n_bodies, 1e3 * level_m(simulation)
         began_s = simulation.time_s
         _move(simulation, speed)
         last = simulation.steps + settings.steps(length / speed)
@@ -209,18 +254,20 @@ def run(
     energies = simulation.kinetic_energies()[on_plate]
     lifting = Lifting(
         filled=filled,
+        filling_height_mm=filling_mm,
         in_tube=int(hanging.sum()),
         off_plate=int(len(centres) - hanging.sum() - on_plate.sum()),
         in_pile=int(in_pile.sum()),
         energy_j=float(energies.mean()) if len(energies) else math.nan,
         unstable=bounded.broken,
     )
-    status, reason = status_of(lifting, config)
+    status, reason = status_of(lifting, config, 1e3 * float(particle.axes_m.max()))
     record = {
         "seed": int(seed),
         "status": status,
         "reason": reason,
-        "filling_mm": None if math.isnan(filling_m) else 1e3 * filling_m,
+        "berries": filled,
+        "filling_height_mm": None if math.isnan(filling_mm) else filling_mm,
         "lifted_mm": 1e3 * lifted_m,
         "berries_in_pile": lifting.in_pile,
         "berries_off_plate": lifting.off_plate,

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from functools import cache, reduce
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -129,8 +129,8 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
     section, others = config[test.name], ("seeds", *test.measured_by)
     if CHOSEN in response.definition:
         own = {other.name: other for other in test.responses}
-        response = own[derived(response.name, value_of(config, CHOSEN))]
-    settings = {key.rpartition(".")[2]: value_of(config, key) for key in response.definition}
+        response = own.get(derived(response.name, config["measure"]["response"]), response)
+    settings = {key.rpartition(".")[2]: value for key, value in response.settings(config).items()}
     if BERRY_HEIGHT in settings:
         height = MeasureSettings.of(config["measure"], berry).berry_height_mm
         settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
@@ -150,11 +150,6 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
             key: section[key] for key in test.settings.model_fields if key in section and key not in others
         },
     }
-
-
-def value_of(config: Mapping[str, Any], key: str) -> Any:
-    """Value of a dotted key."""
-    return reduce(lambda section, name: section[name], key.split("."), config)
 
 
 def _ends(space, feasible, posterior):

@@ -36,7 +36,8 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
     `berry_step_s` is the cost of a step of one berry, as of `measured_berry_step_s`.
     """
     section, duration = config[name], bench(name).duration_s(config)
-    berries = section.get("berries", 1)
+    # a filling height: taken as the funnel's number, as the grain is not known here
+    berries = section.get("berries", config["funnel"]["berries"] if "filling_height_mm" in section else 1)
     filled = duration - 0.5 * min(duration, berries / section.get("rate_per_s", math.inf))
     return berry_step_s * berries * filled / SimulationSettings.of(config).time_step_s
 

@@ -229,7 +229,7 @@ def _faults(
 
 
 def _at(config, path):
-    """The value at the steps of a key, any of which may contain a dot."""
+    """The value at the steps of a key, any of which may contain a dot; None if its section leaves it out."""
     for step in path:
-        config = config[int(step)] if isinstance(config, list) else config[step]
+        config = config[int(step)] if isinstance(config, list) else config.get(step)
     return config

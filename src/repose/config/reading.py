@@ -127,10 +127,11 @@ def origin_of(source: "str | Origin", key: str) -> str:
 
 
 def get(config: Any, key: str) -> Any:
-    """Value of a dotted key."""
-    for step in key.split("."):
+    """Value of a dotted key; None if its section leaves it out."""
+    *way, last = key.split(".")
+    for step in way:
         config = config[int(step)] if isinstance(config, list) else config[step]
-    return config
+    return config[int(last)] if isinstance(config, list) else config.get(last)
 
 
 def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from repose.apparatus import bench_tests
 from repose.config import loader
 from repose.config.making import Making
-from repose.config.reading import get, read
+from repose.config.reading import read
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, read_json, write_json
@@ -279,7 +279,7 @@ class Study:
         if self._making is None:
             return {}
         found = {
-            response.name: {key: get(self.config, key) for key in response.definition}
+            response.name: response.settings(self.config)
             for test in bench_tests()
             if test.name in self.targets.apparatus
             for response in (*test.responses, *test.target_responses(self.config))

@@ -58,6 +58,11 @@ class Response:
         """Number of the response in a measured run; None where it could not be measured."""
         return run.get(self.name) if self.function is None else self.function(run)
 
+    def settings(self, config: Mapping[str, Any]) -> dict[str, Any]:
+        """The keys of its definition with their values, without those that the configuration leaves out."""
+        pairs = ((key, *key.split(".")) for key in self.definition)
+        return {key: config[section][name] for key, section, name in pairs if name in config[section]}
+
     @property
     def predicted(self) -> str:
         """Column of a surrogate's prediction: ``aor_predicted_deg``."""

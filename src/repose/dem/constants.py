@@ -43,6 +43,7 @@ SURFACE_ENERGY = Constant("surface_energy_j_m2", "gamma", r"\gamma", "J/m2", "su
 COHESION_ENERGY_DENSITY = Constant(
     "cohesion_energy_density_j_m3", "k", "k", "J/m3", "cohesion energy density"
 )
+PLASTICITY_RATIO = Constant("plasticity_ratio", "plas", r"\lambda", "", "plasticity ratio", 0.0, 0.99)
 # Of the rolling laws that resist spin about the normal; without it mu_t is 3 pi / 16 mu_s.
 TWISTING = Constant("twisting_friction", "mut", r"{\mu_t}", "", "twisting friction")
 TWISTED_BY = ("constant_torque", "epsd", "epsd2")
@@ -51,4 +52,5 @@ TWISTED_BY = ("constant_torque", "epsd", "epsd2")
 OF_LAWS: dict[str, tuple[Constant, ...]] = {
     "jkr": (SURFACE_ENERGY,),
     "sjkr": (COHESION_ENERGY_DENSITY,),
+    "eepa": (PLASTICITY_RATIO, SURFACE_ENERGY),
 }

@@ -307,6 +307,8 @@ class Observables:
         azimuth = rows[:, st.AZIMUTH // st.LANES].copy()
         if self._of_clumps:
             azimuth = self._sphere_azimuths(body, wall, rows[:, ct.CENTRE // st.LANES :][:, :3])
+        elif self.physics.parts == st.SPHERES:  # whose contacts need none
+            azimuth = self._sphere_azimuths(body, wall, np.zeros((n, 3)))
         return body, wall, rows[:, :3].copy(), azimuth
 
     def _sphere_azimuths(self, body, wall, centres):

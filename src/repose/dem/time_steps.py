@@ -109,6 +109,5 @@ def _duration(scene, a, b, speed_m_s):
     """Duration of a head-on impact of two shapes [s]."""
     mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
     radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
-    return scene.law.contact_time(
-        scene.materials[a.material], scene.materials[b.material], mass, radius, speed_m_s
-    )
+    materials = scene.materials[a.material], scene.materials[b.material]
+    return scene.law.contact_time(*materials, scene.contacts[a.material, b.material], mass, radius, speed_m_s)

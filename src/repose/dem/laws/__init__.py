@@ -24,6 +24,7 @@ CONTACT_LAWS = Laws(
     linear_spring="linear_spring",
     jkr="jkr",
     sjkr="sjkr",
+    eepa="eepa",
 )
 ROLLING_LAWS = Laws(
     budget="rolling",

@@ -121,13 +121,17 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
     )
 
 
-def contact_time(a: Material, b: Material, mass: float, radius: float, speed: float) -> float:
+def contact_time(
+    a: Material, b: Material, _contact: Contact, mass: float, radius: float, speed: float
+) -> float:
     """Duration of an elastic head-on impact.
 
     Parameters
     ----------
     a, b : Material
         Materials of the two bodies.
+    _contact : Contact
+        Their contact; a law with constants of its own may need it.
     mass : float
         Effective mass m* [kg].
     radius : float

@@ -65,7 +65,7 @@ class Law:
         Of a contact law, text for people: the limit of friction, and the end of an impact; by default those without
         cohesion.
     contact_time : callable, optional
-        (material, material, mass, radius, speed) -> duration of a head-on impact [s], of a contact law.
+        (material, material, contact, mass, radius, speed) -> duration of a head-on impact [s], of a contact law.
     oscillator : callable, optional
         (material, material, contact, tension, radius, overlap) -> stiffness [N/m] and damping ratio of a contact for
         small motions about an overlap, of a contact law.

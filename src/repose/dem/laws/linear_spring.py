@@ -64,7 +64,9 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
     )
 
 
-def contact_time(a: Material, b: Material, mass: float, radius: float, _speed: float) -> float:
+def contact_time(
+    a: Material, b: Material, _contact: Contact, mass: float, radius: float, _speed: float
+) -> float:
     """Duration of an elastic head-on impact; it is the same at any speed.
 
     Parameters

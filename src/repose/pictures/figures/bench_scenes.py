@@ -35,6 +35,10 @@ def lifted_cylinder(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Fig
     dimension(panel, (-radius, over), (radius, over), f"{2 * radius:g}", (0, 1.08 * length), ha="center")
     beside = -1.5 * radius
     dimension(panel, (beside, 0), (beside, length), f"{length:g}", (1.05 * beside, length / 2), ha="right")
+    if (level := own.get("filling_height_mm")) is not None:
+        at = 1.7 * radius
+        panel.plot([-radius, radius], [level, level], color=style.GREY, lw=0.8, ls="--")
+        dimension(panel, (at, 0), (at, level), f"{level:g}", (1.05 * at, level / 2), ha="left")
     speed = f"{own['lifting_mm_s']:g} mm/s"
     _motion(panel, (1.3 * radius, 0.5 * length), (1.3 * radius, 0.8 * length), speed)
     _words(panel, (0, -0.06 * length), f"plate, diameter {own['plate_diameter_mm']:g}")
