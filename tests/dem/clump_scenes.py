@@ -44,13 +44,23 @@ def ball_of_one(radius=RADIUS, material="body"):
     return Clump([[0.0, 0.0, 0.0, radius]], solid.mass_kg, solid.inertia_kg_m2, material)
 
 
-def scene(shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), **keywords):
+def scene(
+    shapes,
+    contact=None,
+    walls=None,
+    dt=1e-5,
+    capacity=2,
+    gravity=(0.0, 0.0, 0.0),
+    body=GOJI,
+    wall=PVC,
+    **keywords,
+):
     """A simulation of named shapes of material "body" among walls of material "wall"."""
     contact = contact or Contact(0.3, 0.5, 0.02)
     keywords.setdefault("lower", (-0.1, -0.1, -0.1))
     keywords.setdefault("upper", (0.1, 0.1, 0.2))
     laws = {("body", "body"): contact, ("body", "wall"): contact}
-    materials = {"body": GOJI, "wall": PVC}
+    materials = {"body": body, "wall": wall}
     return Simulation(
         shapes, materials, laws, dt, capacity=capacity, walls=walls, gravity_m_s2=gravity, **keywords
     )

@@ -2,23 +2,19 @@
 
 import numpy as np
 import pytest
+from dem.clump_scenes import FLOOR, scene
 
-from repose.dem import Contact, Material, Plane, Shape, Simulation
+from repose.dem import Contact, Material, Shape
 from repose.dem.materials import effective_moduli
-
-FLOOR = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
 
 
 def on_floor(
     radius, density, materials, contact, dt, height, velocity=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)
 ):
     """One sphere above a floor."""
-    s = Simulation(
-        {"body": Shape.sphere(radius, density, "body")}, materials,
-        {("body", "body"): contact, ("body", "wall"): contact}, dt,
-        capacity=1, lower=(-0.1, -0.1, -0.1), upper=(0.1, 0.1, 0.1), walls=FLOOR, gravity_m_s2=gravity,
-        contact_law="hertz_mindlin_rescaled", tension="keep",
-    )  # fmt: skip
+    laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "keep"}
+    sphere = Shape.sphere(radius, density, "body")
+    s = scene({"body": sphere}, contact, {"floor": FLOOR}, dt, 1, gravity, **materials, **laws)
     s.add("body", (0.0, 0.0, height), velocity_m_s=velocity)
     return s
 

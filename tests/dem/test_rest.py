@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from dem.common import BERRY, DENSITY, GOJI, PVC
+from dem.clump_scenes import FLOOR, scene
+from dem.common import BERRY, DENSITY
 
-from repose.dem import Clump, Contact, Plane, Shape, Simulation, random_quaternion
+from repose.dem import Clump, Contact, Shape, random_quaternion
 from repose.dem.kernels import state as st
 
 SMALLEST = np.finfo(float).tiny  # smaller numbers are denormal
@@ -25,12 +26,8 @@ def clump():
 
 def left_alone(shape, seconds):
     """A small pile on a plate with lone bodies beside it, after some time."""
-    contact = Contact(0.3, 0.5, 0.05)
-    s = Simulation(
-        {"body": shape}, {"body": GOJI, "wall": PVC}, {("body", "body"): contact, ("body", "wall"): contact}, 2e-4,
-        capacity=24, lower=(-0.1, -0.1, 0.0), upper=(0.1, 0.1, 0.2),
-        walls={"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
-    )  # fmt: skip
+    walls, gravity = {"floor": FLOOR}, (0.0, 0.0, -9.81)
+    s = scene({"body": shape}, Contact(0.3, 0.5, 0.05), walls, 2e-4, 24, gravity, lower=(-0.1, -0.1, 0.0))
     rng = np.random.default_rng(1)
     for k in range(16):
         x, y = 0.012 * (np.array([k % 2, k // 2 % 2]) - 0.5)

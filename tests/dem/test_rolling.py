@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from dem.common import GOJI, PVC
+from dem.clump_scenes import FLOOR, scene
+from dem.common import GOJI
 from scipy.optimize import brentq
 
-from repose.dem import Contact, Material, Plane, Shape, Simulation, random_quaternion
+from repose.dem import Contact, Material, Shape, random_quaternion
 from repose.dem.kernels import body_rotation, body_tile
 from repose.dem.kernels import state as st
 from repose.dem.rotations import rotation_matrix
@@ -78,16 +79,8 @@ def on_a_slope(mur, orientation, downhill):
     """A sphere with the moments of a berry, stiff, at rest on a plane; returns a function that tilts gravity."""
     shape = Shape(np.full((1, 3), RADIUS), 1.25e-3, MOMENTS, "body")
     contact = Contact(0.2, 2.0, mur)
-    simulation = Simulation(
-        {"body": shape},
-        {"body": STIFF, "wall": PVC},
-        {("body", "body"): contact, ("body", "wall"): contact},
-        1e-5,
-        capacity=1,
-        lower=(-0.1, -0.1, -0.1),
-        upper=(0.1, 0.1, 0.1),
-        walls={"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
-    )
+    gravity = (0.0, 0.0, -9.81)
+    simulation = scene({"body": shape}, contact, {"floor": FLOOR}, capacity=1, gravity=gravity, body=STIFF)
     simulation.add("body", (0.0, 0.0, RADIUS), orientation)
     simulation.run_steps(2000)
 

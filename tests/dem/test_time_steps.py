@@ -4,28 +4,30 @@ import math
 
 import numpy as np
 import pytest
+from dem.clump_scenes import scene
 
-from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation, time_steps
+from repose.dem import Clump, Contact, Material, Plane, Shape, time_steps
 from repose.dem.contact_table import pairs_of
 from repose.dem.laws import CONTACT_LAWS, hertz_mindlin, linear_spring
 
 SOFT, HARD = Material(4.3e4, 0.32), Material(1.12e9, 0.4)
 RADIUS_M, MASS_KG = 5e-3, 5e-4
-BALL = Clump([[0.0, 0.0, 0.0, RADIUS_M]], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "berry")
-CONVEX = Shape([[RADIUS_M] * 3], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "berry")
+BALL = Clump([[0.0, 0.0, 0.0, RADIUS_M]], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "body")
+CONVEX = Shape([[RADIUS_M] * 3], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "body")
 
 
 def row(number):
     """A clump of equal spheres in a row, nearly at one place."""
     x = np.linspace(-6e-3, 6e-3, number)
     spheres = np.column_stack([x, 0 * x, 0 * x, np.full(number, RADIUS_M)])
-    return Clump(spheres, MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "berry")
+    return Clump(spheres, MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "body")
 
 
-def scene(restitution=0.3, tension="keep", law="hertz_mindlin", shape=BALL):
-    materials = {"berry": SOFT, "wall": HARD}
+def study(restitution=0.3, tension="keep", law="hertz_mindlin", shape=BALL):
+    """What the longest time step is computed of."""
+    materials = {"body": SOFT, "wall": HARD}
     contact = Contact(restitution, 0.0, 0.0)
-    contacts = pairs_of({("berry", "berry"): contact, ("berry", "wall"): contact}, materials)
+    contacts = pairs_of({("body", "body"): contact, ("body", "wall"): contact}, materials)
     return time_steps.Scene(
         CONTACT_LAWS[law], tension, materials, contacts, {"ball": shape}, frozenset({"wall"})
     )
@@ -35,21 +37,11 @@ def swing(shape, overlap_m, step_s, restitution, tension, monkeypatch):
     """Largest distance from the middle, in the last of many steps, of a body that began 1 um off it, over 1 um."""
     monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
     reach, contact = RADIUS_M - overlap_m, Contact(restitution, 0.0, 0.0)
-    simulation = Simulation(
-        {"ball": shape},
-        {"berry": SOFT, "wall": HARD},
-        {("berry", "berry"): contact, ("berry", "wall"): contact},
-        step_s,
-        capacity=1,
-        lower=(-0.02, -0.02, -0.02),
-        upper=(0.02, 0.02, 0.02),
-        walls={
-            "low": Plane((0.0, 0.0, -reach), (0.0, 0.0, 1.0), "wall"),
-            "high": Plane((0.0, 0.0, reach), (0.0, 0.0, -1.0), "wall"),
-        },
-        gravity_m_s2=(0.0, 0.0, 0.0),
-        tension=tension,
-    )
+    walls = {
+        "low": Plane((0.0, 0.0, -reach), (0.0, 0.0, 1.0), "wall"),
+        "high": Plane((0.0, 0.0, reach), (0.0, 0.0, -1.0), "wall"),
+    }
+    simulation = scene({"ball": shape}, contact, walls, step_s, 1, body=SOFT, wall=HARD, tension=tension)
     simulation.add("ball", (0.0, 0.0, 1e-6))
     simulation.run_steps(390)
     away = 0.0
@@ -63,7 +55,7 @@ def swing(shape, overlap_m, step_s, restitution, tension, monkeypatch):
 @pytest.mark.parametrize(("restitution", "tension"), [(0.05, "release"), (0.3, "keep"), (0.9, "keep")])
 def test_a_pressed_body_is_stable_up_to_the_limit_and_not_beyond(shape, restitution, tension, monkeypatch):
     overlap = 0.1 * RADIUS_M
-    limit = time_steps.pressed(scene(restitution, tension, shape=shape), shape, "wall", overlap_m=overlap)
+    limit = time_steps.pressed(study(restitution, tension, shape=shape), shape, "wall", overlap_m=overlap)
     below = swing(shape, overlap, 0.97 * limit.time_step_s, restitution, tension, monkeypatch)
     beyond = swing(shape, overlap, 1.03 * limit.time_step_s, restitution, tension, monkeypatch)
     assert below < 0.01
@@ -94,10 +86,10 @@ def test_spheres_at_one_place_add_up():
     overlap = 1e-4 * RADIUS_M
     assert BALL.acting_together(overlap) == pytest.approx(1.0)
     assert row(15).acting_together(0.1 * RADIUS_M) == pytest.approx(15.0, rel=0.01)
-    apart = Clump([[-1.0, 0, 0, 0.1], [1.0, 0, 0, 0.1]], 1.0, [1.0, 1.0, 1.0], "berry")
+    apart = Clump([[-1.0, 0, 0, 0.1], [1.0, 0, 0, 0.1]], 1.0, [1.0, 1.0, 1.0], "body")
     assert apart.acting_together(0.05) == pytest.approx(2.0, rel=0.02)  # seen from the side both touch
     one, many = (
-        time_steps.pressed(scene(0.9, shape=s), s, "wall", overlap_m=5e-4) for s in (row(1), row(15))
+        time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4) for s in (row(1), row(15))
     )
     assert many.time_step_s == pytest.approx(one.time_step_s / math.sqrt(15.0), rel=0.02)
     assert "15.0 spheres" in many.reason
@@ -105,7 +97,7 @@ def test_spheres_at_one_place_add_up():
 
 def test_the_flattest_place_of_an_ellipsoid():
     a, b, c = 10e-3, 6e-3, 4e-3
-    ellipsoid = Shape.ellipsoid((a, b, c), 800.0, "berry")
+    ellipsoid = Shape.ellipsoid((a, b, c), 800.0, "body")
     assert ellipsoid.flattest_radius_m == pytest.approx(a * b / c)
     assert CONVEX.flattest_radius_m == pytest.approx(RADIUS_M)
 
@@ -113,10 +105,10 @@ def test_the_flattest_place_of_an_ellipsoid():
 def test_both_limits_go_with_the_scale():
     for number in (1, 40):
         shape = row(number)
-        grown = Clump(3.0 * shape.spheres_m, 27.0 * shape.mass_kg, 243.0 * shape.inertia_kg_m2, "berry")
-        small, large = (time_steps.longest(scene(0.05, "release", shape=s)) for s in (shape, grown))
+        grown = Clump(3.0 * shape.spheres_m, 27.0 * shape.mass_kg, 243.0 * shape.inertia_kg_m2, "body")
+        small, large = (time_steps.longest(study(0.05, "release", shape=s)) for s in (shape, grown))
         assert large.time_step_s == pytest.approx(3.0 * small.time_step_s, rel=1e-9)
-        scaled = time_steps.longest(scene(0.05, "release", shape=grown), smallest_scale=1.0 / 3.0)
+        scaled = time_steps.longest(study(0.05, "release", shape=grown), smallest_scale=1.0 / 3.0)
         assert scaled.time_step_s == pytest.approx(small.time_step_s, rel=1e-9)
         assert "smallest scale, 0.333" in scaled.reason
 
@@ -129,7 +121,7 @@ def test_the_number_that_is_reported_is_allowed():
 
 def test_a_low_restitution_and_a_hard_wall_shorten_the_step():
     many = row(40)
-    free, damped = (time_steps.longest(scene(e, "release", shape=many)).time_step_s for e in (0.9, 0.05))
+    free, damped = (time_steps.longest(study(e, "release", shape=many)).time_step_s for e in (0.9, 0.05))
     assert damped < 0.5 * free
-    between = time_steps.pressed(scene(0.3), BALL, "berry", of_body=True).time_step_s
-    assert time_steps.pressed(scene(0.3), BALL, "wall").time_step_s < between
+    between = time_steps.pressed(study(0.3), BALL, "body", of_body=True).time_step_s
+    assert time_steps.pressed(study(0.3), BALL, "wall").time_step_s < between
