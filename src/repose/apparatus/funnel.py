@@ -286,7 +286,7 @@ def _softer(config, berry, longest_step_s):
         return f"{now}; berry.shear_modulus_pa, {modulus:.3g}, should not be lower"
     longest = longest_step_s({**berry, "shear_modulus_pa": softest})
     return (
-        f"{now}; with berry.shear_modulus_pa {softest:.2g} instead of {modulus:.3g} it sinks by "
+        f"{now}; with berry.shear_modulus_pa {softest:.3g} instead of {modulus:.3g} it sinks by "
         f"{100 * LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
         f"{step / longest:.2g} of the time"
     )
