@@ -62,7 +62,8 @@ def test_a_snapshot_needs_the_products_of_the_strategy_and_no_others(project):
 
 def test_samples_are_run_in_every_bench_test_of_the_targets(project):
     for targets, folders in ((MIXED, ("heaps", "drum_runs")), (MIXED[1:], ("drum_runs",))):
-        (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
+        mine = {"targets": targets, "posterior": {"shape_study": None}}
+        (project / "mine.yaml").write_text(json.dumps(mine))
         words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "dataset")
         jobs = planned(project, *words)
         assert (jobs["pour"], jobs["measure_runs"]) == (14 * len(folders), 14 * len(folders))
