@@ -11,9 +11,10 @@ from test_drum import saved
 from test_simulated_piles import cone_of_berries
 
 from repose.cli import TYPED, VERBS, parser
-from repose.config import loader, reading, stands_on, study
+from repose.config import loader, stands_on, study
 from repose.core.parameters import PARAMETERS
 from repose.core.published import beside
+from repose.core.responses import Response
 from repose.strategies import strategy
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
@@ -81,14 +82,14 @@ def keys_read(tmp_path_factory):
     config = study.Study.load("config/config.yaml", "config/quick.yaml", overrides=SMALL).config
     config["results_dir"] = str(folder)
     loader.write_resolved(config, folder / "config.json")
-    found = {}
+    found, settings = {}, Response.settings
 
     def run(verb, *words, **options):
         """Run a stage as its rule does, without its record of provenance, which reads the listed keys."""
         keys = found.setdefault(words[0] if verb == "propose" else verb, set())
         patch.setattr(study, "read_json", lambda path, what: Noted(config, keys))
         # no result depends on these: files of other definitions are refused, and a rule has its tables as inputs
-        patch.setattr(study, "get", lambda _, key: reading.get(config, key))
+        patch.setattr(Response, "settings", lambda response, _: settings(response, config))
         published = config["validation"]["published"]
         patch.setattr(study.Study, "published", lambda _, table: beside(published, table))
         given = [f"--{key}={value}" for key, value in options.items()]

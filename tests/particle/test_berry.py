@@ -23,13 +23,11 @@ def written(tmp_path, text):
 
 
 def run(out_dir, **changes):
-    arguments = {
-        "sizes_csv": SIZES,
-        "compression_csv": COMPRESSION,
-        "table1_csv": TABLE1,
-        "density_kg_m3": 840.47,
-    }
-    return berry.run(out_dir=out_dir, **(arguments | changes))
+    section = {"sizes": SIZES, "compression": COMPRESSION, "density_kg_m3": 840.47}
+    section |= {"poisson_ratio": None, "shear_modulus_pa": None}
+    section |= changes
+    berry.run(section, TABLE1, out_dir)
+    return berry.of_settings(section, TABLE1)
 
 
 def test_equation_1_by_hand():
@@ -85,14 +83,14 @@ def test_run_writes_both_files(tmp_path):
 
 
 def test_given_moduli_replace_the_measured_ones(tmp_path):
-    _, record = run(tmp_path, compression_csv=None, poisson_ratio=0.25, shear_modulus_pa=2e4)
+    _, record = run(tmp_path, compression=None, poisson_ratio=0.25, shear_modulus_pa=2e4)
     assert (record["poisson_ratio"], record["shear_modulus_pa"]) == (0.25, 2e4)
     assert record["elastic_modulus_pa"] == pytest.approx(5e4)
     _, record = run(tmp_path, shear_modulus_pa=2e4)
     assert record["poisson_ratio"] == pytest.approx(0.32, abs=0.005)
     assert record["shear_modulus_pa"] == 2e4
     with pytest.raises(InputError, match="compression"):
-        run(tmp_path, compression_csv=None, poisson_ratio=0.25)
+        run(tmp_path, compression=None, poisson_ratio=0.25)
 
 
 def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
@@ -101,7 +99,7 @@ def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
     )
     path = written(tmp_path, text)
     assert berry.read_sizes(path).loc[2].to_dict() == {"long_mm": 22.0, "major_mm": 11.0, "minor_mm": 8.0}
-    _, record = run(tmp_path, sizes_csv=path, compression_csv=None, poisson_ratio=0.3, shear_modulus_pa=1e4)
+    _, record = run(tmp_path, sizes=path, compression=None, poisson_ratio=0.3, shear_modulus_pa=1e4)
     assert record["reconstruction"] is False
     assert record["n"] == 2
     assert record["long_mm"] == 21.0

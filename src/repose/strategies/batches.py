@@ -56,8 +56,11 @@ def run_conclude(name: str, study: Studied, folders: Sequence[Path_], out_dir: P
     `folders` hold all batches, the one of the answer last. Besides the files of `answer.write` these are batches.csv, a
     row for each proposal, dataset.csv and runs.csv of all batches, and the notes that `Strategy.files` names.
     """
+    files, out = strategy(name).files, Path(out_dir)
+    if len(folders) < 2:
+        raise InputError(folders[0], "batches", 1, "the folders of all batches, that of the answer last")
     proposals = [_proposal(folder) for folder in folders[1:]]
-    found, out = proposals[-1], Path(out_dir)
+    found = proposals[-1]
     if not found["answer"]:
         raise InputError(Path(folders[-1]) / PROPOSAL, "answer", False, "true in the last folder")
     dataset, runs = tables_of(folders[:-1], study.targets)
@@ -66,7 +69,7 @@ def run_conclude(name: str, study: Studied, folders: Sequence[Path_], out_dir: P
     check = answer.write(found, checked, study, out)
     for key, table in {"batches": _batches(proposals), "dataset": dataset, "runs": runs}.items():
         write_table(out / f"{key}.csv", table)
-    for file in strategy(name).files:
+    for file in files:
         note = found["notes"][Path(file).stem]
         if file.endswith(".csv"):
             write_table(out / file, pd.DataFrame(note))
