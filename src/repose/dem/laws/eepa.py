@@ -50,7 +50,7 @@ from .hertz_mindlin import (
 from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
 from .hertz_mindlin_rescaled import LAW as RESCALED
 from .law import ELASTIC, KEEP, Law
-from .tangential import limited, slip
+from .tangential import add_forces, slip
 
 L = st.LANES
 TINY = 1e-300  # keeps unused lanes finite
@@ -157,11 +157,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
         limit = abs((force if friction_limit == ELASTIC else fn) + floor)
         stiffness = t[TANGENTIAL_STIFFNESS + k] * circle
         damping = t[TANGENTIAL_DAMPING + k] * viscous
-        cut, fx, fy, fz = limited(t, c, spring, k, stiffness, damping, t[FRICTION + k] * limit)
-        t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
-        t[tl.TO_A + L + k] = -fn * c[st.NORMAL + L + k] - cut * fy
-        t[tl.TO_A + 2 * L + k] = -fn * c[st.NORMAL + 2 * L + k] - cut * fz
-        t[tl.PUSH + k] = limit
+        add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], stiffness, damping)
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:

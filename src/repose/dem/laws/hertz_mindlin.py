@@ -35,7 +35,7 @@ from ..kernels.rows import Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .law import Law
-from .tangential import limited, normal_forces, slip
+from .tangential import add_forces, normal_forces, slip
 
 L = st.LANES
 
@@ -219,11 +219,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
         fn, limit = normal_forces(elastic, damped, tension, friction_limit)
         stiffness = t[TANGENTIAL_STIFFNESS + k] * circle
         damping = t[TANGENTIAL_DAMPING + k] * viscous
-        cut, fx, fy, fz = limited(t, c, spring, k, stiffness, damping, t[FRICTION + k] * limit)
-        t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
-        t[tl.TO_A + L + k] = -fn * c[st.NORMAL + L + k] - cut * fy
-        t[tl.TO_A + 2 * L + k] = -fn * c[st.NORMAL + 2 * L + k] - cut * fz
-        t[tl.PUSH + k] = limit
+        add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], stiffness, damping)
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:

@@ -28,7 +28,7 @@ from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .hertz_mindlin import damping_ratio
 from .law import Law
-from .tangential import limited, normal_forces, slip
+from .tangential import add_forces, normal_forces, slip
 
 L = st.LANES
 SECANT = 0.01  # overlap over effective radius at which the spring is as stiff as Hertz's contact
@@ -145,11 +145,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         fn, limit = normal_forces(elastic, damped, law.tension, law.friction_limit)
         ratio = t[TANGENTIAL_RATIO + k]
         damping = t[DAMPING + k] * math.sqrt(ratio) * viscous
-        cut, fx, fy, fz = limited(t, c, spring, k, ratio * stiffness, damping, t[FRICTION + k] * limit)
-        t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
-        t[tl.TO_A + L + k] = -fn * c[st.NORMAL + L + k] - cut * fy
-        t[tl.TO_A + 2 * L + k] = -fn * c[st.NORMAL + 2 * L + k] - cut * fz
-        t[tl.PUSH + k] = limit
+        add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], ratio * stiffness, damping)
 
 
 LAW = Law(

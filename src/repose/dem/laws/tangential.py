@@ -104,41 +104,39 @@ def normal_forces(elastic: float, damped: float, tension: int, friction_limit: i
 
 
 @inlined
-def limited(
+def add_forces(
     t: np.ndarray,
     c: np.ndarray,
     spring: int,
     k: int,
+    fn: float,
+    limit: float,
+    friction: float,
     stiffness: float,
     damping: float,
-    cap: float,
-) -> tuple[float, float, float, float]:
-    """Tangential force of one lane that Coulomb's limit leaves.
+) -> None:
+    """The forces of one lane: the normal one, and the tangential one that Coulomb's limit leaves.
 
     The limit cuts the spring first, then the sum of spring and dashpot.
 
     Parameters
     ----------
     t : numpy.ndarray
-        Tile of 32 contacts, with the velocity in row V.
+        Tile of 32 contacts, with the velocity in row V; its rows TO_A and PUSH are written.
     c : numpy.ndarray
         Tile of the quantities that the contacts keep from step to step; the spring in it is cut.
     spring : int
         Place of the spring's first row in `c`.
     k : int
         The lane.
+    fn, limit : float
+        The normal force, and the one that limits friction and rolling [N].
+    friction : float
+        Coefficient of static friction.
     stiffness, damping : float
         Of the tangential spring [N/m], and of the dashpot [N s/m].
-    cap : float
-        Coulomb's limit [N].
-
-    Returns
-    -------
-    cut : float
-        Share that the second cut leaves.
-    fx, fy, fz : float
-        Sum of spring and dashpot before that cut [N].
     """
+    cap = friction * limit
     ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
     gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
     cut = cap * rsqrt(gx * gx + gy * gy + gz * gz)
@@ -151,4 +149,7 @@ def limited(
     fz = cut * gz + damping * t[tl.V + 2 * L + k]
     cut = cap * rsqrt(fx * fx + fy * fy + fz * fz)
     cut = cut if cut < 1.0 else 1.0
-    return cut, fx, fy, fz
+    t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
+    t[tl.TO_A + L + k] = -fn * c[st.NORMAL + L + k] - cut * fy
+    t[tl.TO_A + 2 * L + k] = -fn * c[st.NORMAL + 2 * L + k] - cut * fz
+    t[tl.PUSH + k] = limit
