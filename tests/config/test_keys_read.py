@@ -24,7 +24,7 @@ SEVERAL = (
     "sequential",
     "response_surface",
     "refined",
-)  # strategies; each proposes by a stage of this name here
+)  # strategies; here each proposes by a stage of its name
 LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SMALL = {
     "surrogate": "gaussian_process",

@@ -77,10 +77,8 @@ def contradictions(config: Config) -> Iterator[tuple[str, str]]:
     smallest = min(section["diameter_mm"], section["height_mm"])
     if section["core_margin_mm"] >= smallest / 2:
         yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
-    targets = config.get("targets")
-    meant = (
-        [t for t in targets if isinstance(t, Mapping)] if isinstance(targets, list) else []
-    )  # checked elsewhere
+    targets = config.get("targets")  # their form is checked elsewhere
+    meant = [t for t in targets if isinstance(t, Mapping)] if isinstance(targets, list) else []
     if not section.get("taps") and any(t.get("response") == "tapped_density_kg_m3" for t in meant):
         yield f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"
 

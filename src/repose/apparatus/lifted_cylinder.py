@@ -83,7 +83,7 @@ class Settings(Poured):
     def contradictions(self) -> Contradictions:
         """Neither or both of the two keys that say how much is filled in."""
         if self.berries is self.filling_height_mm is ABSENT:
-            yield "filling_height_mm", "1 to 5000, or berries, 1 to 20000, in its place"
+            yield "filling_height_mm", f"1 to 5000, or berries, 1 to {MOST_BERRIES}, in its place"
         elif ABSENT not in (self.berries, self.filling_height_mm):
             yield "filling_height_mm", "no such key beside berries, which gives the level already"
 

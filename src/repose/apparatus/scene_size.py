@@ -21,11 +21,8 @@ LENGTHS = (
     "plate_diameter_mm",
     "tube_length_mm",
 )
-COMPUTED = (
-    "factory_diameter_mm",
-    "factory_height_mm",
-    "duration_s",
-)  # follow from the others of a smaller scene
+# What follows from the other keys of a smaller scene.
+COMPUTED = ("factory_diameter_mm", "factory_height_mm", "duration_s")
 # What a smaller scene has to say.
 PASTED = (
     *LENGTHS,

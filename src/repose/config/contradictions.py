@@ -48,11 +48,10 @@ def used_tests(config: Mapping[str, Any]) -> list[BenchTest]:
 def _of_the_surrogate(config):
     """Fewer samples for training than the surrogate needs."""
     free = ParameterSpace.of(config["parameters"]).dimensions
-    needed = {name: kind_of(name).least_samples(free) for name in surrogates()}
     training = int(config["network"]["split"][0] * config["design"]["samples"] + 1e-9)
-    least = needed[config["surrogate"]]
+    least = kind_of(config["surrogate"]).least_samples(free)
     if training < least:
-        fitting = " or ".join(name for name in needed if needed[name] <= training)
+        fitting = " or ".join(name for name in surrogates() if kind_of(name).least_samples(free) <= training)
         yield "surrogate", f"{fitting} where design.samples times the first of network.split is below {least}"
 
 

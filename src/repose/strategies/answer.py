@@ -20,9 +20,8 @@ from repose.strategies.base import Answer, Studied
 def content(best: Answer, study: Studied) -> dict[str, Any]:
     """An answer as `repose.strategies.batches` keeps it until it is simulated again."""
     targets = study.targets
-    if (
-        best.simulated and best.model is not None
-    ):  # its mean is of these runs, which the check compares with the model
+    # The mean of an answer that was simulated is of these runs; the check compares them with the model.
+    if best.simulated and best.model is not None:
         point = best.values[None]
         mean, covariance = best.model.predict(point)[0], best.model.covariance(point)[0]
         best = replace(best, mean=mean, covariance=covariance)
@@ -47,15 +46,11 @@ def write(
     table = pd.DataFrame(found["solutions"])
     best = table.loc[0, [*study.parameters.names, *targets.predicted]].astype(float).to_dict()
     row = {"sample": 1, "solution": "1", "role": "representative", **best, **_simulated(checked, targets)}
-    check = _check(row, found["predicted_error"], targets)
-    summary = {name: found[name] for name in ("feasible", "message")} | {"representative": best}
+    own = notes.get("check")
+    check = _check(row, found["predicted_error"], targets) if own is None else pd.DataFrame(own)
+    summary = {name: found[name] for name in ("feasible", "message", "why", "pours")}
+    summary |= {"representative": best, "check_pours": pours, **notes.get("summary", {})}
     summary["steps"] = [*notes.get("steps", ()), f"Check: the answer was poured {pours} more times."]
-    summary |= {
-        "why": found["why"],
-        "pours": found["pours"],
-        "check_pours": pours,
-        **notes.get("summary", {}),
-    }
     runs = {bench: of_bench(checked, bench).to_dict("records") for bench in targets.apparatus}
     physical = validate.against_physical(pd.Series(row), targets)
     tables = {"solutions": table, "table4": validate.table4(pd.DataFrame([row]), targets.responses)}

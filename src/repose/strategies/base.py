@@ -93,7 +93,8 @@ class Answer:
         The model over the whole ranges; None if the strategy has none.
     notes : mapping
         As in `Batch`. The workflow writes those that `Strategy.files` names, and puts `summary`, a mapping, into the
-        answer's summary, `steps`, sentences, into the report, and `note`, a sentence, behind the message.
+        answer's summary, `steps`, sentences, into the report, and `note`, a sentence, behind the message; `check` is a
+        table in place of the ordinary `check.csv`.
     simulated : tuple of int
         Samples of the last batch that simulated the answer already; without any, `samples` are simulated to check it.
     """

@@ -67,11 +67,7 @@ for name in BATCHED:
             batches=f"{RESULTS}/{name}/batches.csv",
             dataset=f"{RESULTS}/{name}/dataset.csv",
             runs=f"{RESULTS}/{name}/runs.csv",
-            own=[
-                f"{RESULTS}/{name}/{file}"
-                for file in strategies.strategy(name).files
-                if file != "check.csv"
-            ],
+            own=[f"{RESULTS}/{name}/{file}" for file in strategies.strategy(name).files],
         log:
             f"{RESULTS}/logs/{name}/concluded.log",
         resources:

@@ -62,29 +62,13 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 def _probability(panel: Axes, batches: Any, section: Mapping[str, Any]) -> None:
     """Probability after each batch, the probability that the remaining pours can reach, and the required one."""
-    panel.plot(
-        batches["pours"],
-        batches["probability"],
-        "o-",
-        ms=4,
-        color=style.BLUE,
-        label="probability of the best point",
-    )
-    panel.plot(
-        batches["pours"],
-        batches["reachable"],
-        ls=":",
-        color=style.GREY,
-        label="the most that the pours left can make of it",
-    )
-    panel.plot(
-        batches["pours"],
-        batches["in_reach"],
-        "s-",
-        ms=3,
-        color=style.ORANGE,
-        label="probability that any set meets them",
-    )
+    lines = {
+        "probability": ("o-", 4, style.BLUE, "probability of the best point"),
+        "reachable": (":", 4, style.GREY, "the most that the pours left can make of it"),
+        "in_reach": ("s-", 3, style.ORANGE, "probability that any set meets them"),
+    }
+    for name, (look, size, colour, label) in lines.items():
+        panel.plot(batches["pours"], batches[name], look, ms=size, color=colour, label=label)
     panel.axhline(section["probability"], color=style.RED, ls="--", lw=0.9, label="probability asked for")
     panel.set(xlabel="pours", ylabel="probability", ylim=(-0.03, 1.02))
     panel.set_title(f"All targets within {section['tolerance_percent']:g} %")

@@ -78,7 +78,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return _batch(follow(study, data, number + 1), {"row": verdict, "why": why})
     why = why_stopped(verdict, section["rounds"], targets, before)
     best = answer_of(study, now.model, now.inversion, data, why, section["seeds"])
-    best = replace(best, notes={**best.notes, "row": verdict, **_told(verdict, why, study)})
+    best = replace(best, notes={**best.notes, "row": verdict, **_end(verdict, why, study)})
     return _simulated(best, study, now.proposal, data)
 
 
@@ -88,7 +88,7 @@ def _batch(following, notes):
     return Batch(following.proposal, notes | found)
 
 
-def _told(verdict, why, study):
+def _end(verdict, why, study):
     """The end of the rounds, for the summary and the report."""
     solution = {name: verdict[name] for name in study.parameters.names}
     met, claimed = verdict["outcome"] == "within", claim(verdict, study.targets)

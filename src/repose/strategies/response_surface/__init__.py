@@ -37,7 +37,7 @@ class ResponseSurface(Strategy):
     repeats_points = True
     files = (
         *(f"{step}_{table}.csv" for step in ("screening", "surface") for table in FITTED),
-        *("screening.json", "path.csv", "surface.csv", "predictions.csv", "optimum.json", "check.csv"),
+        *("screening.json", "path.csv", "surface.csv", "predictions.csv", "optimum.json"),
     )
     reads = ("parameters", "targets", "design.seed", "response_surface", "miga.solutions", "miga.distance")
 

@@ -44,7 +44,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     best = answer(study, data)
     if advice.stop == "out_of_reach":
         best = _at(advice.answer, best, study, data)
-    return replace(best, why=WHY[advice.stop], notes=notes | _told(notes, study, data))
+    return replace(best, why=WHY[advice.stop], notes=notes | _end(notes, study, data))
 
 
 def answer(study: Studied, data: pd.DataFrame) -> Answer:
@@ -142,7 +142,7 @@ def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
     return {**state, "nearest": nearest, "answer": answer, "row": row | answer, "why": why}
 
 
-def _told(notes, study, data):
+def _end(notes, study, data):
     """The end of the search, for the summary and the report."""
     section = study.config["sequential"]
     kept = ("answer", "probability", "stop", "needed", "in_reach", "nearest")
@@ -153,11 +153,11 @@ def _told(notes, study, data):
         f"Model: kriging of the samples' means with their known errors. The answer lies within "
         f"{tolerance:g} % of all targets with probability {notes['probability']:.2f}.",
     )
-    told = {
+    end = {
         "summary": {name: notes[name] for name in kept} | {"tolerance_percent": tolerance},
         "steps": steps,
     }
-    return told | ({"note": _out_of_reach(notes, study.targets)} if notes["stop"] == "out_of_reach" else {})
+    return end | ({"note": _out_of_reach(notes, study.targets)} if notes["stop"] == "out_of_reach" else {})
 
 
 def _out_of_reach(notes, targets):
