@@ -9,6 +9,7 @@ from dem.common import GOJI, simulation
 from repose.dem import Contact, Material
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
+from repose.dem.kernels.jit import JIT_OFF
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, hertz_mindlin, linear_spring
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
@@ -150,6 +151,7 @@ print(before, folder())
 """
 
 
+@pytest.mark.skipif(JIT_OFF, reason="there is no compiled code")
 def test_a_law_from_outside_has_compiled_code_of_its_own(tmp_path):
     """Numba's index names the module of each law, so what is compiled with it is of no use to other programs."""
     script, helper = tmp_path / "own_law.py", tmp_path / "own_helper.py"
