@@ -66,7 +66,7 @@ SHORT = Procedure(RPM, (0.65, 0.3), 0.3, 4e5)
 # shift is added to all of its runs, as if it were the same for all parameters, and they give the next point.
 STEPS, SEEDS_OF_STEP = 2, (1, 2)
 FRESH = range(6001, 6004)  # seeds of the answer
-PREDICTED_RPM = (30, 10)
+PREDICTED_RPM, PREDICTED_SEEDS = (30, 10), (6001,)
 
 
 def as_published(rpm: int) -> Procedure:
@@ -146,15 +146,20 @@ def screened() -> tuple[Study, calibration.Calibration]:
     return study, study.answer()
 
 
-def corrected(study: Study, screening: calibration.Calibration) -> calibration.Calibration:
+def corrected(
+    study: Study, screening: calibration.Calibration
+) -> tuple[calibration.Calibration, list[list[dict]]]:
     """The answer for drums that turn as published, from the screening, some such drums and the shift between both.
+
+    With it come the drums of each step.
 
     It ends when the drums of a step are as near to both surfaces as the published answer.
     """
-    answer, tables, shifts = screening, [], []
+    answer, tables, shifts, turned_in_steps = screening, [], [], []
     for step in range(1, STEPS + 1):
         best = answer.parameters
         drums = drums_as_published(f"step_{step}", best, SEEDS_OF_STEP)
+        turned_in_steps.append(drums)
         found = pd.DataFrame([scores(study, heights) for heights in drums])
         shifts += [found - screening.model.predict(np.array([[*best.values()]]))]
         sample = study.runs["sample"].astype(int).max() + step
@@ -164,7 +169,7 @@ def corrected(study: Study, screening: calibration.Calibration) -> calibration.C
         print(f"step {step}: {best}", off.to_string(), calibration.describe(answer), sep="\n", flush=True)
         if all(off["single_runs_rms_mm"][rpm] <= WITHIN_MM[rpm] for rpm in RPM):
             break
-    return answer
+    return answer, turned_in_steps
 
 
 def with_shift(study: Study, tables: list[pd.DataFrame], shift: pd.Series) -> calibration.Calibration:
@@ -197,12 +202,21 @@ def compared(checks: list[dict]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def predicted(drums: list[dict]) -> pd.DataFrame:
-    """Surfaces at speeds that nobody used, with a band of two standard deviations of a drum [mm]."""
+def predicted(drums: list[dict], repeated: list[list[dict]], off: pd.DataFrame) -> pd.DataFrame:
+    """Surfaces at speeds that nobody used, with their bands [mm].
+
+    The half width of a band is twice the root of the sum of two squares: the standard deviation of a drum, pooled over
+    all drums that were repeated, and the error of the answer's mean surfaces at the speeds of the calibration.
+    """
+    scatter = [
+        np.nanmean(np.var([one[rpm] for one in drums_of], axis=0, ddof=1))
+        for drums_of in repeated
+        for rpm in RPM
+    ]
+    half = 2 * math.sqrt(np.mean(scatter) + np.mean(np.square(off["mean_rms_mm"])))
     tables = []
     for rpm in sorted(PREDICTED_RPM):
-        lines = np.array([heights[rpm] for heights in drums])
-        mean, half = lines.mean(axis=0), 2 * rms(lines.std(axis=0, ddof=1))
+        mean = np.mean([heights[rpm] for heights in drums], axis=0)
         columns = {"x_mm": X_MM, "predicted_mm": mean, "low_mm": mean - half, "high_mm": mean + half}
         tables.append(pd.DataFrame({"rpm": rpm, **columns}))
     return pd.concat(tables).round(2)
@@ -211,7 +225,7 @@ def predicted(drums: list[dict]) -> pd.DataFrame:
 def main() -> None:
     """Screen, correct, check the answer with fresh seeds, predict the other speeds."""
     study, screening = screened()
-    answer = corrected(study, screening)
+    answer, steps = corrected(study, screening)
     calibration.write(answer, OUT)
     own.write(answer, OUT / "report.html")
     fresh = drums_as_published("fresh", answer.parameters, FRESH)
@@ -219,8 +233,8 @@ def main() -> None:
     write_table(OUT / "compared.csv", off)
     print(off.to_string(index=False), flush=True)
     draw_figure(study, answer, fresh)
-    others = drums_as_published("fresh", answer.parameters, FRESH, PREDICTED_RPM)
-    write_table(OUT / "predicted.csv", predicted(others))
+    others = drums_as_published("fresh", answer.parameters, PREDICTED_SEEDS, PREDICTED_RPM)
+    write_table(OUT / "predicted.csv", predicted(others, [*steps, fresh], off))
     minutes = {path.stem: read_json(path)["minutes"] for path in sorted((OUT / "drums").glob("*.json"))}
     used = {name: value for name, value in minutes.items() if name.startswith(("run", "step"))}
     runs = sum(2 if name.startswith("run") else 1 for name in used)
