@@ -2,9 +2,11 @@
 
     python examples/granudrum/granudrum.py
 
-turns one drum with the published parameters, and compares its surface with the measured and the published one.
+turns drums with the published parameters, and compares their surfaces with the measured and the published ones.
 """
 
+import argparse
+import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -109,14 +111,21 @@ def _sites(spacing_m):
 
 
 def main() -> None:
-    """The published parameters in this engine: how far its surface is off both lines."""
+    """The published parameters in this engine: how far its surfaces are off both lines."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--rpm", type=float, nargs="+", default=[45, 15])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
+    parser.add_argument("--young-pa", type=float, default=YOUNG_PA, help="5e6 is published")
+    asked = parser.parse_args()
     data = pd.read_csv(Path(__file__).with_name("surface.csv"), comment="#", index_col="x_mm").loc[-24:24]
-    for rpm in (45, 15):
-        (line,) = surfaces(drum(**PUBLISHED, seed=1), (rpm,), data.index)
+    for rpm, seed in itertools.product(asked.rpm, asked.seeds):
+        (line,) = surfaces(drum(**PUBLISHED, seed=seed, young_pa=asked.young_pa), (rpm,), data.index)
         for of in ("measured", "theirs"):
-            off = line - data[f"{of}_{rpm}rpm_mm"]
+            off = line - data[f"{of}_{rpm:g}rpm_mm"]
             print(
-                f"{rpm} rpm, {of}: root mean square {math.sqrt((off**2).mean()):.2f} mm, mean {off.mean():+.2f} mm"
+                f"{rpm:g} rpm, seed {seed}, {asked.young_pa:g} Pa, {of}: "
+                f"root mean square {math.sqrt((off**2).mean()):.2f} mm, mean {off.mean():+.2f} mm",
+                flush=True,
             )
 
 
