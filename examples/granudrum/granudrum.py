@@ -2,7 +2,8 @@
 
     python examples/granudrum/granudrum.py
 
-turns drums with the published parameters, and compares their surfaces with the measured and the published ones.
+turns drums with the published parameters, and compares their surfaces with the measured and the published ones. With
+`--files FOLDER` it reads the grains of the published run (`post` of TrialSimulations/sim0144_45rpm in its repository).
 """
 
 import argparse
@@ -109,6 +110,25 @@ def occupied_shares(
         yield bed.occupied_share(np.array(frames), upright, grain, *view, simulation.scales)
 
 
+def published_shares(folder: Path) -> np.ndarray:
+    """The same share for the published run, from the grains in its own files."""
+    shares, grain = [], Shape.sphere(1.0, DENSITY_KG_M3, "mcc")
+    for path in sorted(folder.glob("particles_*.vtk")):
+        data = path.read_bytes()
+        number = int(data.split(b"POINTS ")[1].split()[0])
+        at = data.index(b"float\n") + len(b"float\n")
+        centres = np.frombuffer(data, ">f4", 3 * number, at).reshape(1, -1, 3) * (
+            -1.0,
+            -1.0,
+            1.0,
+        )  # it turns back
+        at = data.index(b"double\n", data.index(b"\nradius ")) + len(b"double\n")
+        radii = np.frombuffer(data, ">f8", number, at).astype(float)
+        upright = np.broadcast_to((1.0, 0.0, 0.0, 0.0), (1, number, 4))
+        shares += [bed.occupied_share(centres, upright, grain, DRUM.radius_m, MM_PER_PIXEL, radii)]
+    return np.mean(shares, axis=0)
+
+
 def line(occupied: np.ndarray, x_mm: np.ndarray, covered: float) -> np.ndarray:
     """Heights [mm] of the line on which the bed covers a share of the frames."""
     return 1e3 * bed.surface_heights(occupied, covered, -1e-3 * np.asarray(x_mm), DRUM.radius_m, MM_PER_PIXEL)
@@ -132,16 +152,22 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--young-pa", type=float, default=YOUNG_PA, help="5e6 is published")
     parser.add_argument("--inserted", action="store_true", help="sizes that the published run inserted")
+    parser.add_argument(
+        "--files", type=Path, help="the published run's own grains at the speed of --rpm, not a drum"
+    )
     asked = parser.parse_args()
     shares = INSERTED if asked.inserted else SHARES
     data = pd.read_csv(Path(__file__).with_name("surface.csv"), comment="#", index_col="x_mm").loc[-24:24]
-    for rpm, seed in itertools.product(asked.rpm, asked.seeds):
-        simulation = drum(**PUBLISHED, seed=seed, young_pa=asked.young_pa, shares=shares)
-        (occupied,) = occupied_shares(simulation, (rpm,), (TURNED_S,), AVERAGED_S)
+    for rpm, seed in itertools.product(asked.rpm, [0] if asked.files else asked.seeds):
+        if asked.files:
+            occupied = published_shares(asked.files)
+        else:
+            simulation = drum(**PUBLISHED, seed=seed, young_pa=asked.young_pa, shares=shares)
+            (occupied,) = occupied_shares(simulation, (rpm,), (TURNED_S,), AVERAGED_S)
         for covered, of in itertools.product((COVERED, 0.5), ("measured", "theirs")):
             off = line(occupied, data.index, covered) - data[f"{of}_{rpm:g}rpm_mm"]
             print(
-                f"{rpm:g} rpm, seed {seed}, {covered:.0%} of frames, {of}: "
+                f"{rpm:g} rpm, {asked.files or f'seed {seed}'}, {covered:.0%} of frames, {of}: "
                 f"root mean square {math.sqrt((off**2).mean()):.2f} mm, mean {off.mean():+.2f} mm",
                 flush=True,
             )
