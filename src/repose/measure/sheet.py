@@ -77,7 +77,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
         vmin=0,
         vmax=255,
         extent=extent,
-        interpolation="nearest",
+        interpolation="none",
         aspect="auto",
     )
     axes.add_patch(_rectangle((left, bottom), wide, high))
