@@ -59,8 +59,7 @@ def test_berries_appear_clear_of_the_walls():
     whole, radius = drum.Drum(0.095, 0.34), PARTICLE.bounding_radius_m
     strip = whole.factory(0.04, radius)
     assert math.hypot(strip.half_x_m, strip.height_m) == pytest.approx(0.095 - radius)
-    rng = np.random.default_rng(0)
-    places = strip.draw(rng, 200)
+    places = strip.places(np.random.default_rng(0).random((200, 2)))
     assert (np.hypot(places[:, 0], places[:, 2]) <= 0.095 - radius + 1e-12).all()
     assert np.abs(places[:, 1]).max() <= 0.17 - radius
     with pytest.raises(ValueError, match=r"height_m is 0\.09"):

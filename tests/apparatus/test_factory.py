@@ -22,7 +22,7 @@ def crowd(rng, n):
 def slow_place(rng, simulation, factory):
     """The same, one place after another."""
     for _ in range(PLACES_TRIED):
-        place = factory.draw(rng, 1)[0]
+        place = np.array(factory.place(*rng.random(2)))
         others = simulation.positions[simulation.present]
         if all(np.linalg.norm(place - other) > 2.0 * RADIUS for other in others):
             return place
@@ -44,22 +44,23 @@ def test_the_place_is_the_first_free_one_and_no_other_is_drawn(factory, berries)
 
 
 @pytest.mark.parametrize("factory", FACTORIES)
-def test_many_points_are_those_that_come_one_by_one(factory):
-    one, many = np.random.default_rng(3), np.random.default_rng(3)
-    assert np.array_equal(np.concatenate([factory.draw(one, 1) for _ in range(50)]), factory.draw(many, 50))
+def test_all_points_at_once_are_the_single_ones(factory):
+    numbers = np.random.default_rng(3).random((50, 2))
+    single = [factory.place(*pair) for pair in numbers]
+    assert factory.places(numbers) == pytest.approx(np.array(single), rel=1e-12, abs=1e-15)
 
 
-def test_a_blocked_factory_draws_twice_and_not_for_every_place():
+def test_a_blocked_factory_looks_at_all_places_at_once():
     class Counting(Disc):
-        draws = 0
+        single = 0
 
-        def draw(self, rng, n):
-            Counting.draws += 1
-            return super().draw(rng, n)
+        def place(self, first, second):
+            Counting.single += 1
+            return super().place(first, second)
 
     simulation = crowd(np.random.default_rng(1), 300)
     assert free_place(np.random.default_rng(2), simulation, Counting(0.03, 0.2)) is None
-    assert Counting.draws == 2
+    assert Counting.single == 1
 
 
 @pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])

@@ -19,6 +19,8 @@ from repose.measure.settings import MeasureSettings
 FEW = 1, 9, 10, 14, 15, 24
 
 
+@pytest.mark.slow
+@pytest.mark.essential
 def test_few_of_the_sixty(tmp_path):
     made = [sixty.outcome(number, tmp_path) for number in FEW]
     assert sixty.silent(made) == []
@@ -34,6 +36,8 @@ def test_all_sixty(tmp_path):
     assert len(sixty.lost(made)) <= 5
 
 
+@pytest.mark.slow
+@pytest.mark.essential
 def test_white_rice_before_grey_is_measured_by_its_roughness(tmp_path, monkeypatch):
     one = rice.measured(8103, tmp_path)
     assert (np.abs(rice.off(8103, one)) < sixty.WRONG).all()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from repose.dem.rotations import random_quaternion, rotation_matrix
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 # Random places that are tried for a new berry before the factory waits a time step.
 PLACES_TRIED = 200
 LIKELY_PACKING = 0.6  # share of a bed that is solid
+ALMOST = 1.0 - 1e-9  # of a square of a distance: the last digits of `Factory.places` are not sure
 
 
 class Factory(Protocol):
@@ -26,8 +28,11 @@ class Factory(Protocol):
     def height_m(self) -> float:
         """Its height [m]."""
 
-    def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Uniformly random points (n, 3) of the factory [m]: two numbers for each, one point after another."""
+    def place(self, first: float, second: float) -> tuple[float, float, float]:
+        """The point [m] of two uniformly random numbers between 0 and 1, the same to the bit on every processor."""
+
+    def places(self, numbers: np.ndarray) -> np.ndarray:
+        """All points (N, 3) of numbers (N, 2) at once [m]; their last digits may be others."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +42,15 @@ class Disc:
     radius_m: float
     height_m: float
 
-    def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Uniformly random points (n, 3) of the disc [m]."""
-        places = []
-        for radius, turn in rng.random((n, 2)).tolist():
-            r, angle = self.radius_m * math.sqrt(radius), 2.0 * math.pi * turn
-            places.append((r * math.cos(angle), r * math.sin(angle), self.height_m))
-        return np.array(places)
+    def place(self, first: float, second: float) -> tuple[float, float, float]:
+        """A point (3,) of the disc [m]."""
+        r, angle = self.radius_m * math.sqrt(first), 2.0 * math.pi * second
+        return r * math.cos(angle), r * math.sin(angle), self.height_m
+
+    def places(self, numbers: np.ndarray) -> np.ndarray:
+        """Points (N, 3) of the disc [m]."""
+        r, angle = self.radius_m * np.sqrt(numbers[:, 0]), 2.0 * math.pi * numbers[:, 1]
+        return np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(len(r), self.height_m)])
 
 
 @dataclass(frozen=True)
@@ -54,28 +61,38 @@ class Strip:
     half_y_m: float
     height_m: float
 
-    def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Uniformly random points (n, 3) of the strip [m]."""
-        x, y = rng.uniform(-1.0, 1.0, (n, 2)).T
-        return np.column_stack([self.half_x_m * x, self.half_y_m * y, np.full(n, self.height_m)])
+    def place(self, first: float, second: float) -> tuple[float, float, float]:
+        """A point (3,) of the strip [m]."""
+        return self.half_x_m * (2.0 * first - 1.0), self.half_y_m * (2.0 * second - 1.0), self.height_m
+
+    def places(self, numbers: np.ndarray) -> np.ndarray:
+        """Points (N, 3) of the strip [m]."""
+        x, y = 2.0 * numbers.T - 1.0
+        return np.column_stack([self.half_x_m * x, self.half_y_m * y, np.full(len(x), self.height_m)])
 
 
 def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
     """A random point (3,) of a factory [m] where a new berry cannot touch another; None if none was found."""
-    place = factory.draw(rng, 1)[0]
+    place = np.array(factory.place(*rng.random(2)))
     others, reach = simulation.positions, 2.0 * simulation.radius
     others = others[simulation.present & (others[:, 2] > factory.height_m - reach)]
-    if not len(others) or np.sum((others - place) ** 2, axis=1).min() > reach * reach:
+
+    def is_free():
+        return not len(others) or np.sum((others - place) ** 2, axis=1).min() > reach * reach
+
+    if is_free():
         return place
     before = rng.bit_generator.state
-    places = factory.draw(rng, PLACES_TRIED - 1)
-    away = np.sum((places[:, None] - others[None]) ** 2, axis=2)
-    free = np.flatnonzero(away.min(axis=1) > reach * reach)
-    if not len(free):
-        return None
-    # as if the places behind the free one had never been drawn
-    rng.bit_generator.state = before
-    return factory.draw(rng, int(free[0]) + 1)[-1]
+    numbers = rng.random((PLACES_TRIED - 1, 2))
+    away = cdist(factory.places(numbers), others, "sqeuclidean").min(axis=1)
+    for k in np.flatnonzero(away > ALMOST * reach * reach).tolist():
+        place = np.array(factory.place(*numbers[k].tolist()))
+        if is_free():
+            # as if the numbers behind its own had never been drawn
+            rng.bit_generator.state = before
+            rng.random((k + 1, 2))
+            return place
+    return None
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
