@@ -216,6 +216,18 @@ def nearest(
     return dict(zip(PARAMETERS, found.x.tolist(), strict=True))
 
 
+def intervals(
+    study: Study, screening: calibration.Calibration, turned_at: list[tuple[dict[str, float], list[dict]]]
+) -> pd.DataFrame:
+    """Posterior of the parameters by all runs: short ones with the mean shift, and drums as published."""
+    tables, shifts, last = [], [], study.runs["sample"].astype(int).max()
+    for step, (at, drums) in enumerate(turned_at, 1):
+        found = pd.DataFrame([scores(study, heights) for heights in drums])
+        shifts += [found - screening.model.predict(np.array([[*at.values()]]))]
+        tables += [found.assign(sample=last + step, **at)]
+    return with_shift(study, tables, pd.concat(shifts).mean()).posterior.parameters
+
+
 def measured_mm() -> dict[int, pd.Series]:
     """The measured surfaces by speed."""
     data = pd.read_csv(HERE / "surface.csv", comment="#").set_index("x_mm").loc[X_MM]
@@ -289,6 +301,9 @@ def main() -> None:
         )
     ]
     write_table(OUT / "compared.csv", pd.concat(tables))
+    found = intervals(study, screening, [*steps, (best, last)])
+    write_table(OUT / "intervals.csv", found)
+    print(found[["parameter", "median", "credible_low", "credible_high"]].to_string(index=False))
     print(pd.concat(tables).to_string(index=False), flush=True)
     minutes = {path.stem: read_json(path)["minutes"] for path in sorted((OUT / "drums").glob("*.json"))}
     checks = [
