@@ -188,6 +188,13 @@ def test_how_rough_the_estimate_is(samples, low, high):
     assert low < np.min(ratios) <= np.max(ratios) < high
 
 
+def test_the_correlation_of_responses_needs_more_repeated_runs_than_responses(study):
+    """Of fewer its estimate is singular."""
+    needed = len(study.targets) + 2
+    assert calibration.posterior_settings(study, needed - 1)["measured_correlation"] == 0.0
+    assert calibration.posterior_settings(study, needed) == study.config["posterior"]
+
+
 def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table):
     known = study_of(changed("targets.angle_deg.noise_sd", 0.7))
     single = noise_of(known, table[::2])

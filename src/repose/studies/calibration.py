@@ -22,7 +22,7 @@ from repose.studies.posterior import Posterior, infer
 from repose.surrogate.base import Predictor
 from repose.surrogate.support import Support
 
-FREEDOM = 4  # runs beyond the first of a sample, needed for a correlation of two responses
+FREEDOM = 2  # runs beyond the first of a sample that a correlation needs, besides one for each response
 
 
 class Calibration(NamedTuple):
@@ -77,9 +77,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     samples = _samples(study, runs)
     low, high = space.complete(np.array([space.low, space.high]))
     support = Support(space.values(observed.unit), low, high, space.names)
-    settings = dict(config["posterior"])
-    if observed.freedom < FREEDOM:
-        settings |= {"measured_correlation": 0.0}
+    settings = posterior_settings(study, observed.freedom)
     posterior = infer(model, support, runs, space, targets, settings, {})
     feasible, message = answer.verdict(best, targets)
     section = config["sequential"]
@@ -120,6 +118,12 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
         summary=summary,
         why=best.why,
     )
+
+
+def posterior_settings(study: Studied, freedom: int) -> dict[str, Any]:
+    """The section `posterior`; without a correlation where too few samples were run again for one."""
+    few = freedom < len(study.targets) + FREEDOM
+    return study.config["posterior"] | ({"measured_correlation": 0.0} if few else {})
 
 
 def write(result: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
