@@ -113,7 +113,10 @@ def occupied_shares(
 def published_shares(folder: Path) -> np.ndarray:
     """The same share for the published run, from the grains in its own files."""
     shares, grain = [], Shape.sphere(1.0, DENSITY_KG_M3, "mcc")
-    for path in sorted(folder.glob("particles_*.vtk")):
+    paths = [path for path in sorted(folder.glob("particles_*.vtk")) if "boundingBox" not in path.name]
+    if not paths:
+        raise FileNotFoundError(f"{folder} has no particles_*.vtk")
+    for path in paths:
         data = path.read_bytes()
         number = int(data.split(b"POINTS ")[1].split()[0])
         at = data.index(b"float\n") + len(b"float\n")
@@ -121,7 +124,7 @@ def published_shares(folder: Path) -> np.ndarray:
             -1.0,
             -1.0,
             1.0,
-        )  # it turns back
+        )  # it turns the other way
         at = data.index(b"double\n", data.index(b"\nradius ")) + len(b"double\n")
         radii = np.frombuffer(data, ">f8", number, at).astype(float)
         upright = np.broadcast_to((1.0, 0.0, 0.0, 0.0), (1, number, 4))
@@ -148,7 +151,7 @@ def _sites(spacing_m):
 def main() -> None:
     """The published parameters in this engine: how far two lines of its surfaces are off the published ones."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--rpm", type=float, nargs="+", default=[45, 15])
+    parser.add_argument("--rpm", type=int, nargs="+", default=[45, 15], choices=(45, 15))
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--young-pa", type=float, default=YOUNG_PA, help="5e6 is published")
     parser.add_argument("--inserted", action="store_true", help="sizes that the published run inserted")

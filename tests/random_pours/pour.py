@@ -140,7 +140,7 @@ def drawn(number, default, mean, particles):
 
 
 def cohesion(rng, law, berry, mass_kg):
-    """Constants of a law by parameter: berries pull with up to 3 weights, as spheres of the minor axis."""
+    """Constants of a law by parameter, so that spheres of the minor axis pull with up to a few of their weights."""
     radius_m, weight_n = 0.5e-3 * berry["minor_mm"], 9.81 * mass_kg
     overlap_m = (weight_n / (berry["shear_modulus_pa"] * math.sqrt(radius_m))) ** (
         2 / 3

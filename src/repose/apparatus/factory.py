@@ -29,7 +29,7 @@ class Factory(Protocol):
         """Its height [m]."""
 
     def place(self, first: float, second: float) -> tuple[float, float, float]:
-        """The point [m] of two uniformly random numbers between 0 and 1, the same to the bit on every processor."""
+        """The point [m] of two uniformly random numbers between 0 and 1, by the standard library."""
 
     def places(self, numbers: np.ndarray) -> np.ndarray:
         """All points (N, 3) of numbers (N, 2) at once [m]; their last digits may be others."""
