@@ -47,8 +47,8 @@ for module, name, *when in (
 
 # Each set of kernels takes a minute to compile, so tests that call the same ones stay on one worker: those of a study's
 # contact law, those of the library's, and those of clumps and the linear spring. Those of `repose.verification` come
-# late, as their files are small: then either worker finds the kernels in numba's cache. Photographs are a
-# group, which comes early as it is large.
+# late, as their files are small: then either worker finds the kernels in numba's cache. Photographs are a group,
+# which comes early as it is large.
 GROUPS = {
     "photographs": ("tests/measure/",),
     "other kernels": tuple(f"tests/dem/test_{name}" for name in ("clumps", "laws", "rest")),

@@ -52,6 +52,9 @@ SEQUENTIAL = {"start_samples": 14, "seeds": 1, "batch": 4, "most_runs": 22}
 SEQUENTIAL |= {"tolerance_percent": 6.0, "probability": 0.9}
 
 
+Turned = tuple[dict[str, float], list[dict]]  # parameters, and surfaces by speed of drums of theirs
+
+
 class Procedure(NamedTuple):
     """How a drum turns: speeds one after the other, the time at each before its average, Young's modulus."""
 
@@ -71,7 +74,7 @@ PREDICTED_RPM, PREDICTED_SEEDS = (30, 10), (6001,)
 # The published distances compare a measured surface, a tenth of the frames, with a simulated one, half of the frames.
 # By about the same line on both sides the grains in the published run's own files are this far off: where two of their
 # 11 frames show a grain. A tenth lies between two frames and one, with which they are 1.58 and 0.61 off.
-SAME_LINE_MM = {45: 1.38, 15: 0.55}
+THEIR_GRAINS_MM = {45: 1.38, 15: 0.55}
 LAST_STEP_SEEDS, LAST_FRESH = (1, 2), range(7001, 7004)
 
 
@@ -131,6 +134,11 @@ def scores(study: Study, heights: dict) -> dict[str, float]:
     return row
 
 
+def scored(study: Study, drums: list[dict]) -> pd.DataFrame:
+    """`scores` of several drums, a row each."""
+    return pd.DataFrame([scores(study, heights) for heights in drums])
+
+
 def screened() -> tuple[Study, calibration.Calibration]:
     """The runs that the strategy asks for, with the short procedure, and their answer."""
     study = Study(
@@ -150,92 +158,76 @@ def screened() -> tuple[Study, calibration.Calibration]:
             for row in samples.itertuples()
         ]
         drums = all_turned(jobs)
-        study.tell(samples.join(pd.DataFrame([scores(study, heights) for heights in drums])))
+        study.tell(samples.join(scored(study, drums)))
     return study, study.answer()
 
 
 def corrected(
     study: Study, screening: calibration.Calibration
-) -> tuple[calibration.Calibration, list[tuple[dict[str, float], list[dict]]]]:
-    """The answer for drums that turn as published, from the screening, some such drums and the shift between both.
-
-    With it come the parameters and the drums of each step.
+) -> tuple[calibration.Calibration, list[Turned]]:
+    """The answer for drums that turn as published, from the screening and some such drums; with it each step's drums.
 
     It ends when the drums of a step are as near to both surfaces as the published answer.
     """
-    answer, tables, shifts, turned_in_steps = screening, [], [], []
+    answer, steps = screening, []
     for step in range(1, STEPS + 1):
         best = answer.parameters
         drums = drums_as_published(f"step_{step}", best, SEEDS_OF_STEP)
-        turned_in_steps.append((best, drums))
-        found = pd.DataFrame([scores(study, heights) for heights in drums])
-        shifts += [found - screening.model.predict(np.array([[*best.values()]]))]
-        sample = study.runs["sample"].astype(int).max() + step
-        tables += [found.assign(sample=sample, **best)]
-        answer = with_shift(study, tables, pd.concat(shifts).mean())
+        steps.append((best, drums))
+        answer = with_drums(study, screening, steps)
         off = compared(drums).set_index("rpm")
         print(f"step {step}: {best}", off.to_string(), calibration.describe(answer), sep="\n", flush=True)
         if all(off["single_runs_rms_mm"][rpm] <= WITHIN_MM[rpm] for rpm in RPM):
             break
-    return answer, turned_in_steps
+    return answer, steps
 
 
-def with_shift(study: Study, tables: list[pd.DataFrame], shift: pd.Series) -> calibration.Calibration:
-    """The answer of the screening's runs with their scores shifted, and of further runs."""
-    runs = study.runs.copy()
+def shifts(
+    study: Study, screening: calibration.Calibration, at: dict[str, float], drums: list[dict]
+) -> pd.DataFrame:
+    """Scores of drums as published less those that the short runs predict for their parameters."""
+    return scored(study, drums) - screening.model.predict(np.array([[*at.values()]]))
+
+
+def with_drums(
+    study: Study, screening: calibration.Calibration, turned_at: list[Turned]
+) -> calibration.Calibration:
+    """The answer by drums as published, and by the short runs with the mean shift between both."""
+    shift = pd.concat([shifts(study, screening, *group) for group in turned_at]).mean()
+    runs, last = study.runs.copy(), study.runs["sample"].astype(int).max()
     runs[shift.index] += shift
+    tables = [
+        scored(study, drums).assign(sample=last + step, **at) for step, (at, drums) in enumerate(turned_at, 1)
+    ]
     table = pd.concat([runs, *tables], ignore_index=True)[["sample", *PARAMETERS, *shift.index]]
     return calibration.calibrate(study, checked_runs(study, table))
 
 
-def nearest(
-    study: Study, screening: calibration.Calibration, turned_at: list[tuple[dict[str, float], list[dict]]]
-) -> dict[str, float]:
+def nearest(study: Study, screening: calibration.Calibration, turned_at: list[Turned]) -> dict[str, float]:
     """The parameters whose drums are expected nearest to both measured surfaces.
 
     Minimised is the larger of two ratios: the expected root mean square distance of one drum over that of the published
-    run by the same line. The shift between short drums and those as published is the mean of the shifts where both are
+    run's own grains. The shift between short drums and those as published is the mean of the shifts where both are
     known, weighted by the inverse square of the distance in the ranges. The scatter of a drum is pooled over all points
     (step 2 has far more of it) and is in the shifts, too, so the expected distance is high where drums were turned.
     """
     low, high = np.array([*PARAMETERS.values()]).T
     there = np.array([[*at.values()] for at, _ in turned_at])
-    found = [pd.DataFrame([scores(study, heights) for heights in drums]).mean() for _, drums in turned_at]
-    shifts = np.array(found) - screening.model.predict(there)
+    shift = np.array([shifts(study, screening, *group).mean() for group in turned_at])
     profiles = {rpm: study.targets.profiles[f"surface_{rpm}rpm_mm"] for rpm in RPM}
     columns = {rpm: [study.targets.names.index(name) for name in profiles[rpm].names] for rpm in RPM}
     scatter = {rpm: scatter_mm([drums for _, drums in turned_at], (rpm,)) for rpm in RPM}
-    measured = measured_mm()
 
     def ratio(values):
         weight = 1 / np.square((there - values) / (high - low)).sum(axis=1).clip(1e-9)
-        row = screening.model.predict(values[None])[0] + weight @ shifts / weight.sum()
+        row = screening.model.predict(values[None])[0] + weight @ shift / weight.sum()
         off = {
-            rpm: profiles[rpm].heights(row[columns[rpm]]) - measured[rpm][list(profiles[rpm].x)]
-            for rpm in RPM
+            rpm: profile.heights(row[columns[rpm]]) - np.array(profile.z) for rpm, profile in profiles.items()
         }
-        return max(math.hypot(rms(off[rpm]), scatter[rpm]) / SAME_LINE_MM[rpm] for rpm in RPM)
+        return max(math.hypot(rms(off[rpm]), scatter[rpm]) / THEIR_GRAINS_MM[rpm] for rpm in RPM)
 
     found = differential_evolution(ratio, [*PARAMETERS.values()], seed=1, maxiter=60, popsize=12)
     return dict(zip(PARAMETERS, found.x.tolist(), strict=True))
-
-
-def intervals(
-    study: Study, screening: calibration.Calibration, turned_at: list[tuple[dict[str, float], list[dict]]]
-) -> pd.DataFrame:
-    """Posterior of the parameters by all runs: short ones with the mean shift, and drums as published."""
-    tables, shifts, last = [], [], study.runs["sample"].astype(int).max()
-    for step, (at, drums) in enumerate(turned_at, 1):
-        found = pd.DataFrame([scores(study, heights) for heights in drums])
-        shifts += [found - screening.model.predict(np.array([[*at.values()]]))]
-        tables += [found.assign(sample=last + step, **at)]
-    return with_shift(study, tables, pd.concat(shifts).mean()).posterior.parameters
-
-
-def measured_mm() -> dict[int, pd.Series]:
-    """The measured surfaces by speed."""
-    data = pd.read_csv(HERE / "surface.csv", comment="#").set_index("x_mm").loc[X_MM]
-    return {rpm: data[f"measured_{rpm}rpm_mm"].astype(float) for rpm in RPM}
 
 
 def scatter_mm(repeated: list[list[dict]], rpm: Sequence[int] = RPM) -> float:
@@ -282,7 +274,7 @@ def predicted(drums: list[dict], repeated: list[list[dict]], off: pd.DataFrame) 
 
 
 def main() -> None:
-    """Screen, correct, check with fresh seeds, predict the other speeds; then a last step by the same line.
+    """Screen, correct, check with fresh seeds, predict the other speeds; then a last step beside the published grains.
 
     Card and report are of the answer of both steps.
     """
@@ -307,7 +299,7 @@ def main() -> None:
     groups.append(("last_fresh", best, last))
     tables = [compared(drums).assign(drums=name, **at) for name, at, drums in groups]
     write_table(OUT / "compared.csv", pd.concat(tables))
-    found = intervals(study, screening, [*steps, (best, last)])
+    found = with_drums(study, screening, [*steps, (best, last)]).posterior.parameters
     write_table(OUT / "intervals.csv", found)
     print(found[["parameter", "median", "credible_low", "credible_high"]].to_string(index=False))
     print(pd.concat(tables).to_string(index=False), flush=True)

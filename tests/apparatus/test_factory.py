@@ -52,15 +52,19 @@ def test_all_points_at_once_are_the_single_ones(factory):
 
 def test_a_blocked_factory_looks_at_all_places_at_once():
     class Counting(Disc):
-        single = 0
+        single = at_once = 0
 
         def place(self, first, second):
             Counting.single += 1
             return super().place(first, second)
 
+        def places(self, numbers):
+            Counting.at_once += 1
+            return super().places(numbers)
+
     simulation = crowd(np.random.default_rng(1), 300)
     assert free_place(np.random.default_rng(2), simulation, Counting(0.03, 0.2)) is None
-    assert Counting.single == 1
+    assert (Counting.single, Counting.at_once) == (1, 1)
 
 
 @pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])

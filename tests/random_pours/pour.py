@@ -140,21 +140,25 @@ def drawn(number, default, mean, particles):
 
 
 def cohesion(rng, law, berry, mass_kg):
-    """Constants of a law by parameter, so that spheres of the minor axis pull with up to a few of their weights."""
-    radius_m, weight_n = 0.5e-3 * berry["minor_mm"], 9.81 * mass_kg
-    overlap_m = (weight_n / (berry["shear_modulus_pa"] * math.sqrt(radius_m))) ** (
-        2 / 3
-    )  # about that of its weight
-    most = {
-        "gamma": 3 * weight_n / (1.5 * math.pi * radius_m),
-        "k": 3 * weight_n / (math.pi * radius_m * overlap_m),
-        "plas": 0.9,
-    }
-    return {
-        f"{constant.short}_{pair}": float(rng.uniform(0.0, most[constant.short]))
-        for constant in OF_LAWS.get(law, ())
-        for pair in ("gg", "gp")
-    }
+    """Constants of a law by parameter, so that spheres of the minor axis pull with up to about 3 of their weights."""
+    radius_m, stiffness_pa, most_n = (
+        0.5e-3 * berry["minor_mm"],
+        1.5 * berry["shear_modulus_pa"],
+        3 * 9.81 * mass_kg,
+    )
+    # about that of a weight, with E* = G / (1 - nu)
+    overlap_m = (0.25 * most_n / (stiffness_pa * math.sqrt(0.5 * radius_m))) ** (2 / 3)
+    found = {}
+    for pair, reduced_m in (("gg", 0.5 * radius_m), ("gp", radius_m)):
+        circle_m = math.sqrt(2.0 * reduced_m * overlap_m) if law == "eepa" else reduced_m
+        most = {
+            "gamma": most_n / (3.0 * math.pi * circle_m),
+            "k": (1.5 * most_n * (stiffness_pa / reduced_m) ** 2) ** (1 / 3) / math.pi,
+            "plas": 0.9,
+        }
+        for constant in OF_LAWS.get(law, ()):
+            found[f"{constant.short}_{pair}"] = float(rng.uniform(0.0, most[constant.short]))
+    return found
 
 
 def _funnel(rng, d, span_s, n):

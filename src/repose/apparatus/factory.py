@@ -77,17 +77,17 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
     others, reach = simulation.positions, 2.0 * simulation.radius
     others = others[simulation.present & (others[:, 2] > factory.height_m - reach)]
 
-    def is_free():
+    def is_free(place):
         return not len(others) or np.sum((others - place) ** 2, axis=1).min() > reach * reach
 
-    if is_free():
+    if is_free(place):
         return place
     before = rng.bit_generator.state
     numbers = rng.random((PLACES_TRIED - 1, 2))
     away = cdist(factory.places(numbers), others, "sqeuclidean").min(axis=1)
     for k in np.flatnonzero(away > ALMOST * reach * reach).tolist():
         place = np.array(factory.place(*numbers[k].tolist()))
-        if is_free():
+        if is_free(place):
             # as if the numbers behind its own had never been drawn
             rng.bit_generator.state = before
             rng.random((k + 1, 2))

@@ -92,7 +92,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     for height, words in text:
         axes.text(middle, height, words, ha="center", fontsize=8)
     stream = io.BytesIO()
-    figure.savefig(stream, format="pdf", metadata={"CreationDate": None}, dpi=600)
+    figure.savefig(stream, format="pdf", metadata={"CreationDate": None})
     return stream.getvalue()
 
 
