@@ -33,14 +33,14 @@ def changed(**sections):
     return CONFIG | {name: CONFIG[name] | keys for name, keys in sections.items()}
 
 
-def run(verb, paths, write, config=CONFIG, apparatus=None):
+def run(verb, paths, write, config=CONFIG, apparatus=None, strategy=None):
     """A stage that reads some files and writes others."""
 
     def settings_of(one, bench_test):
-        return stands_on.settings_of(one, verb, bench_test)
+        return stands_on.settings_of(one, verb, bench_test, name=strategy)
 
     runs = {"pour": "made", "measure_runs": "measured"}.get(verb, "")
-    with provenance.stage(verb, paths, settings_of, apparatus, runs):
+    with provenance.stage(verb, paths, settings_of, apparatus, runs, strategy):
         provenance.note_config(config)
         write()
 
@@ -155,6 +155,13 @@ def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeyp
     assert stands_on.outdated(changed(simulation={"gravity_m_s2": 1.62}), paths) == [str(path)]
     monkeypatch.setattr(stands_on, "engine_hash", lambda: "edited")
     assert stands_on.outdated(CONFIG, paths) == [str(path)]
+
+
+def test_a_batch_is_outdated_by_settings_of_its_own_strategy_alone(tmp_path):
+    path = tmp_path / "proposal.json"
+    run("propose", (), lambda: files.write_json(path, {}), strategy="sequential")
+    assert stands_on.outdated(changed(network={"hidden": 3}), [path]) == []
+    assert stands_on.outdated(changed(sequential={"checks": 3}), [path]) == [str(path)]
 
 
 def test_another_processor_is_no_reason_to_refuse(tmp_path, monkeypatch):

@@ -88,6 +88,12 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
     done = snakemake(project, "--cores", "1", *words, "--", str((first / "samples.csv").relative_to(project)))
     assert done.returncode == 0, done.stderr
     assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
+    records = (project / ".snakemake").rename(project / "lost")
+    other = snakemake(project, "-n", *words, f"{strategy}={{checks: 3}}")
+    assert other.returncode == 2
+    assert f"{strategy}/batch_0/proposal.json and 0 more results were made with other settings" in other.stderr
+    shutil.rmtree(project / ".snakemake", ignore_errors=True)
+    records.rename(project / ".snakemake")
     assert not {"propose", "batch_pour"} & set(planned(project, "--configfile", "config/quick.yaml"))
     # all bench tests of the targets are run, with seeds of the strategy's own
     (project / "mine.yaml").write_text(json.dumps({"targets": MIXED, "posterior": {"shape_study": None}}))

@@ -16,16 +16,18 @@ from repose.core.lock import joined_folder
 def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> Iterator[None]:
     """Run a verb as a stage; where its configuration lies in a folder of results, hold the folder meanwhile."""
 
+    strategy = getattr(args, "strategy", None)
+
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
         from repose.config import stands_on
 
         berry_is_made = hasattr(args, "particle") and args.particle is None
-        name = getattr(args, "strategy", None)
-        return stands_on.settings_of(config, args.verb, apparatus, berry_is_made, name)
+        return stands_on.settings_of(config, args.verb, apparatus, berry_is_made, strategy)
 
     folder = Path(getattr(args, "config", None) or "").parent
     apparatus = getattr(args, "apparatus", None)
-    with joined_folder(folder), provenance.stage(args.verb, files_of(args), settings_of, apparatus, runs):
+    stage_of = provenance.stage(args.verb, files_of(args), settings_of, apparatus, runs, strategy)
+    with joined_folder(folder), stage_of:
         yield
     if getattr(args, "config", None) is not None:
         note_built_in_crop(args.config)

@@ -134,8 +134,8 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
         record = attached.read(path)
         if record is None or record.get("seed") is None:  # of a stage that reads no configuration
             continue
-        now = hash_of(settings_of(config, record["verb"], record.get("apparatus")))
-        if record["settings"] != now or record["engine"] not in (None, engine_hash()):
+        given = settings_of(config, record["verb"], record.get("apparatus"), name=record.get("strategy"))
+        if record["settings"] != hash_of(given) or record["engine"] not in (None, engine_hash()):
             results.append(str(path))
     return results
 

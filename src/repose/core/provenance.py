@@ -53,11 +53,12 @@ def stage(
     settings_of: Callable[[Mapping[str, Any], str | None], Any],
     apparatus: str | None = None,
     runs: Literal["", "made", "measured"] = "",
+    strategy: str | None = None,
 ) -> Iterator[None]:
     """Write the record of a stage with the input files `paths` into every file that is written meanwhile.
 
     `runs` says whether its results are runs of a bench test that it makes by the simulator, or measures; `apparatus`
-    None is the bench test of the input files.
+    None is the bench test of the input files. `strategy` is that which a stage of its batches serves.
     """
     inputs = [(path, attached.read(path)) for path in paths]
     refuse_mixture(inputs)
@@ -65,6 +66,7 @@ def stage(
         named = (record.get("apparatus") for _, record in inputs if record)
         apparatus = next(filter(None, named), None)
     about = {"verb": verb} | ({"apparatus": apparatus} if runs else {})
+    about |= {"strategy": strategy} if strategy else {}
     token = _stage.set(_Stage(about, inputs, settings_of, simulates=runs == "made"))
     try:
         yield
