@@ -54,15 +54,25 @@ def runs_of(targets, seeds=4, samples=20):
     return runs.assign(**{name: random.normal(30, 1, len(runs)) for name in targets.names})
 
 
-def inferred(targets, slopes, space=UNIT, **changes):
+def inferred(targets, slopes, space=UNIT, runs=None, **changes):
     """Posterior for a linear surrogate whose responses are 30 in the middle of the ranges."""
     beside = {
         name: pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS) for name in ("published", "miga")
     }
     model = Linear(targets.names, slopes, error=0.1)
     settings = SETTINGS | {"discrepancy_percent": 0.0} | changes
-    parts = (model, Everywhere(), runs_of(targets), ParameterSpace.of(space), targets, settings, beside)
-    return posterior.infer(*parts)
+    runs = runs_of(targets) if runs is None else runs
+    return posterior.infer(model, Everywhere(), runs, ParameterSpace.of(space), targets, settings, beside)
+
+
+def test_a_correlation_of_more_responses_than_repeated_runs_is_refused_unless_it_is_stated():
+    targets = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, base_radius_mm=30.0)
+    few = runs_of(targets, seeds=2, samples=4)
+    slopes = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg")]
+    with pytest.raises(ValueError, match="4 degrees of freedom within samples; allowed: at least 5"):
+        inferred(targets, slopes, runs=few)
+    assert inferred(targets, slopes, runs=few, measured_correlation=0.0).summary["correlation"]
+    assert inferred(targets, slopes, runs=runs_of(targets, seeds=2, samples=5)).summary["correlation"]
 
 
 def test_one_target_determines_the_one_parameter_that_moves_it():

@@ -15,7 +15,6 @@ from repose.core.lock import joined_folder
 @contextmanager
 def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> Iterator[None]:
     """Run a verb as a stage; where its configuration lies in a folder of results, hold the folder meanwhile."""
-
     strategy = getattr(args, "strategy", None)
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:

@@ -18,11 +18,9 @@ from repose.strategies.runs import OK
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.strategies.sequential.strategy import noise_from, observed_of
-from repose.studies.posterior import Posterior, infer
+from repose.studies.posterior import FREEDOM, Posterior, infer
 from repose.surrogate.base import Predictor
 from repose.surrogate.support import Support
-
-FREEDOM = 2  # runs beyond the first of a sample that a correlation needs, besides one for each response
 
 
 class Calibration(NamedTuple):

@@ -27,6 +27,7 @@ from repose.surrogate.base import Predictor
 from repose.surrogate.support import Support
 
 CREDIBLE = 0.95
+FREEDOM = 2  # runs beyond the first of a sample that a correlation needs, besides one for each response of a bench test
 DRAWS_KEPT = 4000
 LARGEST_R_HAT, FEWEST_EFFECTIVE = 1.01, 400  # Vehtari et al. 2021, Bayesian Analysis 16, 667
 # Kullback-Leibler information, in bits: half the range is worth 1 bit.
@@ -159,6 +160,16 @@ def _observed(runs, targets, settings):
     stated = settings.get("measured_correlation", "simulated")
     try:
         simulated, pairs = noise.within_correlation(runs, targets)
+        freedom = min((pair["degrees_of_freedom"] for pair in pairs.values()), default=math.inf)
+        least = max(
+            sum(target.response.apparatus == bench for target in targets) for bench in targets.apparatus
+        )
+        if (
+            isinstance(stated, str) and freedom < least + FREEDOM
+        ):  # their correlation would be singular, or nearly so
+            raise ValueError(
+                f"{freedom} degrees of freedom within samples; allowed: at least {least + FREEDOM}"
+            )
     except ValueError:
         if isinstance(stated, str):
             raise
