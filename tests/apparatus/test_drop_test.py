@@ -64,6 +64,21 @@ def test_a_long_berry_loses_height_to_its_rotation():
     assert again == falls[2][0]
 
 
+def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(monkeypatch):
+    looks = []
+    touches = drop_test._Follow.touches
+    monkeypatch.setattr(drop_test._Follow, "touches", lambda self: looks.append(1) or touches(self))
+    monkeypatch.setattr(drop_test, "EACH", 100)
+    own = config(height_mm=20.0)
+    own["simulation"] |= {"contact_law": "jkr", "time_step_s": 1e-5}
+    values = named((0.5, 0.5, 0.1, 0.05, 0.5, 0.1)) | {"gamma_gg": 0.0, "gamma_gp": 5.0}
+    record, _ = run_once(bench("drop_test"), own, values, 1, SPHERE, STIFF | {"shear_modulus_pa": 1e6})
+    assert record["status"] == "no_rebound"
+    assert record["height_restitution"] is None
+    # 100,000 time steps touch the plate
+    assert 100 * np.log(1000) < len(looks) < 1000
+
+
 def test_a_fall_without_time_steps_is_refused():
     cases = [
         ({"height_mm": 2.0}, r"height_mm.*at least 3\.07, or the fall takes fewer than 100"),

@@ -295,10 +295,11 @@ def _drop_test(rng, d, _span_s, _n):
 
 def _inclined_plane(rng, _d, span_s, _n):
     """A plane that is tilted as fast as is allowed, at most for ten spans of time."""
+    steepest = max(2.0, min(rng.uniform(20.0, 60.0), 100.0 * span_s))
     return {
         "surface": str(rng.choice(["wall", "berry", "glued"])),
-        "tilting_deg_s": 20.0,
-        "steepest_deg": max(2.0, min(rng.uniform(20.0, 60.0), 100.0 * span_s)),
+        "tilting_deg_s": min(20.0, 2.0 * steepest),
+        "steepest_deg": steepest,
         "settle_s": 0.1 * span_s,
     }
 
