@@ -214,14 +214,14 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     assert run["after_time_s"] > run["before_time_s"] > 0
     tables = drum_tables.run([tmp_path / "drum_3.json"], config(**keys), PARTICLE, tmp_path)
     record = tables["record"].set_index("time_s")["surface_deg"]
-    for state in drum_tables.STATES:
+    for state in drum.STATES:
         assert record[run[f"{state}_time_s"]] == run[f"{state}_surface_deg"]
     summary = tables["summary"].set_index("key")
     assert summary.loc["before_turned_deg", "mean"] == run["before_turned_deg"]
     assert np.isnan(summary.loc["before_turned_deg", "standard_error"])
     assert tables["profile"]["berries"].sum() > 20
     with np.load(tmp_path / "drum_3.npz") as arrays:
-        for state in drum_tables.STATES:
+        for state in drum.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
     out = tmp_path / "drum.gif"
     film.animate_drum(tmp_path / "drum_3.npz", PARTICLE, out, config(**keys)["drum"], frames=2, width=60)

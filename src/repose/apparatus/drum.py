@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 NAME = "drum"
 STATUSES = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
 WALLS = ("shell", "near_cap", "far_cap")
+STATES = ("start", "report", "before", "after")
 
 # --- responses ------------------------------------------------------------------------------------
 
@@ -415,6 +416,104 @@ def run(
 # --- measure --------------------------------------------------------------------------------------
 
 
+def surface_of(
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    scale: np.ndarray,
+    config: Config,
+    particle: "Particle",
+    section: str = NAME,
+) -> "bed.Surface":
+    """The surface of a bed of N berries as a section of the configuration defines it; ValueError if it has none."""
+    from repose.measure import bed
+
+    return bed.measure_surface(
+        position,
+        quaternion,
+        particle,
+        Drum.of(config[section]).radius_m,
+        config["measure"]["mm_per_pixel"],
+        config[section]["fit_share"],
+        scale,
+    )
+
+
+def surface_angles(
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    scale: np.ndarray,
+    config: Config,
+    particle: "Particle",
+    section: str = NAME,
+) -> np.ndarray:
+    """Angle of the surface in each of T frames [degrees]; NaN where the bed has no surface."""
+    angles = np.full(len(position), math.nan)
+    for k, (centres, turns) in enumerate(zip(position, quaternion, strict=True)):
+        try:
+            angles[k] = surface_of(centres, turns, scale, config, particle, section).angle_deg
+        except ValueError:
+            continue
+    return angles
+
+
+def no_surface(config: Config) -> str:
+    """The reason why a bed has no surface."""
+    scale = config["measure"]["mm_per_pixel"]
+    return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
+
+
+def measured_run(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Config,
+    particle: "Particle",
+) -> tuple[dict[str, Any], np.ndarray]:
+    """A run of the drum, measured, and the motion by depth (bins, 4) in its slip, lengths in mm.
+
+    The measured run is the record with the angles of the surface and, of a slip, the numbers of `_of_slip`. Where
+    the surface before or after a slip cannot be measured, the status is ``no_surface`` and there are no numbers.
+    Without a slip the motion by depth is empty.
+    """
+    measured, profile = dict(record), np.zeros((0, 4))
+    if record["status"] not in ("ok", "no_slip"):
+        return measured, profile
+    states = STATES if record["status"] == "ok" else STATES[:2]
+    angles = surface_angles(
+        np.array([arrays[f"position_{state}"] for state in states]),
+        np.array([arrays[f"quaternion_{state}"] for state in states]),
+        arrays["scale"],
+        config,
+        particle,
+    )
+    for state, angle in zip(states, angles, strict=True):
+        measured[f"{state}_surface_deg"] = float(angle) if math.isfinite(angle) else None
+    if record["status"] == "no_slip":
+        return measured, profile
+    if not np.isfinite(angles[2:]).all():
+        judged = {"seed": record["seed"], "status": "no_surface", "reason": no_surface(config)}
+        return judged | {"rotation_from_s": record["rotation_from_s"]}, profile
+    numbers, profile = _of_slip(record, arrays, config, particle)
+    return measured | {"surface_drop_deg": float(angles[2] - angles[3])} | numbers, profile
+
+
+def _of_slip(record, arrays, config, particle):
+    """Motion of the berries in the slip; None where no berry lies under the part of the surface that is fitted."""
+    from repose.measure import bed
+
+    centres = arrays["position_before"], arrays["position_after"]
+    before = surface_of(centres[0], arrays["quaternion_before"], arrays["scale"], config, particle)
+    turned_rad = math.radians(record["after_turned_deg"] - record["before_turned_deg"])
+    depth, moved = bed.slip_displacement(*centres, turned_rad, before)
+    bin_m = 1e-3 * config[NAME]["depth_bin_mm"]
+    profile = bed.depth_profile(depth, moved, bin_m) * (1e3, 1e3, 1e3, 1.0)
+    numbers = {
+        "moved_share": bed.moved_share(moved, particle),
+        "surface_moved_mm": float(profile[0, 1]) if len(profile) else None,
+        "wall_moved_mm": float(profile[-1, 1]) if len(profile) else None,
+    }
+    return numbers, profile
+
+
 def measure(
     record: Mapping[str, Any],
     arrays: Mapping[str, np.ndarray],
@@ -422,10 +521,8 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The result of `repose.apparatus.drum_tables.measured_run`, and the responses under their public names."""
-    from repose.apparatus import drum_tables
-
-    measured, _ = drum_tables.measured_run(record, arrays, config, particle)
+    """The result of `measured_run`, and the responses under their public names."""
+    measured, _ = measured_run(record, arrays, config, particle)
     ok = measured["status"] == "ok"
     return measured | {response.name: response.of(measured) if ok else None for response in RESPONSES}
 

@@ -179,8 +179,6 @@ def measure(
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
     """The record with the mean angle of the surface at each speed, and the scores of profiles that are targets."""
-    from repose.apparatus import drum_tables
-
     of_profiles = {target["response"]: target["profile"] for target in config["targets"] if _is_score(target)}
     angles = [further_name(k) for k in range(len(speeds(config)))]
     missing = dict.fromkeys((*angles, *of_profiles))
@@ -191,9 +189,9 @@ def measure(
     found: dict[str, float] = {}
     for k, name in enumerate(angles):
         frames = position[number == k], quaternion[number == k], scale
-        measured = drum_tables.surface_angles(*frames, config, particle, NAME)
+        measured = drum.surface_angles(*frames, config, particle, NAME)
         if not len(measured) or not np.isfinite(measured).all():
-            reason = drum_tables.no_surface(config)
+            reason = drum.no_surface(config)
             return {**record, "status": "no_surface", "reason": reason, **missing}
         found[name] = float(measured.mean())
         own = {score: profile for score, profile in of_profiles.items() if speed_of(score) == k}

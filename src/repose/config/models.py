@@ -14,9 +14,9 @@ from pydantic_core import core_schema
 
 from repose.apparatus import bench, names
 from repose.config import results_folder
-from repose.config.profiles import OfProfile
 from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import FURTHER
+from repose.core.profiles import OfProfile
 from repose.core.responses import named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS

@@ -18,11 +18,11 @@ from repose.config.models import (
     SurrogateName,
     far_priors,
 )
-from repose.config.profiles import OfProfile, expanded_own
+from repose.config.profiles import expanded_own
 from repose.config.reading import get, read
 from repose.core import places
 from repose.core.errors import YamlError, raise_together
-from repose.core.profiles import Profile
+from repose.core.profiles import OfProfile, Profile
 from repose.core.responses import Response
 from repose.core.section import ABSENT, AUTO, Contradictions, Section, refuse
 from repose.core.targets import Target, Targets

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from repose.config import faults
 from repose.core import places
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_rows
@@ -60,16 +61,6 @@ class _OfOwn(Section):
     targets: dict[str, OwnProfile]
 
 
-class OfProfile(Section):
-    """The record of a profile in its targets."""
-
-    name: str
-    x: Annotated[tuple[float, ...], Field(strict=False)]
-    z: Annotated[tuple[float, ...], Field(strict=False)]
-    functions: int
-    covered: float = ABSENT
-
-
 def expanded(targets: Any, source: Any) -> Any:
     """The list `targets` with an entry for each score in place of each profile; InputError with all faults."""
     if not isinstance(targets, list | tuple):
@@ -111,8 +102,6 @@ def _is_profile(entry):
 
 def _checked(targets, model, source):
     """An entry as an instance of its model; InputError with all its faults."""
-    from repose.config import faults
-
     raise_together(faults.check({"targets": targets}, source, model).faults)
     (entry,) = model.model_validate({"targets": targets}).targets.values()
     return entry

@@ -10,12 +10,24 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from repose.core.responses import derived
+from repose.core.section import ABSENT, Section
+
+
+class OfProfile(Section):
+    """The record of a profile in its targets."""
+
+    name: str
+    x: Annotated[tuple[float, ...], Field(strict=False)]
+    z: Annotated[tuple[float, ...], Field(strict=False)]
+    functions: int
+    covered: float = ABSENT
 
 
 @dataclass(frozen=True)
