@@ -197,6 +197,7 @@ BAD_VALUES = (
         ["measure", "a.png", "--out=."],
     ),
     *(["marker", f"--square-mm={value}"] for value in ("0", "-1", "4", "26", "nan", "x")),
+    ["marker", "--out=sheet.png"],
     *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
 )
 

@@ -130,7 +130,7 @@ def test_the_module_runs_as_a_program_and_exits_with_2_on_bad_input():
     assert done.returncode == 2
     assert done.stderr == (
         "repose: error: nowhere.yaml: file is 'No such file or directory'; "
-        "allowed: an existing YAML or JSON file\n"
+        "allowed: an existing YAML or JSON file that may be read\n"
     )
 
 
@@ -164,7 +164,7 @@ BAD_OPTIONS_OF_HEAP = (
     (["--set", "mus=0.5"], ["--set mus", "e_gg (restitution, grain-grain)"]),
     (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]),
     (["--set", "e_gg=nan"], ["e_gg is nan"]),
-    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "at least 0"]),
+    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "0 to 5"]),
     (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
     (["--set", "mus_gg=rough"], ["mus_gg is 'rough'", "a number"]),
     (["--set", "mus_gg"], ["--set is 'mus_gg'", "NAME=VALUE"]),

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from repose.cli import main
+from repose.config.reading import read
 from repose.config.study import Study
 from repose.core import places
 from repose.core.errors import InputError
@@ -101,6 +102,26 @@ def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):
     assert main(["new", "wheat"]) == 2
     assert "not there yet" in capsys.readouterr().err
     assert (folder / "config.yaml").read_text() == "mine"
+
+
+def test_inlet_and_outlet_the_other_way_round_are_named(folder):
+    filled(folder)
+    text = (folder / "config.yaml").read_text()
+    text = text.replace("inlet_diameter_mm: 80.0", "inlet_diameter_mm: 25.0").replace(
+        "outlet_diameter_mm: 25.0", "outlet_diameter_mm: 80.0"
+    )
+    (folder / "config.yaml").write_text(text)
+    with pytest.raises(
+        InputError, match=r"outlet_diameter_mm is 80\.0; allowed: .*below funnel\.inlet_diameter_mm"
+    ):
+        Study.load("config.yaml")
+
+
+@pytest.mark.parametrize("name", ["12", "null", "yes", "1e5"])
+def test_a_name_that_yaml_takes_for_something_else_stays_a_name(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", name]) == 0
+    assert read(tmp_path / name / "config.yaml")["label"] == name
 
 
 def test_its_configuration_is_one_of_wheat_alone(folder):

@@ -151,8 +151,9 @@ BAD_VALUES = (
     ("targets.1.response", "aor_deg", "each response once"),
     ("targets.1.response", "weight_g", "the responses of funnel"),
     ("targets.0.apparatus", "shaker", "one of funnel, drum"),
-    ("parameters.e_gg", {"fixed": 2}, "or fixed"),
-    ("parameters.e_gg", {"prior": {"mean": 0.2}}, "prior with mean and sd"),
+    ("parameters.e_gg", {"fixed": 0.2, "prior": {"mean": 0.2, "sd": 0.1}}, "fixed alone"),
+    ("parameters.e_gg", {"range": [0.2, 0.4]}, "a pair [low, high]; a range stands beside a prior only"),
+    ("targets.0.value", 240.0, "from 1 to 89"),
     ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
     ("measure.fit_to", "crest", "berry or a number from 0.1 to 1"),
     ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
@@ -193,6 +194,52 @@ def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config)
     check_all(
         check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES]
     )
+
+
+KNOWN = (
+    ({"fixed": 2}, "fixed", "a number from 0.01 to 1"),
+    ({"fixed": "0,5"}, "fixed", "a number from 0.01 to 1"),
+    ({"fix": 0.5}, "fix", "no such key; did you mean fixed?"),
+    ({"prior": {"mean": 0.2}}, "prior", "a section with the keys mean and sd"),
+    ({"prior": {"mean": -0.2, "sd": 0.1}}, "prior", "a mean that is a number from 0.01 to 1"),
+    ({"prior": {"mean": 0.2, "sd": 0}}, "prior", "an sd above 0 and up to 1"),
+)
+
+
+@pytest.mark.parametrize(("given", "key", "allowed"), KNOWN)
+def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(config, given, key, allowed):
+    config["parameters"]["e_gg"] = given
+    with pytest.raises(InputError) as caught:
+        Study.of(config, "my.yaml")
+    assert (caught.value.key, caught.value.value) == (f"parameters.e_gg.{key}", given[key])
+    assert allowed in caught.value.allowed
+
+
+def test_a_range_that_follows_from_a_wrong_number_is_reported_by_that_number(config):
+    def check_key(key, value, allowed):
+        (target, *others) = copy.deepcopy(config["targets"])
+        del target["range"]
+        with pytest.raises(InputError) as caught:
+            Study.of(config | {"targets": [target | {key: value}, *others]}, "my.yaml")
+        assert caught.value.key == f"targets.0.{key}"
+        assert allowed in caught.value.allowed
+
+    check_all(
+        check_key,
+        [
+            ("value in other units", "value", 240.0, "from 1 to 89"),
+            ("a number of many digits", "value", 10**400, "a number from"),
+            ("a large scatter", "sd", 900.0, "so small that the mean with its standard error"),
+        ],
+    )
+
+
+def test_a_prior_ends_at_the_largest_friction(config):
+    config["parameters"] |= {"mus_gg": {"prior": {"mean": 0.3, "sd": 3.0}}}
+    config["parameters"] |= {"mur_gg": {"prior": {"mean": 0.5, "sd": 0.5}}}
+    space = Study.of(config).parameters
+    ends = dict(zip(space.free, space.high, strict=True))
+    assert (ends["mus_gg"], ends["mur_gg"]) == (5.0, 1.0)
 
 
 def test_a_mistyped_key_or_section_is_reported_once_with_the_one_that_was_meant(config):

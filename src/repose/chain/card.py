@@ -285,7 +285,7 @@ def check(card: Mapping[str, Any], source: object) -> None:
         InputError(
             source,
             ".".join(map(str, error.absolute_path)) or "content",
-            error.instance if error.absolute_path else sorted(card),
+            error.instance if error.absolute_path else sorted(card) or "empty",
             f"{WHAT}: {error.message}",
         )
         for error in faults

@@ -114,6 +114,11 @@ def _about_the_grain(
     if section["stl"] is not None and section["mass_g"] is not None:
         mass_g = 1e3 * particle.mass_kg
         yield f"mass: WARNING: berry.mass_g is not used beside berry.stl, whose grain has {mass_g:.3g} g"
+    if section["compression"] is not None and None not in (
+        section["shear_modulus_pa"],
+        section["poisson_ratio"],
+    ):
+        yield "moduli: WARNING: berry.compression is not used beside berry.shear_modulus_pa and berry.poisson_ratio"
 
 
 def _trials(study: "Study", berry_step_s: float) -> Iterator[str]:
@@ -213,7 +218,7 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
         shares = (f"within_{percent:g}_percent" for percent in plan.TOLERANCES)
         chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
         print(f"{row['pours']:>7} {chances}")
-    print("from hidden truths with six free parameters: `repose docs sequential`", flush=True)
+    print("by simulated calibrations with known answers and six free parameters: `repose docs sequential`", flush=True)
     measured = _berry_step_s(config, study.grain, study.particle)
     print(*_costs(config, result.budgets["pours"], measured), sep="\n")
 

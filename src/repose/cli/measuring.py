@@ -208,6 +208,8 @@ def marker(args: argparse.Namespace) -> None:
 
     if not 5 <= args.square_mm <= 25:
         raise InputError("command line", "--square-mm", args.square_mm, "a number from 5 to 25")
+    if Path(args.out).suffix.lower() != ".pdf":
+        raise InputError("command line", "--out", args.out, "a file that ends with .pdf")
     write_bytes(args.out, sheet.pdf(args.square_mm))
     print(f"print {args.out} at 100 %, check its line of 100 mm, cut it out: `repose docs photographs`")
 

@@ -42,6 +42,8 @@ def run(args: argparse.Namespace) -> int:
         print(catalogue(args.rest))
         return 0
     check_arguments(args.rest)
+    if not os.access(".", os.W_OK):
+        raise InputError("command line", "folder", os.getcwd(), "a folder into which you may write")
     note_built_in_crop(*configurations(args.rest))
     with missing_targets_reported():
         return uninterrupted(main, args.rest)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench
 from repose.apparatus.settings import SimulationSettings
+from repose.config.contradictions import used_tests
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
 from repose.core.published import published_count
@@ -152,8 +153,9 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
     a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
     all_min = of_all["total_s"] / 60
+    others = " and the other bench tests" if {test.name for test in used_tests(config)} != {"funnel"} else ""
     texts = dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
-        "calibration": f"{of_calibration} pours and the other bench tests, about {all_min:.0f} min on one core",
+        "calibration": f"{of_calibration} pours{others}, about {all_min:.0f} min on one core",
         "refined": f"at most {pours(refine['rounds'] * a_round)}",
     }
     return texts

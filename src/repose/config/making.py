@@ -103,6 +103,9 @@ class Making:
         try:
             return function(*arguments)
         except InputError as fault:
+            if fault.source == key:  # a key of this section, not a file
+                dotted = f"{key}.{fault.key}"
+                fault = YamlError(owner_of(self.source, dotted), dotted, fault.value, fault.allowed)
             self.faults.append(fault)
             self.bad.add(key)
             return None

@@ -3,22 +3,24 @@
 Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); config/README.md explains the keys.
 """
 
+import difflib
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, create_model, field_validator
 from pydantic_core import core_schema
 
 from repose.apparatus import bench, names
 from repose.config import results_folder
 from repose.core.parameter_space import PRIOR_WIDTHS
-from repose.core.parameters import FURTHER
+from repose.core.parameters import FURTHER, PHYSICAL_LIMITS
 from repose.core.profiles import OfProfile
 from repose.core.responses import named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
+from repose.core.targets import range_about
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
@@ -107,7 +109,41 @@ class _Parameter:
         fixed = create_model("Fixed", __base__=Section, fixed=value)
         prior = create_model("Prior", __base__=Section, mean=value, sd=spread)
         known = create_model("Known", __base__=Section, range=(pair, None), prior=prior)
-        return handler.generate_schema(pair | fixed | known)
+        return handler.generate_schema(Annotated[pair | fixed | known, BeforeValidator(self._explained)])
+
+    def _explained(self, given: Any) -> Any:
+        """What is given; where it is a section, the fault of its single keys."""
+        if isinstance(given, Mapping):
+            refuse(self._faults(given))
+        return given
+
+    def _faults(self, given: Mapping[str, Any]) -> Contradictions:
+        """The faults of a section."""
+        number = f"a number from {self.low:g} to {self.high:g}"
+        keys = ("fixed", "prior", "range")
+        for key in given:
+            if key not in keys:
+                near = difflib.get_close_matches(str(key), keys, 1)
+                hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(keys)}"
+                yield str(key), f"no such key; {hint}"
+        if "fixed" in given and len(given) > 1:
+            yield "", "fixed alone, or prior with or without range"
+        elif "fixed" in given and not self._is_within(given["fixed"]):
+            yield "fixed", number
+        elif "range" in given and "prior" not in given:
+            yield "", "a pair [low, high]; a range stands beside a prior only"
+        prior = given.get("prior")
+        if prior is not None:
+            if not isinstance(prior, Mapping) or set(prior) != {"mean", "sd"}:
+                yield "prior", "a section with the keys mean and sd"
+            elif not self._is_within(prior["mean"]):
+                yield "prior", f"a mean that is {number}"
+            elif not (self._is_within(prior["sd"]) and prior["sd"] > 0):
+                yield "prior", f"an sd above 0 and up to {self.high:g}"
+
+    def _is_within(self, value: Any) -> bool:
+        """Whether a value is a number within the bounds."""
+        return type(value) in (int, float) and self.low <= value <= self.high
 
 
 def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
@@ -129,9 +165,13 @@ def _described(low, high):
     return Field(description=f"{pair}; or fixed; or prior with mean and sd")
 
 
-Restitution = Annotated[Any, _described(0.01, 1), _Parameter(0.01, 1)]
-StaticFriction = Annotated[Any, _described(0, 5), _Parameter(0, 5)]
-RollingFriction = Annotated[Any, _described(0, 1), _Parameter(0, 1)]
+Restitution = Annotated[Any, _described(*PHYSICAL_LIMITS["e_gg"]), _Parameter(*PHYSICAL_LIMITS["e_gg"])]
+StaticFriction = Annotated[
+    Any, _described(*PHYSICAL_LIMITS["mus_gg"]), _Parameter(*PHYSICAL_LIMITS["mus_gg"])
+]
+RollingFriction = Annotated[
+    Any, _described(*PHYSICAL_LIMITS["mur_gg"]), _Parameter(*PHYSICAL_LIMITS["mur_gg"])
+]
 ParameterOfAnySize = Annotated[
     Any,
     _Parameter(-sys.float_info.max, sys.float_info.max),
@@ -287,11 +327,19 @@ class Target(Section):
     def _outside(self, limits):
         """Values outside the limits of the response, or outside the target's own range."""
         low, high = self.range
-        if low < limits.low or high > limits.high:
-            yield "range", f"a pair [low, high] from {limits.low:g} to {limits.high:g}"
-            return
+        within = f"from {limits.low:g} to {limits.high:g}"
         if not limits.low <= self.value <= limits.high:
-            yield "value", f"from {limits.low:g} to {limits.high:g}"
+            yield "value", within
+            return
+        if low < limits.low or high > limits.high:
+            if (low, high) == range_about(self.value, self.sd, self.repetitions):  # none was written
+                yield (
+                    "sd",
+                    f"so small that the mean with its standard error, {low:g} to {high:g}, lies {within}",
+                )
+            else:
+                yield "range", f"a pair [low, high] {within}"
+            return
         aimed = "value" if self.aim is None else "aim"
         if not low <= getattr(self, aimed) <= high:
             yield aimed, f"inside its range, {low:g} to {high:g}"

@@ -10,6 +10,7 @@ import yaml
 
 from repose.core.errors import InputError
 
+KEY_AT_MARGIN = re.compile(r"[^\s:][^:]*:(\s|$)|[\s#\[\]{}\"'%-]|\.\.\.|$")
 MOST_CHARACTERS = 200_000  # of all values with their aliases replaced; paper.yaml has some 5,000
 
 
@@ -42,12 +43,15 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise InputError(path, "file", error.strerror, "an existing YAML or JSON file") from None
+        raise InputError(
+            path, "file", error.strerror, "an existing YAML or JSON file that may be read"
+        ) from None
     except UnicodeDecodeError:
         raise InputError(path, "file", "not text", "a YAML or JSON file in UTF-8") from None
     content = parse(text, str(path))
     if not isinstance(content, dict):
-        raise InputError(path, "content", content, "keys with values, as in config/config.yaml")
+        allowed = "keys with values, as `repose new` writes them"
+        raise InputError(path, "content", "empty" if content is None else content, allowed)
     return content
 
 
@@ -67,6 +71,11 @@ def parse(text: str, name: str) -> Any:
         return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else "?"
+        for number, words in enumerate(text.splitlines(), start=1):
+            if not KEY_AT_MARGIN.match(words) and number <= (line if isinstance(line, int) else 0):
+                raise InputError(
+                    name, f"line {number}", words, "KEY: VALUE, with a space after the colon"
+                ) from None
         raise InputError(
             name, f"line {line}", error.problem, "valid YAML (indent by spaces, no tabs)"
         ) from None

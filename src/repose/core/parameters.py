@@ -27,8 +27,9 @@ SYMBOLS = {
     "mur_gp": r"$\mu_{r,gp}$",
 }
 
-# Limits of the contact law itself; a study's ranges lie inside (Table 2).
-PHYSICAL_LIMITS = {name: (0.01, 1.0) if name.startswith("e_") else (0.0, math.inf) for name in PARAMETERS}
+# A study's ranges lie inside (Table 2); a prior is cut to them.
+_OF_KIND = {"e": (0.01, 1.0), "mus": (0.0, 5.0), "mur": (0.0, 1.0)}
+PHYSICAL_LIMITS = {name: _OF_KIND[name.partition("_")[0]] for name in PARAMETERS}
 
 PAIRS = {"gg": "grain-grain", "gp": "grain-wall"}
 

@@ -12,6 +12,7 @@ from repose.core.responses import Response, named, response
 from repose.core.seeds import UNNAMED
 
 LEAST_RANGE = 0.01  # of the value, to each side
+LARGEST = 1e9  # of a value or standard deviation
 
 
 def range_about(value: float, sd: float, repetitions: int) -> tuple[float, float]:
@@ -27,7 +28,8 @@ def completed(entry: Any) -> Any:
     known = named(str(entry.get("response")))
     found = {"apparatus": UNNAMED if known is None else known.apparatus} | dict(entry)
     numbers: list[Any] = [entry.get(key) for key in ("value", "sd", "repetitions")]
-    if "range" not in entry and all(type(one) in (int, float) for one in numbers) and numbers[2] > 0:
+    good = all(type(one) in (int, float) and abs(one) <= LARGEST for one in numbers)
+    if "range" not in entry and good and numbers[2] > 0:
         found["range"] = list(range_about(*numbers))
     return found
 

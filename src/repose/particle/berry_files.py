@@ -1,5 +1,6 @@
 """Files of measured berries: sizes and compression tests, checked value by value."""
 
+import csv
 import math
 from collections.abc import Iterable
 from os import PathLike
@@ -105,8 +106,10 @@ def _read_numbers(path, columns):
         raise InputError(path, "file", "not text", "a CSV file in UTF-8") from None
     lines = text.splitlines()
     comments = [line for line in lines if line.startswith("#")]
-    records = [line.split(",") for line in lines if line.strip() and not line.startswith("#")]
+    records = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
     header = [name.strip() for name in records[0]] if records else []
+    if len(header) == 1 and set(header[0]) & {";", "\t"}:
+        raise InputError(path, "header", header[0], "columns separated by commas")
     for column in columns:
         if header.count(column) != 1:
             raise InputError(
@@ -127,7 +130,7 @@ def _read_numbers(path, columns):
 def _positive(text, source, column):
     """The text as a positive finite number, or InputError."""
     try:
-        value = float(text)
+        value = math.nan if "_" in text else float(text)
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value > 0):
