@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from dem.clump_scenes import CONE, FLOOR, bent
+from dem.clump_scenes import scene as scene_of
 from dem.common import DENSITY, GOJI, PVC, simulation
 from dem.test_epsd import GRAVITY, angular_momentum, on_floor, smooth
 from dem.test_epsd import scene as rolling_scene
@@ -405,6 +407,32 @@ def lifted_pile(gamma, seed):
     s.run(1.5, False)
     assert s.kinetic_energies().max() < 1e-9
     return s.positions[:, 2].mean() / np.hypot(*s.positions[:, :2].T).mean()
+
+
+@pytest.mark.parametrize("kind", ["smooth", "clump"])
+def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
+    """What it kept pulled at the body of unused places, until that was nowhere, and all that touched a wall with it."""
+    shape, at = (bent(), ct) if kind == "clump" else (smooth(), st)
+    walls, contact = {"floor": FLOOR, "cone": CONE}, coherent(0.05, 0.5, 0.5, 0.05)
+    s = scene_of({"body": shape}, contact, walls, 1e-4, 9, (0.0, 0.0, -GRAVITY), contact_law="jkr")
+    for k in range(9):
+        s.add("body", (0.025 * (k % 3 - 1), 0.025 * (k // 3 - 1), 0.08 + 0.004 * k))
+    left = 0
+    lists = [("curved", at.WALL_STATE, st.N_CURVED)]
+    if (
+        kind == "clump"
+    ):  # the smooth body of unused places touches itself and planes: its forces are finite, and move nothing
+        lists += [("flat", at.WALL_STATE, st.N_PLANE), ("pairs", at.PAIR_STATE, st.N_PAIRS)]
+    for _ in range(60):
+        s.run_steps(50)
+        for name, begin, number in lists:
+            data, used = getattr(s, name).data, s.counts[number]
+            kept = data.reshape(len(data), -1, LANES)[:, begin // LANES :].transpose(0, 2, 1)
+            assert not kept.reshape(-1, kept.shape[2])[used:].any(), (name, s.steps)
+            left = max(left, used)
+        assert not s.bodies.rows[s.capacity, :6].any()
+    assert left > 2
+    assert np.isfinite(s.positions).all()
 
 
 @pytest.mark.slow

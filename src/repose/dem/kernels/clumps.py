@@ -195,8 +195,8 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     move_contact(pairs.data, last, k)
     pairs.first[last] = ghost
     pairs.second[last] = ghost
-    # two ghosts are in the same place: without radii they do not overlap
-    pairs.data[last // L, ct.REACH + last % L] = 0.0
+    # two ghosts are in the same place: without radii they do not overlap, without a law's state they do not cohere
+    put_contact(pairs.data, last, 0.0, 0.0, 1.0)
 
 
 @inlined

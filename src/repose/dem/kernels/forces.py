@@ -335,6 +335,13 @@ def write_lane(t, contacts, lane, out):
 
 
 @inlined
+def close_lanes(t, lanes):
+    """Let the lanes after the first `lanes` touch nothing, whose geometry is that of another tile."""
+    for lane in range(lanes, L):
+        t[tl.GAP + lane] = 1.0
+
+
+@inlined
 def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, local):
     """Write the geometry of contact k with a cone, tube or ring to its lane; returns whether the contact ended."""
     contacts = curved.data[k // L]
@@ -369,6 +376,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
         lanes = min(L, n - base)
         contacts = curved.data[base // L]
         gather(bodies.rows, curved.body, base, t, tl.A)
+        close_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
             if curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, local):
@@ -414,6 +422,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
         lanes = min(L, n - base)
         contacts = meshed.data[base // L]
         gather(bodies.rows, meshed.body, base, t, tl.A)
+        close_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
             touching = mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local)
