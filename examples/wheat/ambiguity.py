@@ -11,7 +11,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
-from repose.apparatus import bench, drum_tables
+from repose.apparatus import bench, drum
 from repose.config.study import Study
 from repose.core.files import read_json, write_json
 from repose.core.runs import mean_and_error
@@ -103,9 +103,7 @@ def ran(study: Study, name: str, of: str, seed: int) -> dict:
         took = {"cpu_s": time.process_time() - began}
         if shown.test == "turning":  # whether the flow is steady
             frames = (run.arrays[key] for key in ("position", "quaternion", "scale"))
-            took["frames_deg"] = drum_tables.surface_angles(
-                *frames, config, study.particle, "turning"
-            ).tolist()
+            took["frames_deg"] = drum.surface_angles(*frames, config, study.particle, "turning").tolist()
         write_json(path, {"run": measured, **took})
         print(f"{name} {of} {seed}: {measured['status']} {measured[shown.response]}", flush=True)
     return read_json(path)

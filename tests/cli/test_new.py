@@ -117,7 +117,7 @@ def test_inlet_and_outlet_the_other_way_round_are_named(folder):
         Study.load("config.yaml")
 
 
-@pytest.mark.parametrize("name", ["12", "null", "yes", "1e5"])
+@pytest.mark.parametrize("name", ["12", "null", "yes", "1e5", "MY_NAME", "2024-13-45"])
 def test_a_name_that_yaml_takes_for_something_else_stays_a_name(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     assert main(["new", name]) == 0

@@ -36,6 +36,10 @@ def test_numbers_may_be_written_in_any_way(tmp_path, text):
         ("", "content is 'empty'"),
         ("# mine\nlabel lentil\n\nberry:\n  sizes: a.csv\n", "line 2 is 'label lentil'; allowed: KEY: VALUE"),
         ("berry:\n  sizes: a.csv\nlabel:lentil\n", "line 3 is 'label:lentil'; allowed: KEY: VALUE"),
+        # lines that are good, and an error below
+        ("a: [1,\n2,\n3]\nb: {x: 1\n", "valid YAML"),
+        ('a: "one\ntwo words"\nb: [\n', "valid YAML"),
+        ("? a\n: 1\nhttp://x: 1\nb: [\n", "valid YAML"),
         ("- 3\n", "keys with values"),
     ],
 )

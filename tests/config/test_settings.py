@@ -3,6 +3,7 @@
 import copy
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shared import check_all
 
@@ -203,6 +204,7 @@ KNOWN = (
     ({"prior": {"mean": 0.2}}, "prior", "a section with the keys mean and sd"),
     ({"prior": {"mean": -0.2, "sd": 0.1}}, "prior", "a mean that is a number from 0.01 to 1"),
     ({"prior": {"mean": 0.2, "sd": 0}}, "prior", "an sd above 0 and up to 1"),
+    ({"prior": {"mean": True, "sd": 0.1}}, "prior", "a mean that is a number from 0.01 to 1"),
 )
 
 
@@ -213,6 +215,12 @@ def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(config, given,
         Study.of(config, "my.yaml")
     assert (caught.value.key, caught.value.value) == (f"parameters.e_gg.{key}", given[key])
     assert allowed in caught.value.allowed
+
+
+def test_a_prior_may_be_narrow_and_of_numpy(config):
+    for sd in (0.005, np.float64(0.05)):
+        config["parameters"]["e_gg"] = {"prior": {"mean": np.float64(0.5), "sd": sd}}
+        assert Study.of(config).parameters.prior["e_gg"] == (0.5, sd)
 
 
 def test_a_range_that_follows_from_a_wrong_number_is_reported_by_that_number(config):
@@ -232,6 +240,12 @@ def test_a_range_that_follows_from_a_wrong_number_is_reported_by_that_number(con
             ("a large scatter", "sd", 900.0, "so small that the mean with its standard error"),
         ],
     )
+    (target, *others) = config["targets"]
+    near_the_end = {key: target[key] for key in target if key != "range"} | {"value": 88.9, "sd": 0.1}
+    with pytest.raises(
+        InputError, match=r"targets\.0\.range is \[88\.0.*, 89\.7.*\]; allowed: a pair \[low, high\] from 1"
+    ):
+        Study.of(config | {"targets": [near_the_end, *others]}, "my.yaml")
 
 
 def test_a_prior_ends_at_the_largest_friction(config):

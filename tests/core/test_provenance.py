@@ -164,6 +164,14 @@ def test_a_batch_is_outdated_by_settings_of_its_own_strategy_alone(tmp_path):
     assert stands_on.outdated(changed(sequential={"checks": 3}), [path]) == [str(path)]
 
 
+def test_what_a_study_no_longer_has_is_not_outdated(tmp_path):
+    paths = [tmp_path / "a.json", pour(tmp_path / "b.json", apparatus="drum"), tmp_path / "c.json"]
+    run("propose", (), lambda: files.write_json(paths[0], {}))
+    run("propose", (), lambda: files.write_json(paths[2], {}), strategy="sequential")
+    lacking = {key: value for key, value in changed(sequential={"checks": 3}).items() if key != "drum"}
+    assert stands_on.outdated(lacking, paths) == [str(paths[2])]
+
+
 def test_another_processor_is_no_reason_to_refuse(tmp_path, monkeypatch):
     first = pour(tmp_path / "a.json")
     monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})

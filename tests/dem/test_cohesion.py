@@ -411,7 +411,7 @@ def lifted_pile(gamma, seed):
 
 @pytest.mark.parametrize("kind", ["smooth", "clump"])
 def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
-    """What it kept pulled at the body of unused places, until that was nowhere, and all that touched a wall with it."""
+    """Such places belong to a body of their own, which stays where it is: it is the walls' side of contacts, too."""
     shape, at = (bent(), ct) if kind == "clump" else (smooth(), st)
     walls, contact = {"floor": FLOOR, "cone": CONE}, coherent(0.05, 0.5, 0.5, 0.05)
     s = scene_of({"body": shape}, contact, walls, 1e-4, 9, (0.0, 0.0, -GRAVITY), contact_law="jkr")
@@ -419,9 +419,8 @@ def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
         s.add("body", (0.025 * (k % 3 - 1), 0.025 * (k // 3 - 1), 0.08 + 0.004 * k))
     left = 0
     lists = [("curved", at.WALL_STATE, st.N_CURVED)]
-    if (
-        kind == "clump"
-    ):  # the smooth body of unused places touches itself and planes: its forces are finite, and move nothing
+    # the smooth body of unused places touches itself and planes, with finite forces that move nothing
+    if kind == "clump":
         lists += [("flat", at.WALL_STATE, st.N_PLANE), ("pairs", at.PAIR_STATE, st.N_PAIRS)]
     for _ in range(60):
         s.run_steps(50)

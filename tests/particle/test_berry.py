@@ -99,7 +99,7 @@ def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
     )
     path = written(tmp_path, text)
     assert berry.read_sizes(path).loc[2].to_dict() == {"long_mm": 22.0, "major_mm": 11.0, "minor_mm": 8.0}
-    quoted = written(tmp_path, '"","long_mm","major_mm","minor_mm"\n"1",20,10,9\n"2",22,11,8\n')
+    quoted = written(tmp_path, '"# mine"\n"", "long_mm","major_mm","minor_mm"\n"1",20,10,9\n"2",22,11,8\n')
     assert berry.read_sizes(quoted)["long_mm"].tolist() == [20.0, 22.0]
     path = written(tmp_path, text)
     _, record = run(tmp_path, sizes=path, compression=None, poisson_ratio=0.3, shear_modulus_pa=1e4)
@@ -117,6 +117,7 @@ def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
         ("long_mm,major_mm,minor_mm\n20,10,9\n", ["rows", "at least 2"]),
         ("long_mm;major_mm;minor_mm\n20,1;10;9\n", ["header", "separated by commas"]),
         ("long_mm,major_mm,minor_mm\n20,10,9\n21,1_0,9\n", ["row 2", "major_mm", "1_0"]),
+        ('long_mm,major_mm,minor_mm\n20,10,"9\n21,10,9\n', ["line 2", "CSV"]),
     ],
 )
 def test_bad_sizes_are_named(tmp_path, text, parts):

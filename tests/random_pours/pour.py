@@ -294,7 +294,7 @@ def _drop_test(rng, d, _span_s, _n):
 
 
 def _inclined_plane(rng, _d, span_s, _n):
-    """A plane that is tilted as fast as is allowed, at most for ten spans of time."""
+    """A plane that is tilted as fast as is allowed, for about ten spans of time or less; by 2 degrees at least."""
     steepest = max(2.0, min(rng.uniform(20.0, 60.0), 100.0 * span_s))
     return {
         "surface": str(rng.choice(["wall", "berry", "glued"])),

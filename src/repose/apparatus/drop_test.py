@@ -33,7 +33,7 @@ NAME = "drop_test"
 STATUSES = ("ok", "unstable", "no_rebound")
 LOOK_S = 1e-3  # longest simulated time between two looks at the berry
 HIT_S = 1.0  # longest duration of a hit
-EACH = 10_000  # first time steps of a hit, of which each is looked at; later looks are this share of the hit apart
+EACH = 10_000  # first time steps of a hit that are all looked at; then looks are 1 / EACH of the hit so far apart
 
 # --- responses ------------------------------------------------------------------------------------
 

@@ -218,7 +218,10 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
         shares = (f"within_{percent:g}_percent" for percent in plan.TOLERANCES)
         chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
         print(f"{row['pours']:>7} {chances}")
-    print("by simulated calibrations with known answers and six free parameters: `repose docs sequential`", flush=True)
+    print(
+        "by simulated calibrations with known answers and six free parameters: `repose docs sequential`",
+        flush=True,
+    )
     measured = _berry_step_s(config, study.grain, study.particle)
     print(*_costs(config, result.budgets["pours"], measured), sep="\n")
 

@@ -19,7 +19,6 @@ NAME = "NAME"
 )
 def new(args: argparse.Namespace) -> None:
     from repose.config import faults
-    from repose.config.reading import parse
     from repose.core.ledger import write_in_one_move
 
     if not faults.is_valid("label", args.name):
@@ -29,11 +28,7 @@ def new(args: argparse.Namespace) -> None:
         raise InputError("command line", "new", args.name, "a folder that is not there yet")
     template = Path(__file__).parents[1] / "config" / "new_crop"
     for path in sorted(template.rglob("*.*")):
-        label = (
-            args.name if isinstance(parse(args.name, "new"), str) else f'"{args.name}"'
-        )  # not a number, as 12
-        text = path.read_text(encoding="utf-8").replace(f"label: {NAME}", f"label: {label}")
-        content = text.replace(NAME, args.name).encode()
+        content = path.read_text(encoding="utf-8").replace(NAME, args.name).encode()
         out = folder / path.relative_to(template)
         out.parent.mkdir(parents=True, exist_ok=True)
         write_in_one_move(out, methodcaller("write", content))

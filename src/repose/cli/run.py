@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
         print(catalogue(args.rest))
         return 0
     check_arguments(args.rest)
-    if not os.access(".", os.W_OK):
+    if not os.access(".", os.W_OK) and not _given(args.rest, ("-d", "--directory")):
         raise InputError("command line", "folder", os.getcwd(), "a folder into which you may write")
     note_built_in_crop(*configurations(args.rest))
     with missing_targets_reported():

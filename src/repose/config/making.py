@@ -103,10 +103,11 @@ class Making:
         try:
             return function(*arguments)
         except InputError as fault:
-            if fault.source == key:  # a key of this section, not a file
-                dotted = f"{key}.{fault.key}"
-                fault = YamlError(owner_of(self.source, dotted), dotted, fault.value, fault.allowed)
-            self.faults.append(fault)
+            for one in getattr(fault, "faults", [fault]):
+                if one.source == key:  # a key of this section, not a file
+                    dotted = f"{key}.{one.key}"
+                    one = YamlError(owner_of(self.source, dotted), dotted, one.value, one.allowed)
+                self.faults.append(one)
             self.bad.add(key)
             return None
 

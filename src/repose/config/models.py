@@ -4,10 +4,12 @@ Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); 
 """
 
 import difflib
+import math
 import sys
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import pairwise
+from numbers import Real
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, create_model, field_validator
@@ -20,7 +22,7 @@ from repose.core.parameters import FURTHER, PHYSICAL_LIMITS
 from repose.core.profiles import OfProfile
 from repose.core.responses import named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
-from repose.core.targets import range_about
+from repose.core.targets import LARGEST, LEAST_RANGE, range_about
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
@@ -92,8 +94,13 @@ Seed = Annotated[int, Field(ge=0, le=4294967295)]
 Percent = Annotated[float, Field(gt=0, le=50)]
 Poisson = Annotated[float, Field(ge=0, le=0.49)]
 Modulus = Annotated[float, Field(ge=1.0e3, le=1.0e12)]
-Number = Annotated[float, Field(ge=-1.0e9, le=1.0e9)]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Share = Annotated[float, Field(ge=0, le=1)]
+
+
+def _is_number(value):
+    """Whether a value is a number, of numpy too."""
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 class _Parameter:
@@ -119,7 +126,8 @@ class _Parameter:
 
     def _faults(self, given: Mapping[str, Any]) -> Contradictions:
         """The faults of a section."""
-        number = f"a number from {self.low:g} to {self.high:g}"
+        bounded = self.high < sys.float_info.max
+        number = f"a number from {self.low:g} to {self.high:g}" if bounded else "a number"
         keys = ("fixed", "prior", "range")
         for key in given:
             if key not in keys:
@@ -138,12 +146,12 @@ class _Parameter:
                 yield "prior", "a section with the keys mean and sd"
             elif not self._is_within(prior["mean"]):
                 yield "prior", f"a mean that is {number}"
-            elif not (self._is_within(prior["sd"]) and prior["sd"] > 0):
-                yield "prior", f"an sd above 0 and up to {self.high:g}"
+            elif not (_is_number(prior["sd"]) and 0 < prior["sd"] <= self.high):
+                yield "prior", "an sd above 0" + (f" and up to {self.high:g}" if bounded else "")
 
     def _is_within(self, value: Any) -> bool:
         """Whether a value is a number within the bounds."""
-        return type(value) in (int, float) and self.low <= value <= self.high
+        return _is_number(value) and self.low <= value <= self.high
 
 
 def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
@@ -303,7 +311,7 @@ class Target(Section):
     apparatus: str = Field(min_length=1, max_length=60)
     value: Number
     aim: Number = ABSENT  # a target without this key aims at its value
-    sd: float = Field(ge=0, le=1.0e9)
+    sd: float = Field(ge=0, le=LARGEST)
     repetitions: int = Field(ge=1, le=10000)
     range: Annotated[tuple[Number, Number], Field(strict=False), AfterValidator(_rising)] = Field(
         description="a pair [low, high] of numbers with low < high"
@@ -332,7 +340,8 @@ class Target(Section):
             yield "value", within
             return
         if low < limits.low or high > limits.high:
-            if (low, high) == range_about(self.value, self.sd, self.repetitions):  # none was written
+            written = (low, high) != range_about(self.value, self.sd, self.repetitions)
+            if not written and self.sd / math.sqrt(self.repetitions) > LEAST_RANGE * abs(self.value):
                 yield (
                     "sd",
                     f"so small that the mean with its standard error, {low:g} to {high:g}, lies {within}",

@@ -10,7 +10,7 @@ import yaml
 
 from repose.core.errors import InputError
 
-KEY_AT_MARGIN = re.compile(r"[^\s:][^:]*:(\s|$)|[\s#\[\]{}\"'%-]|\.\.\.|$")
+KEY_AT_MARGIN = re.compile(r".+:(\s|$)|[\s#\[\]{}\"'%?!&*:|>-]|\.\.\.|$")
 MOST_CHARACTERS = 200_000  # of all values with their aliases replaced; paper.yaml has some 5,000
 
 
@@ -70,15 +70,11 @@ def parse(text: str, name: str) -> Any:
             raise InputError(name, "characters once every alias is replaced", characters, allowed)
         return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else "?"
-        for number, words in enumerate(text.splitlines(), start=1):
-            if not KEY_AT_MARGIN.match(words) and number <= (line if isinstance(line, int) else 0):
-                raise InputError(
-                    name, f"line {number}", words, "KEY: VALUE, with a space after the colon"
-                ) from None
-        raise InputError(
-            name, f"line {line}", error.problem, "valid YAML (indent by spaces, no tabs)"
-        ) from None
+        line = error.problem_mark.line + 1 if error.problem_mark else 0
+        fault = line or "?", error.problem, "valid YAML (indent by spaces, no tabs)"
+        if found := _without_colon(text.splitlines()[:line]):
+            fault = *found, "KEY: VALUE, with a space after the colon"
+        raise InputError(name, f"line {fault[0]}", *fault[1:]) from None
     except yaml.YAMLError as error:  # such as an invalid byte
         raise InputError(name, "content", " ".join(str(error).split()), "valid YAML") from None
     except InputError:
@@ -89,6 +85,18 @@ def parse(text: str, name: str) -> Any:
     finally:
         if loader is not None:
             loader.dispose()
+
+
+def _without_colon(lines):
+    """Number and words of the first line at the margin that is no key with its value; None if there is none."""
+    number, words = next(
+        ((k, words) for k, words in enumerate(lines, start=1) if not KEY_AT_MARGIN.match(words)), (0, "")
+    )
+    try:  # within a text or list over several lines it is good
+        yaml.compose("\n".join(lines[: max(number - 1, 0)]), Loader=yaml.SafeLoader)
+    except yaml.YAMLError:
+        return None
+    return (number, words) if number else None
 
 
 def _characters(node, known):

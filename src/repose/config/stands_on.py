@@ -15,7 +15,7 @@ from repose.core import attached
 from repose.core.provenance import hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
 from repose.core.sources import engine_hash
-from repose.strategies import strategy
+from repose.strategies import names, strategy
 
 Config = Mapping[str, Any]
 
@@ -134,7 +134,12 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
         record = attached.read(path)
         if record is None or record.get("seed") is None:  # of a stage that reads no configuration
             continue
-        given = settings_of(config, record["verb"], record.get("apparatus"), name=record.get("strategy"))
+        apparatus, name = record.get("apparatus"), record.get("strategy")
+        if apparatus not in (None, *config) or name not in (None, *names()):  # of what this study lacks
+            continue
+        if record["verb"] == "propose" and name is None:  # of a version that did not note it
+            continue
+        given = settings_of(config, record["verb"], apparatus, name=name)
         if record["settings"] != hash_of(given) or record["engine"] not in (None, engine_hash()):
             results.append(str(path))
     return results

@@ -31,7 +31,8 @@ class ParameterSpace:
         source: object = "parameters",
         names: tuple[str, ...] | None = None,
     ) -> "ParameterSpace":
-        """From the configuration's section `parameters`; by default `names` are the six and the contact law's own."""
+        """From the section `parameters`; without `names` those are the six and the law's own, in their limits."""
+        limits = PHYSICAL_LIMITS if names is None else {}
         names = named(section) if names is None else names
         for name in section:
             if name not in names:
@@ -45,7 +46,7 @@ class ParameterSpace:
             if isinstance(entry, Mapping) and "fixed" in entry:
                 fixed[name] = float(entry["fixed"])
                 continue
-            bounds = _checked_range(name, entry, source)
+            bounds = _checked_range(name, entry, source, limits)
             if isinstance(entry, Mapping) and "prior" in entry:
                 prior[name] = (float(entry["prior"]["mean"]), float(entry["prior"]["sd"]))
             free.append(name)
@@ -135,7 +136,7 @@ class ParameterSpace:
         return unit
 
 
-def range_of(name: str, entry: Any) -> tuple[float, float]:
+def range_of(name: str, entry: Any, limits: Mapping[str, Any] = PHYSICAL_LIMITS) -> tuple[float, float]:
     """Lowest and highest value of a parameter, given as in the configuration; equal for a fixed parameter."""
     if not isinstance(entry, Mapping):
         return float(entry[0]), float(entry[1])
@@ -144,16 +145,16 @@ def range_of(name: str, entry: Any) -> tuple[float, float]:
     if "range" in entry:
         return float(entry["range"][0]), float(entry["range"][1])
     mean, sd = entry["prior"]["mean"], entry["prior"]["sd"]
-    lowest, highest = PHYSICAL_LIMITS.get(name, (-math.inf, math.inf))
+    lowest, highest = limits.get(name, (-math.inf, math.inf))
     low, high = max(lowest, mean - PRIOR_WIDTHS * sd), min(highest, mean + PRIOR_WIDTHS * sd)
     return (float(low), float(high)) if math.isfinite(high) else (float(low), float(mean + PRIOR_WIDTHS * sd))
 
 
-def _checked_range(name, entry, source):
+def _checked_range(name, entry, source, limits):
     """The range of a parameter; InputError if it is invalid."""
     allowed = "[low, high] with low < high, both finite numbers"
     try:
-        low, high = range_of(name, entry)
+        low, high = range_of(name, entry, limits)
     except (TypeError, ValueError, IndexError, KeyError):
         raise InputError(source, name, entry, allowed) from None
     if not (-math.inf < low < high < math.inf):

@@ -105,8 +105,14 @@ def _read_numbers(path, columns):
     except UnicodeDecodeError:
         raise InputError(path, "file", "not text", "a CSV file in UTF-8") from None
     lines = text.splitlines()
-    comments = [line for line in lines if line.startswith("#")]
-    records = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
+    comments = [line for line in lines if line.lstrip('"').startswith("#")]
+    records = []
+    for number, line in enumerate(lines, start=1):
+        if line.strip() and line not in comments:
+            try:
+                records += csv.reader([line], strict=True, skipinitialspace=True)
+            except csv.Error as error:
+                raise InputError(f"{path}, line {number}", "cells", line, f"CSV: {error}") from None
     header = [name.strip() for name in records[0]] if records else []
     if len(header) == 1 and set(header[0]) & {";", "\t"}:
         raise InputError(path, "header", header[0], "columns separated by commas")

@@ -8,6 +8,7 @@ import functools
 import math
 import os
 from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -160,22 +161,29 @@ def _observed(runs, targets, settings):
     stated = settings.get("measured_correlation", "simulated")
     try:
         simulated, pairs = noise.within_correlation(runs, targets)
-        freedom = min((pair["degrees_of_freedom"] for pair in pairs.values()), default=math.inf)
-        least = max(
-            sum(target.response.apparatus == bench for target in targets) for bench in targets.apparatus
-        )
-        if (
-            isinstance(stated, str) and freedom < least + FREEDOM
-        ):  # their correlation would be singular, or nearly so
-            raise ValueError(
-                f"{freedom} degrees of freedom within samples; allowed: at least {least + FREEDOM}"
-            )
+        if isinstance(stated, str):
+            _check_freedom(targets, pairs)
     except ValueError:
         if isinstance(stated, str):
             raise
         simulated, pairs = np.eye(len(targets)), {}  # a stated correlation needs no runs
     correlation = measured_correlation(targets, simulated, stated)
     return functools.partial(observation, targets, correlation), pairs
+
+
+def _check_freedom(targets, pairs):
+    """ValueError for a bench test with fewer repeated runs than a correlation of its responses needs.
+
+    The matrix would be singular, or nearly so.
+    """
+    for bench in targets.apparatus:
+        names = [target.name for target in targets if target.response.apparatus == bench]
+        for pair in combinations(names, 2):
+            freedom, least = pairs[", ".join(pair)]["degrees_of_freedom"], len(names) + FREEDOM
+            if freedom < least:
+                raise ValueError(
+                    f"{freedom} degrees of freedom within samples of {bench}; allowed: at least {least}"
+                )
 
 
 def _further_studies(model, space, targets, settings, runs, study, out):

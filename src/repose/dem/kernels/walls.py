@@ -100,7 +100,9 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
     contacts.feature[k] = contacts.feature[last]
     move_contact(contacts.data, last, k)
     contacts.body[last] = ghost
-    put_contact(contacts.data, last, 0.0, 0.0, 1.0)  # neither a radius nor a law's state: no force on the ghost
+    put_contact(
+        contacts.data, last, 0.0, 0.0, 1.0
+    )  # neither a radius nor a law's state: no force on the ghost
     contacts.data[last // st.LANES, st.RADIUS2 + last % st.LANES] = math.inf
 
 
