@@ -164,4 +164,5 @@ def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finishe
     made = "results/quick/validation/solutions.csv"
     done = snakemake(project, "--cores", "1", *words, "--forcerun", "solutions", "--", made)
     assert done.returncode == 2
-    assert done.stderr.splitlines()[-1].startswith("repose: error: results/quick/miga/feasible.csv: ")
+    last = done.stderr.splitlines()[-1].strip()  # of the job's log, indented
+    assert last.startswith("repose: error: results/quick/miga/feasible.csv: ")
