@@ -87,8 +87,10 @@ def flow_g_s(seed=1, **keys):
 
 @pytest.mark.slow
 def test_the_rate_grows_with_the_outlet_as_beverloo_says():
+    """k is 0.70 with an error of 0.07 on an AMD EPYC (Zen 4); three single discharges scatter by 0.18."""
     outlets = np.array([60.0, 70.0, 80.0])
-    root = np.array([flow_g_s(outlet_diameter_mm=outlet) for outlet in outlets]) ** 0.4
+    flows = [[flow_g_s(seed, outlet_diameter_mm=outlet) for outlet in outlets] for seed in range(1, 7)]
+    root = np.mean(np.power(flows, 0.4), axis=0)
     slope, shift = np.polyfit(outlets, root, 1)
     assert np.abs(slope * outlets + shift - root).max() < 0.03 * root.mean()
     assert 0.5 < -shift / slope / SPHERE_MM < 3.0  # k, 1.4 for spheres

@@ -12,7 +12,7 @@ from repose.cli import main
 from repose.config import loader
 from repose.config.study import Study
 from repose.core import places
-from repose.core.files import write_text
+from repose.core.files import read_table, write_text
 from repose.core.parameter_space import range_of
 from repose.core.published import published_sets
 from repose.core.responses import response
@@ -24,7 +24,7 @@ NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
 SMALL = {
     "label": "small",
     "design": {"samples": 18},
-    "funnel": {"berries": 120, "duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
+    "funnel": {"duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
     "simulation": {"rest_energy_j": 1.0e-3},
     "measure": {"views": 2, "mm_per_pixel": 0.1},
     "network": {"hidden": 2, "starts": 1, "epochs": 50, "replicates": False},
@@ -86,7 +86,9 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         if path.is_file():
             write_text(tmp_path / path.relative_to(CROPS / name), path.read_text())
     monkeypatch.chdir(tmp_path)
-    config = Study.load(overrides=SMALL, inputs=True).config
+    berries = {"rapeseed": 400}.get(name, 120)  # fewer seeds of 2 mm are no pile on this plate
+    small = SMALL | {"funnel": SMALL["funnel"] | {"berries": berries}}
+    config = Study.load(overrides=small, inputs=True).config
     Study.of(config, name).check_inputs()
     loader.write_resolved(config, "results/config.json")
 
@@ -107,11 +109,17 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     do("network")
     do("miga")
     do("solutions")
-    do("published_solutions")
-    pour("results/validation/solutions.csv", (1, 2), "validation", "results/validation/heaps")
-    published = "results/validation/published_solutions.csv"
-    pour(published, (101,), "validation", "results/validation/heaps")
-    do("validate", *(f"results/validation/heaps/{number:03}.json" for number in (1, 2, 101)))
+    own, published = "results/validation/solutions.csv", "results/validation/published_solutions.csv"
+    poured = {own: [number for number in read_table(own)["sample"] if number < 101], published: []}
+    if config["validation"]["published"]:
+        do("published_solutions")
+        poured[published] = [101]
+    for table, numbers in poured.items():
+        pour(table, numbers, "validation", "results/validation/heaps")
+    do(
+        "validate",
+        *(f"results/validation/heaps/{number:03}.json" for number in (*poured[own], *poured[published])),
+    )
     do("material_card")
     assert main(["card", "show", "results/card.json"]) in (0, None)
     assert "mus_gg" in capsys.readouterr().out

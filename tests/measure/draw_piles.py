@@ -26,13 +26,15 @@ TABLE, WALL = (140, 142, 145), (170, 105, 55)  # blue first
 
 def pour(config: str, count: int) -> tuple[dict, np.lib.npyio.NpzFile]:
     """Pour `count` piles of the crop with the hidden parameters: the job's record and its positions."""
-    crop = yaml.safe_load(Path(config).read_text()) | {"targets": [NO_TARGET]}
+    crop = yaml.safe_load(Path(config).read_text()) | {"targets": [NO_TARGET], "photograph": None}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hidden.yaml"
         path.write_text(yaml.safe_dump(crop))
         words = [f"--set={name}={value}" for name, value in HIDDEN.items()]
         words += [f"--seed={seed}" for seed in range(FIRST_SEED, FIRST_SEED + count)]
-        status = repose(["pour", "--apparatus", "funnel", "--config", str(path), *words, "--out", folder])
+        status = repose(
+            ["stage", "pour", "--apparatus", "funnel", "--config", str(path), *words, "--out", folder]
+        )
         if status:
             raise SystemExit(status)
         record = json.loads((Path(folder) / "heap.pours.json").read_text())
