@@ -18,7 +18,7 @@ from pydantic_core import core_schema
 from repose.apparatus import bench, names
 from repose.config import results_folder
 from repose.core.parameter_space import PRIOR_WIDTHS
-from repose.core.parameters import FURTHER, PHYSICAL_LIMITS
+from repose.core.parameters import ALLOWED, FURTHER
 from repose.core.profiles import OfProfile
 from repose.core.responses import named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
@@ -173,13 +173,9 @@ def _described(low, high):
     return Field(description=f"{pair}; or fixed; or prior with mean and sd")
 
 
-Restitution = Annotated[Any, _described(*PHYSICAL_LIMITS["e_gg"]), _Parameter(*PHYSICAL_LIMITS["e_gg"])]
-StaticFriction = Annotated[
-    Any, _described(*PHYSICAL_LIMITS["mus_gg"]), _Parameter(*PHYSICAL_LIMITS["mus_gg"])
-]
-RollingFriction = Annotated[
-    Any, _described(*PHYSICAL_LIMITS["mur_gg"]), _Parameter(*PHYSICAL_LIMITS["mur_gg"])
-]
+Restitution = Annotated[Any, _described(*ALLOWED["e_gg"]), _Parameter(*ALLOWED["e_gg"])]
+StaticFriction = Annotated[Any, _described(*ALLOWED["mus_gg"]), _Parameter(*ALLOWED["mus_gg"])]
+RollingFriction = Annotated[Any, _described(*ALLOWED["mur_gg"]), _Parameter(*ALLOWED["mur_gg"])]
 ParameterOfAnySize = Annotated[
     Any,
     _Parameter(-sys.float_info.max, sys.float_info.max),

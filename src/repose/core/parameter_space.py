@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS, check_value, named
+from repose.core.parameters import ALLOWED, PARAMETERS, check_value, named
 
 PRIOR_WIDTHS = 3.0  # standard deviations of a prior to each side, if no range is given
 
@@ -32,7 +32,7 @@ class ParameterSpace:
         names: tuple[str, ...] | None = None,
     ) -> "ParameterSpace":
         """From the section `parameters`; without `names` those are the six and the law's own, in their limits."""
-        limits = PHYSICAL_LIMITS if names is None else {}
+        limits = ALLOWED if names is None else {}
         names = named(section) if names is None else names
         for name in section:
             if name not in names:
@@ -136,7 +136,7 @@ class ParameterSpace:
         return unit
 
 
-def range_of(name: str, entry: Any, limits: Mapping[str, Any] = PHYSICAL_LIMITS) -> tuple[float, float]:
+def range_of(name: str, entry: Any, limits: Mapping[str, Any] = ALLOWED) -> tuple[float, float]:
     """Lowest and highest value of a parameter, given as in the configuration; equal for a fixed parameter."""
     if not isinstance(entry, Mapping):
         return float(entry[0]), float(entry[1])

@@ -27,9 +27,11 @@ SYMBOLS = {
     "mur_gp": r"$\mu_{r,gp}$",
 }
 
-# A study's ranges lie inside (Table 2); a prior is cut to them.
+# Limits of the contact law itself; a study's ranges lie inside (Table 2).
+PHYSICAL_LIMITS = {name: (0.01, 1.0) if name.startswith("e_") else (0.0, math.inf) for name in PARAMETERS}
+# What a configuration allows; its priors are cut to it.
 _OF_KIND = {"e": (0.01, 1.0), "mus": (0.0, 5.0), "mur": (0.0, 1.0)}
-PHYSICAL_LIMITS = {name: _OF_KIND[name.partition("_")[0]] for name in PARAMETERS}
+ALLOWED = {name: _OF_KIND[name.partition("_")[0]] for name in PARAMETERS}
 
 PAIRS = {"gg": "grain-grain", "gp": "grain-wall"}
 
@@ -56,7 +58,7 @@ for _name, _of in FURTHER.items():
     _unit = f" ({_of.constant.unit})" if _of.constant.unit else ""
     LABELS[_name] = f"{_of.constant.words}{_unit}, {PAIRS[_of.pair]}"
     SYMBOLS[_name] = rf"${_of.constant.symbol}_{{{_of.pair}}}$"
-    PHYSICAL_LIMITS[_name] = (_of.constant.least, _of.constant.most)
+    PHYSICAL_LIMITS[_name] = ALLOWED[_name] = (_of.constant.least, _of.constant.most)
 
 
 def of_law(law: str) -> tuple[str, ...]:
