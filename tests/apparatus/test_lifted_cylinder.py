@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pandas as pd
@@ -256,4 +257,7 @@ def test_a_hidden_surface_energy_is_found_again():
         samples = study.ask()
         study.tell(samples.join(piles(samples["gamma_gg"])))
     # the means of 32 piles are 1.2 degrees and 2 mm uncertain, so no energy need lie inside 2 % of both
+    for name, found in study.answer().summary["responses"].items():
+        error = math.hypot(found["error"], targets[name]["sd"] / math.sqrt(targets[name]["repetitions"]))
+        assert abs(found["mean"] - found["target"]) < 3.0 * error
     assert study.answer().parameters["gamma_gg"] == pytest.approx(hidden, rel=0.1)

@@ -100,9 +100,8 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
     contacts.feature[k] = contacts.feature[last]
     move_contact(contacts.data, last, k)
     contacts.body[last] = ghost
-    put_contact(
-        contacts.data, last, 0.0, 0.0, 1.0
-    )  # neither a radius nor a law's state: no force on the ghost
+    # neither a radius nor a law's state: no force on the ghost
+    put_contact(contacts.data, last, 0.0, 0.0, 1.0)
     contacts.data[last // st.LANES, st.RADIUS2 + last % st.LANES] = math.inf
 
 
