@@ -158,7 +158,7 @@ BAD_VALUES = (
     ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
     ("measure.fit_to", "crest", "berry or a number from 0.1 to 1"),
     ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
-    ("measure.response", "slope", "flank or secant or steepest or whole"),
+    ("measure.response", "slope", "flank or secant or steepest or whole or straightest"),
     ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
     ("strategy", "guess", "published or refined or response_surface or sequential"),
     ("surrogate", "cubic", " or ".join(surrogate.names())),

@@ -54,6 +54,7 @@ def test_a_cone_has_its_slope_by_every_line(rule, slope):
         angles.flank(profile, 24.0, 192.0, rule),
         angles.steepest(profile, 24.0, 192.0, rule),
         angles.whole(profile, rule),
+        angles.straightest(profile, 0.333, rule),
     ):
         assert line.angle_deg == pytest.approx(degrees(slope), abs=1e-9)
         for u, z in line.ends:
@@ -122,6 +123,41 @@ def test_the_steepest_stretch_of_lumpy_flanks_equals_a_slow_search(rule):
         assert found > angles.flank(profile, 23.0, 184.0, rule).angle_deg
 
 
+def slow_straightest(profile, smallest, rule):
+    """Every window by itself, with numpy's own correlation and regression."""
+    u, z = profile_points.FLANK_RULES[rule](profile, angles.FOOT, profile[-1])
+    places = np.unique(np.linspace(0, u.size, min(u.size, angles.WINDOW_STEPS) + 1).round().astype(int))
+    best, slope = -math.inf, math.nan
+    for first in places:
+        for last in places[places - first >= max(profile_points.MIN_LEVELS, smallest * u.size)]:
+            x, y = u[first:last], z[first:last]
+            if x.std() >= angles.WALL_SD and y.std() > 0 and np.corrcoef(x, y)[0, 1] > best + 1e-12:
+                best, slope = np.corrcoef(x, y)[0, 1], np.polyfit(x, y, 1)[0]
+    return degrees(slope)
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("smallest", [0.25, 0.5])
+def test_the_straightest_window_of_lumpy_flanks_equals_a_slow_search(rule, smallest):
+    rng = np.random.default_rng(11)
+    for slope in (0.35, 0.6, 0.9):
+        profile = lumpy(slope, 230.0, rng)
+        found = angles.straightest(profile, smallest, rule).angle_deg
+        assert found == pytest.approx(slow_straightest(profile, smallest, rule), abs=1e-6)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_the_straightest_window_leaves_out_a_wavy_toe_and_a_flat_crest(rule):
+    """A straight flank between a toe of two waves and a flat top: the line is the flank's, the whole side's is not."""
+    slope, height = 0.6, 200.0
+    profile = trapezoid(slope, height, 60)
+    toe = MARGIN + np.arange(60)
+    profile[toe] = np.maximum(profile[toe] + 6 * np.sin(toe / 60 * 4 * math.pi), 1.5)
+    line = angles.straightest(profile, 0.25, rule)
+    assert line.angle_deg == pytest.approx(degrees(slope), abs=0.1)
+    assert abs(angles.whole(profile, "columns").angle_deg - degrees(slope)) > 1
+
+
 def both_sides(left, right):
     """A whole profile and its crest from two sides of the same height."""
     return np.concatenate([left, right[::-1][1:]]), left.size - 1
@@ -137,7 +173,7 @@ def test_measured_sides_hold_every_definition_and_what_is_missing_has_a_reason()
     assert mean == pytest.approx((degrees(0.4) + degrees(0.8)) / 2)
     assert (left.ends[0][1], left.ends[1][1]) == (50.0, 180.0)
     unknown, reasons = angles.measure_sides(profile, crest, "berry", 0.9, None, "columns")
-    assert tuple(unknown) == ("whole",)
+    assert tuple(unknown) == ("whole", "straightest")
     assert set(reasons) == {"flank", "secant", "steepest"}
     low, reasons = angles.measure_sides(profile, crest, 0.1, 0.2, 50.0, "columns")
     assert "steepest" not in low
@@ -156,6 +192,7 @@ def test_sides_without_an_angle_say_why():
         lambda: angles.flank(cut, 20.0, 160.0),
         lambda: angles.secant(cut, 20.0),
         lambda: angles.whole(cut),
+        lambda: angles.straightest(cut, 0.333),
     ):
         with pytest.raises(NoFlankError, match="foot is not seen"):
             definition()

@@ -22,7 +22,7 @@ from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
-from repose.apparatus.funnel import LINE, narrow_openings
+from repose.apparatus.funnel import CALIBRATED, narrow_openings
 from repose.apparatus.scene import Filmed, at_rest, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.errors import NoFlankError
@@ -43,7 +43,7 @@ FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 BOX = tuple(
     f"{NAME}.{key}" for key in ("berries", "width_mm", "depth_mm", "slot_mm", "lower_width_mm", "drop_mm")
 )
-SEEN = (*BOX, "measure.mm_per_pixel", *LINE, "measure.response")
+SEEN = (*BOX, "measure.mm_per_pixel", *CALIBRATED)
 RESPONSES = (
     Response("drawdown_above_deg", "deg", "drawdown, angle above", "above", NAME, 1.0, 89.0, SEEN),
     Response("drawdown_below_deg", "deg", "drawdown, angle below", "below", NAME, 1.0, 89.0, SEEN),

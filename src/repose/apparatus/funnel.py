@@ -49,6 +49,9 @@ STANDSTILL = 0.01
 SEEN = ("measure.views", "measure.mm_per_pixel", "measure.largest_pile_only")
 BERRY = "measure.berry_height_mm"
 LINE = ("measure.flank", "measure.fit_from", "measure.fit_to", BERRY)
+WINDOW = ("measure.flank", "measure.smallest_window")
+# Of the angle of repose, whichever definition is calibrated.
+CALIBRATED = (*LINE, WINDOW[1], "measure.response")
 PLATE = ("funnel.plate_diameter_mm",)
 
 
@@ -58,12 +61,13 @@ def _angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
 
 
 RESPONSES = (
-    Response("aor_deg", "deg", "angle of repose", "AoR", NAME, 1.0, 89.0, (*SEEN, *LINE, "measure.response")),
+    Response("aor_deg", "deg", "angle of repose", "AoR", NAME, 1.0, 89.0, (*SEEN, *CALIBRATED)),
     Response("height_mm", "mm", "Height", "Height", NAME, 1.0, 2000.0, SEEN),
     _angle("flank", "angle, flank", LINE),
     _angle("secant", "angle, secant", (BERRY,)),
     _angle("steepest", "angle, steepest", LINE),
     _angle("whole", "angle, whole side", ("measure.flank",)),
+    _angle("straightest", "angle, straightest window", WINDOW),
     Response("base_radius_mm", "mm", "base radius", "base radius", NAME, 0.0, 1e4, (*SEEN, BERRY)),
     Response("lower_deg", "deg", "lower flank", "lower flank", NAME, 0.0, 89.0, (*SEEN, BERRY)),
     Response("upper_deg", "deg", "upper flank", "upper flank", NAME, 0.0, 89.0, (*SEEN, BERRY)),

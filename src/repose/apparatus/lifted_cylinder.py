@@ -24,7 +24,7 @@ from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import LIKELY_PACKING, Disc, fill_and_rest, level_m, too_early
-from repose.apparatus.funnel import BERRY, LARGEST_LOSS, LINE, SEEN, SMALLEST_PILE, narrow_openings
+from repose.apparatus.funnel import BERRY, CALIBRATED, LARGEST_LOSS, SEEN, SMALLEST_PILE, narrow_openings
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import Poured, SimulationSettings
 from repose.core.responses import Response
@@ -44,7 +44,7 @@ LOOK_S = 0.05  # simulated time between two looks whether the berries rest, or h
 
 LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "filling_height_mm", "diameter_mm", "lifting_mm_s"))
 OUTLINE, LOOSE = (*LIFT, *SEEN), (*LIFT, f"{NAME}.plate_diameter_mm")
-ANGLE, FOOT = (*OUTLINE, *LINE, "measure.response"), (*OUTLINE, BERRY)
+ANGLE, FOOT = (*OUTLINE, *CALIBRATED), (*OUTLINE, BERRY)
 RESPONSES = (
     Response(
         "lifted_aor_deg", "deg", "angle of repose, lifted cylinder", "AoR, lifted", NAME, 1.0, 89.0, ANGLE

@@ -287,6 +287,7 @@ class Measure(Section):
     berry_height_mm: Annotated[float, Field(gt=0, le=1000)] | None
     largest_pile_only: bool
     flank: Annotated[str, OneOf(lambda: FLANK_RULES)]
+    smallest_window: float = Field(ge=0.1, le=1)
 
     @field_validator("fit_to")
     @classmethod

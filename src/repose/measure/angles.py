@@ -1,4 +1,4 @@
-"""Angle of repose of a pile's profile by four definitions, each stated in docs/measurement.md.
+"""Angle of repose of a pile's profile by five definitions, each stated in docs/measurement.md.
 
 flank
     regression of height on distance between two heights (section 2.3 of the paper)
@@ -8,6 +8,8 @@ steepest
     the largest slope of such a line over any stretch of half the flank's height
 whole
     such a line from foot to crest
+straightest
+    such a line through the window of the side in which distance and height correlate most (Li et al. 2020)
 
 A profile is one side of a pile: heights (M,) over the plate from outside the foot to the crest, for each pixel column.
 All lengths are pixels, all angles degrees. `repose.measure.profile_points` selects the points of a line. Numbers from
@@ -22,7 +24,7 @@ import numpy as np
 from repose.core.errors import NoFlankError
 from repose.measure.profile_points import MIN_LEVELS, outermost_crossing, points_between
 
-DEFINITIONS = ("flank", "secant", "steepest", "whole")
+DEFINITIONS = ("flank", "secant", "steepest", "whole", "straightest")
 MEAN_KEYS = {name: f"aor_{name}_deg" for name in DEFINITIONS}  # mean of all views
 # the first view alone, as a camera sees it
 VIEW_KEYS = {name: f"aor_{name}_view_deg" for name in DEFINITIONS}
@@ -30,6 +32,7 @@ VIEW_KEYS = {name: f"aor_{name}_view_deg" for name in DEFINITIONS}
 WALL_SD = 0.5  # points whose distances scatter by less than this are a wall
 WALL = "too few boundary points on the flank, it is a wall"
 FOOT = 1.0  # the whole profile begins here: a column below it shows no pile
+WINDOW_STEPS = 100  # windows of the straightest line begin and end at multiples of this part of the side
 
 
 class Line(NamedTuple):
@@ -75,6 +78,46 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
     start = float(starts[np.nanargmax(slopes)])
     inside = (height >= start) & (height <= start + window)
     return fitted(distance[inside], height[inside], start, start + window)
+
+
+def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> Line:
+    """Definition "straightest": the line through the window in which distance and height correlate most.
+
+    Windows are stretches of the side's points, from the share `smallest` of them to all (Li, Ucgul, Lee, Saunders 2020,
+    Comput. Electron. Agric. 172, 105356: of windows that grow from the open end to the centre, the one of the largest
+    correlation coefficient gives the angle). The source does not give its smallest window.
+    """
+    distance, height = points_between(profile, FOOT, float(profile[-1]), rule)
+    count = distance.size
+    least = max(MIN_LEVELS, math.ceil(smallest * count))
+    if count < least:
+        raise NoFlankError(WALL)
+    places = np.unique(np.linspace(0, count, min(count, WINDOW_STEPS) + 1).round().astype(int))
+    first, last = (ends.ravel() for ends in np.meshgrid(places, places, indexing="ij"))
+    long_enough = last - first >= least
+    first, last = first[long_enough], last[long_enough]
+    correlation = window_correlations(distance, height, first, last)
+    if np.isnan(correlation).all():
+        raise NoFlankError(WALL)
+    if not np.any(correlation > 0):
+        raise NoFlankError("no stretch of the boundary rises towards the crest")
+    best = int(np.nanargmax(correlation))
+    inside = slice(first[best], last[best])
+    return fitted(distance[inside], height[inside], float(height[inside].min()), float(height[inside].max()))
+
+
+def window_correlations(
+    distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray
+) -> np.ndarray:
+    """Correlation (windows,) of distance and height of points first to last - 1, by running sums; NaN for a wall."""
+    x, z = distance - distance.mean(), height - height.mean()
+    sums = np.concatenate([np.zeros((5, 1)), np.cumsum([x, z, x * x, z * z, x * z], axis=1)], axis=1)
+    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums[:, last] - sums[:, first]
+    n = last - first
+    spread_x, spread_z = sum_xx - sum_x * sum_x / n, sum_zz - sum_z * sum_z / n
+    usable = (spread_x >= n * WALL_SD**2) & (spread_z > 0)
+    product = np.where(usable, spread_x * spread_z, 1.0)
+    return np.where(usable, (sum_xz - sum_x * sum_z / n) / np.sqrt(product), np.nan)
 
 
 def window_slopes(
@@ -136,6 +179,7 @@ def measure_sides(
     fit_to: float | str,
     berry: float | None,
     rule: str,
+    smallest: float = 1 / 3,
 ) -> Measured:
     """Angle [deg], left and right line of a pile by definition, and the reasons for missing definitions."""
     height = float(profile[crest])
@@ -143,10 +187,10 @@ def measure_sides(
     measured, reasons = {}, {}
     for name in DEFINITIONS:
         try:
-            if berry is None and (name == "secant" or (name != "whole" and "berry" in (fit_from, fit_to))):
+            if berry is None and (name == "secant" or (name in BANDED and "berry" in (fit_from, fit_to))):
                 raise NoFlankError("the berry's height is not known")
             low, high = (_height_of(end, height, berry) for end in (fit_from, fit_to))
-            left, right = (_one_side(name, side, low, high, berry, rule) for side in sides)
+            left, right = (_one_side(name, side, low, high, berry, rule, smallest) for side in sides)
         except NoFlankError as error:
             reasons[name] = error.reason
             continue
@@ -160,10 +204,15 @@ def _height_of(end, height, berry):
     return berry if end == "berry" else end * height
 
 
-def _one_side(name, profile, low, high, berry, rule):
+def _one_side(name, profile, low, high, berry, rule, smallest):
     """One side by one definition."""
     if name == "secant":
         return secant(profile, berry)
     if name == "whole":
         return whole(profile, rule)
-    return {"flank": flank, "steepest": steepest}[name](profile, low, high, rule)
+    if name == "straightest":
+        return straightest(profile, smallest, rule)
+    return BANDED[name](profile, low, high, rule)
+
+
+BANDED = {"flank": flank, "steepest": steepest}  # between `fit_from` and `fit_to`

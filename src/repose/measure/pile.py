@@ -4,7 +4,7 @@ The steps are the paper's (section 2.3, Figure 6): grey, threshold, edge, bounda
 The angle of repose is the mean of the two arctangents, the Height is the height of the highest point over the base. A
 simulation is first projected to a silhouette.
 
-The paper does not define the part of a lumpy boundary through which the line goes. Four definitions are measured on
+The paper does not define the part of a lumpy boundary through which the line goes. Five definitions are measured on
 every pile (`repose.measure.angles`), and the configuration names the response. Their biases and noise are in
 docs/measurement.md.
 """
@@ -87,7 +87,13 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
     scale = settings.mm_per_pixel
     berry = None if settings.berry_height_mm is None else settings.berry_height_mm / scale
     measured, reasons = measure_sides(
-        profile, crest, settings.fit_from, settings.fit_to, berry, settings.flank
+        profile,
+        crest,
+        settings.fit_from,
+        settings.fit_to,
+        berry,
+        settings.flank,
+        settings.smallest_window,
     )
     angles = {}
     for name, (aor_deg, left, right) in measured.items():

@@ -22,6 +22,7 @@ class MeasureSettings:
     berry_height_mm: float | None = None  # None means the particle's equivalent diameter
     largest_pile_only: bool = True  # False: loose berries count, too
     flank: str = "columns"  # rule for the points of a line, one of `FLANK_RULES`
+    smallest_window: float = 0.333  # of `straightest`: share of a side's points
 
     def __post_init__(self):
         if isinstance(self.views, bool) or not isinstance(self.views, int) or not 1 <= self.views <= 360:
@@ -35,6 +36,8 @@ class MeasureSettings:
         for key, names in (("response", DEFINITIONS), ("flank", FLANK_RULES)):
             if getattr(self, key) not in names:
                 raise InputError("measure", key, getattr(self, key), "one of " + ", ".join(names))
+        if not (_positive(self.smallest_window) and 0.1 <= self.smallest_window <= 1):
+            raise InputError("measure", "smallest_window", self.smallest_window, "a number from 0.1 to 1")
         self._check_band()
 
     def _check_band(self):
@@ -49,6 +52,11 @@ class MeasureSettings:
         elif not (isinstance(end, int | float) and start + 0.1 <= end <= 1):
             raise InputError("measure", "fit_to", end, "berry, or at least fit_from + 0.1, at most 1")
 
+    @property
+    def line(self) -> str:
+        """The line whose slope is the angle of repose, in words; see `line_of`."""
+        return line_of(vars(self))
+
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
         """Settings of the section `measure`; the default height of a berry is `berry`'s equivalent diameter (Eq. 1)."""
@@ -57,6 +65,25 @@ class MeasureSettings:
         if settings.berry_height_mm is None and None not in axes:
             return replace(settings, berry_height_mm=math.prod(axes) ** (1 / 3))
         return settings
+
+
+def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
+    """A definition of the angle with its settings, in words for tables and figures; default: the calibrated one."""
+    definition = definition or section["response"]
+    if definition == "secant":
+        return "secant"
+    if definition == "whole":
+        return f"whole side, {section['flank']}"
+    if definition == "straightest":
+        return (
+            f"straightest window, at least {section['smallest_window']:.2g} of the side, {section['flank']}"
+        )
+    ends = [
+        "one grain" if section[key] == "berry" else f"{100 * section[key]:g}"
+        for key in ("fit_from", "fit_to")
+    ]
+    band = f"{ends[0]} to {ends[1]}{' % of the height' if section['fit_to'] != 'berry' else ''}"
+    return f"{'steepest half of the ' if definition == 'steepest' else ''}flank, {band}, {section['flank']}"
 
 
 def _positive(value):

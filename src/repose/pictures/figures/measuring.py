@@ -16,18 +16,21 @@ from repose.particle.particle import Particle
 
 from . import style
 
-COLOURS = dict(zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE), strict=True))
-STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2))), strict=True))
+COLOURS = dict(
+    zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE, style.ORANGE), strict=True)
+)
+STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True))
 WORDS = {
     "flank": "line fitted from {fit_from} to {fit_to}",
     "secant": "from the foot, one grain high, to the crest",
     "steepest": "the steepest half of the flank",
     "whole": "line fitted from foot to crest",
+    "straightest": "line fitted to the straightest window",
 }
 
 
 def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Four definitions on the first view of a pile (above), and their values in every view (below)."""
+    """Five definitions on the first view of a pile (above), and their values in every view (below)."""
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
