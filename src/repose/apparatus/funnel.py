@@ -49,9 +49,9 @@ STANDSTILL = 0.01
 SEEN = ("measure.views", "measure.mm_per_pixel", "measure.largest_pile_only")
 BERRY = "measure.berry_height_mm"
 LINE = ("measure.flank", "measure.fit_from", "measure.fit_to", BERRY)
-WINDOW = ("measure.flank", "measure.smallest_window")
+WINDOW = ("measure.smallest_window",)
 # Of the angle of repose, whichever definition is calibrated.
-CALIBRATED = (*LINE, WINDOW[1], "measure.response")
+CALIBRATED = (*LINE, *WINDOW, "measure.response")
 PLATE = ("funnel.plate_diameter_mm",)
 
 
@@ -66,7 +66,7 @@ RESPONSES = (
     _angle("flank", "angle, flank", LINE),
     _angle("secant", "angle, secant", (BERRY,)),
     _angle("steepest", "angle, steepest", LINE),
-    _angle("whole", "angle, whole side", ("measure.flank",)),
+    _angle("whole", "angle, whole side", ()),
     _angle("straightest", "angle, straightest window", WINDOW),
     Response("base_radius_mm", "mm", "base radius", "base radius", NAME, 0.0, 1e4, (*SEEN, BERRY)),
     Response("lower_deg", "deg", "lower flank", "lower flank", NAME, 0.0, 89.0, (*SEEN, BERRY)),

@@ -209,10 +209,10 @@ def _one_side(name, profile, low, high, berry, rule, smallest):
     if name == "secant":
         return secant(profile, berry)
     if name == "whole":
-        return whole(profile, rule)
+        return whole(profile)
     if name == "straightest":
-        return straightest(profile, smallest, rule)
+        return straightest(profile, smallest)
     return BANDED[name](profile, low, high, rule)
 
 
-BANDED = {"flank": flank, "steepest": steepest}  # between `fit_from` and `fit_to`
+BANDED = {"flank": flank, "steepest": steepest}  # between `fit_from` and `fit_to`, by the points of `flank`
