@@ -1,6 +1,6 @@
-"""Comparison of the definitions of the angle of repose: bias on known shapes, noise, signal over a design.
+"""Comparison of the lines whose slope may be the angle of repose: bias on known shapes, noise, signal over a design.
 
-Every saved pile is measured by all definitions and by other bands and rules of the line, each time on the same
+Every saved pile is measured by all definitions, and by other bands and points of the flank, each time on the same
 silhouettes. docs/measurement.md shows and discusses the tables.
 """
 
@@ -16,24 +16,30 @@ import pandas as pd
 from repose.core.errors import InputError, NoFlankError
 from repose.core.files import write_table
 from repose.measure import pile, saved_pours
-from repose.measure.angles import DEFINITIONS, measure_sides
+from repose.measure.angles import measure_sides
 from repose.particle.particle import Particle
 from research.measurement.pour_correlation import correlations
 
-# Name in the tables: changes of the configuration's measurement, and the definition.
-VARIANTS: dict[str, tuple[dict[str, Any], str]] = {
-    "flank": ({}, "flank"),
-    "flank, rows": ({"flank": "rows"}, "flank"),
-    "flank, levels": ({"flank": "levels"}, "flank"),
-    "flank, 10-90 %": ({"fit_from": 0.1, "fit_to": 0.9}, "flank"),
-    "flank, 30-80 %": ({"fit_from": 0.3, "fit_to": 0.8}, "flank"),
-    "flank, berry-90 %": ({"fit_from": "berry", "fit_to": 0.9}, "flank"),
-    "secant": ({}, "secant"),
-    "steepest": ({}, "steepest"),
-    "steepest, levels": ({"flank": "levels"}, "steepest"),
-    "whole": ({}, "whole"),
-    "whole, levels": ({"flank": "levels"}, "whole"),
-}
+BANDS = ((0.1, 0.8), (0.1, 0.9), (0.2, 0.8), (0.2, 0.9), (0.3, 0.8), (0.3, 0.9))
+POINTS = ("columns", "rows", "levels")
+# Smallest window of the straightest line, as a share of the side; its source does not give it.
+WINDOWS = {"1/2": 1 / 2, "1/3": 1 / 3, "1/4": 1 / 4}
+
+
+def _lines() -> dict[str, tuple[dict[str, Any], str]]:
+    """Every line by its name in the tables: changes of the configuration's measurement, and the definition."""
+    lines: dict[str, tuple[dict[str, Any], str]] = {"whole": ({}, "whole"), "secant": ({}, "secant")}
+    for low, high in BANDS:
+        for rule in POINTS:
+            name = f"flank {100 * low:.0f}-{100 * high:.0f} %, {rule}"
+            lines[name] = ({"fit_from": low, "fit_to": high, "flank": rule}, "flank")
+    lines["steepest 10-80 %, columns"] = ({"fit_from": 0.1, "fit_to": 0.8, "flank": "columns"}, "steepest")
+    for share, smallest in WINDOWS.items():
+        lines[f"straightest, at least {share}"] = ({"smallest_window": smallest}, "straightest")
+    return lines
+
+
+VARIANTS = _lines()
 ANGLES_DEG = (20, 25, 30, 35, 40, 45)
 CONE_HEIGHT_MM = 62.0
 CONE_BERRIES = 500
@@ -50,42 +56,42 @@ def tables_of(
 ) -> dict[str, pd.DataFrame]:
     """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
 
-    `piles` are those of the design, `fixed` those of the published representative solution, both from `measured_piles`.
-    `settings` need the height of a berry; `shapes` is the number of piles of each known shape and angle.
+    `piles` are those of the design, `fixed` those of one parameter set, both from `measured_piles`. `settings` need the
+    height of a berry; `shapes` is the number of piles of each known shape and angle.
     """
     return {
         "noise": noise_table(piles, fixed),
         "correlation": correlation_table(piles),
-        "pour_correlation": correlations(piles),
+        "pour_correlation": correlations(piles, VARIANTS),
         "bias": bias_table(particle, settings, shapes),
     }
 
 
 def run(
     heaps: Sequence[str | Path],
-    representative: str | Path,
+    representative: str | Path | None,
     particle: Particle,
     section: Mapping[str, Any],
     berry: Mapping[str, Any],
     out_dir: str | Path,
     shapes: int = 8,
 ) -> dict[str, pd.DataFrame]:
-    """Write piles.csv and the tables of `tables_of` into out_dir; return these tables.
+    """Write piles.csv and the tables of `tables_of` into out_dir; return these tables and ``piles``.
 
-    `heaps` are ``NAME.npz`` of the design's jobs, with ``NAME.pours.json`` beside each; `representative` is that of the
-    published representative solution. `section` is `measure` of the configuration, `berry` the result of the verb
-    berry. InputError with fewer than two jobs.
+    `heaps` are ``NAME.npz`` of the design's jobs, with ``NAME.pours.json`` beside each; `representative` is that of one
+    parameter set with more pours, by default the first of the design. `section` is `measure` of the configuration,
+    `berry` the result of the verb berry. InputError with fewer than two jobs.
     """
     if len(heaps) < 2:
         raise InputError("command line", "heaps", len(heaps), "at least two jobs of the design")
     settings = pile.with_berry_height(pile.MeasureSettings.of(section, berry), particle)
     piles = pd.concat([measured_piles(path, particle, settings) for path in heaps], ignore_index=True)
-    fixed = measured_piles(representative, particle, settings)
+    fixed = measured_piles(representative or heaps[0], particle, settings)
     tables = tables_of(piles, fixed, particle, settings, shapes)
-    write_table(Path(out_dir) / "piles.csv", pd.concat([piles, fixed]))
+    write_table(Path(out_dir) / "piles.csv", pd.concat([piles, fixed]) if representative else piles)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table, index=name == "correlation")
-    return tables
+    return tables | {"piles": piles}
 
 
 # --- the piles of a study -------------------------------------------------------------------------
@@ -146,13 +152,13 @@ def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureS
     `profile` (W,) is the height of the upper edge in pixels, `crest` the column of the crest.
     """
     berry = float(settings.berry_height_mm or math.nan) / settings.mm_per_pixel
-    known, found = {}, {}
+    found = {}
     for name, (changed, definition) in VARIANTS.items():
         how = replace(settings, **changed)
-        key = (how.fit_from, how.fit_to, how.flank)
-        if key not in known:
-            known[key] = measure_sides(profile, crest, how.fit_from, how.fit_to, berry, how.flank)[0]
-        found[name] = known[key][definition][0] if definition in known[key] else math.nan
+        measured, _ = measure_sides(
+            profile, crest, how.fit_from, how.fit_to, berry, how.flank, how.smallest_window, (definition,)
+        )
+        found[name] = measured[definition][0] if definition in measured else math.nan
     return found
 
 
@@ -191,8 +197,8 @@ def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
 
 
 def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
-    """Correlation of the samples' means of the four definitions and Height."""
-    return piles.groupby("sample")[[*DEFINITIONS, "Height"]].mean().corr()
+    """Correlation of the samples' means of every line and Height."""
+    return piles.groupby("sample")[[*VARIANTS, "Height"]].mean().corr()
 
 
 # --- known shapes ---------------------------------------------------------------------------------

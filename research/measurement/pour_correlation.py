@@ -5,19 +5,19 @@ higher. How much depends on how they are measured. Who measured physical piles i
 takes the correlation of that way for `posterior.measured_correlation`.
 """
 
+from collections.abc import Iterable
 from typing import Any
 
 import pandas as pd
 
 from repose.core.variance import residual_correlation
-from repose.measure.angles import DEFINITIONS
 
 WAYS = {"all views": "", "one view": " (view)"}
 COLUMNS = ("measured", "views", "correlation", "low", "high", "degrees_of_freedom")
 FEWEST = 4  # degrees of freedom
 
 
-def correlations(piles: pd.DataFrame) -> pd.DataFrame:
+def correlations(piles: pd.DataFrame, lines: Iterable[str]) -> pd.DataFrame:
     """Correlation of each angle with the Height, from pile to pile of one sample.
 
     `piles` come from `measurement_study.measured_piles`. A row for each definition and number of views;
@@ -26,7 +26,7 @@ def correlations(piles: pd.DataFrame) -> pd.DataFrame:
     """
     rows: list[dict[str, Any]] = []
     for views, suffix in WAYS.items():
-        for definition in DEFINITIONS:
+        for definition in lines:
             columns = [definition + suffix, "Height" + suffix]
             known = piles.dropna(subset=columns)
             if len(known) - known["sample"].nunique() < FEWEST:

@@ -17,6 +17,9 @@ rule measurement_study:
         correlation=f"{RESULTS}/measurement_study/correlation.csv",
         pour_correlation=f"{RESULTS}/measurement_study/pour_correlation.csv",
         bias=f"{RESULTS}/measurement_study/bias.csv",
+        choice=f"{RESULTS}/measurement_study/choice.csv",
+        verdicts=f"{RESULTS}/measurement_study/verdicts.csv",
+        loose_grain=f"{RESULTS}/measurement_study/loose_grain.csv",
     log:
         f"{RESULTS}/logs/measurement_study.log",
     benchmark:
@@ -28,10 +31,12 @@ rule measurement_study:
     params:
         config=CONFIG,
         folder=folder,
-        depends=depending("measure"),
+        piles=lambda wildcards, input: input.heaps[:8],
+        depends=depending("measure", "targets"),
     message:
         "Comparing the definitions of the angle of repose"
     shell:
-        "python -m research.measurement definitions {input.heaps:q} --representative {input.representative:q}"
-        " --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q} --out {params.folder:q}"
-        " > {log:q} 2>&1"
+        "(python -m research.measurement lines {input.heaps:q} --representative {input.representative:q}"
+        " --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q} --out {params.folder:q};"
+        " python -m research.measurement loose_grain {params.piles:q} --config {params.config:q} --berry {input.berry:q}"
+        " --particle {input.particle:q} --out {output.loose_grain:q}) > {log:q} 2>&1"

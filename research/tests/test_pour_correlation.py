@@ -18,7 +18,7 @@ def test_the_scatter_within_samples_counts_and_not_their_means():
     for name in DEFINITIONS:
         table[name] = shared[:, 0] + means
         table[f"{name} (view)"] = table[name] + random.normal(size=4000)
-    found = correlations(table).set_index(["views", "measured"])
+    found = correlations(table, DEFINITIONS).set_index(["views", "measured"])
     assert found.loc["all views", "correlation"].to_numpy() == pytest.approx(0.8, abs=0.02)
     assert found.loc["one view", "correlation"].to_numpy() == pytest.approx(0.8 / np.sqrt(2), abs=0.03)
     assert (found["low"] < found["correlation"]).all()

@@ -17,6 +17,7 @@ different definitions or rules must not be compared.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -180,12 +181,13 @@ def measure_sides(
     berry: float | None,
     rule: str,
     smallest: float = 1 / 3,
+    definitions: Sequence[str] = DEFINITIONS,
 ) -> Measured:
     """Angle [deg], left and right line of a pile by definition, and the reasons for missing definitions."""
     height = float(profile[crest])
     sides = profile[: crest + 1], profile[crest:][::-1]
     measured, reasons = {}, {}
-    for name in DEFINITIONS:
+    for name in definitions:
         try:
             if berry is None and (name == "secant" or (name in BANDED and "berry" in (fit_from, fit_to))):
                 raise NoFlankError("the berry's height is not known")
