@@ -267,8 +267,8 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     assert {"photographs", "summary", "provenance"} == set(record)
     (values,) = record["photographs"]
     assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} < set(values)
-    # outside a study the angle of repose is the line fit
-    assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30, abs=0.5)
+    # outside a study the line runs from foot to crest
+    assert values["aor_deg"] == values["aor_whole_deg"] == pytest.approx(30, abs=0.5)
     assert values["aor_secant_deg"] is None, "the height of a grain is not known"
     assert values["height_mm"] == pytest.approx(20, abs=0.3)
     assert (tmp_path / "out/pile.png").is_file()
@@ -276,7 +276,7 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     (values,) = json.loads(capsys.readouterr().out)["photographs"]
     # a study has its own definition and grain, 13.34 mm: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
     assert values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)
-    assert values["aor_deg"] == values["aor_whole_deg"] == pytest.approx(30.0, abs=0.5)
+    assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30.0, abs=0.5)
 
 
 def test_measure_refuses_a_picture_without_a_pile(tmp_path, capsys):

@@ -15,7 +15,7 @@ def test_in_a_crops_folder_it_is_that_of_the_sizes(tmp_path, monkeypatch):
     assert _settings(NOTHING_GIVEN).berry_height_mm is None
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n")  # means 8, 4, 2
     assert _settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(4.0)
-    assert _settings(NOTHING_GIVEN).response == "flank"
+    assert _settings(NOTHING_GIVEN).response == "whole"
     assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
 
 

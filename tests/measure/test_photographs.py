@@ -164,7 +164,7 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
     config = Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml").config
     assert [target["response"] for target in config["targets"]] == ["aor_deg", "height_mm"]
     assert config["targets"][1]["value"] == summary["height_mm"]["value"]
-    assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("flank", 8)
+    assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("whole", 8)
 
 
 def test_one_photograph_gives_no_scatter(tmp_path, capsys):

@@ -74,8 +74,8 @@ def test_distance_changes_neither_angle_nor_height(tmp_path, seed):
 def test_a_coarse_photograph_is_doubtful(tmp_path):
     coarse_one, fine_one = (coarse.measured(7, high, tmp_path) for high in (50, 100))
     assert "too coarse" in coarse_one.remarks
-    # A pixel at either end of a flank of 34 degrees: sin(2 * 34) / (0.7 * 50).
-    assert "the angle may be off by 1.5 degrees" in coarse_one.remarks
+    # A pixel at either end of a side of 34 degrees: sin(2 * 34) / 50.
+    assert "the angle may be off by 1.1 degrees" in coarse_one.remarks
     true = sixty.truth(coarse.scene(7, 50))
     assert coarse_one.measurement.aor_deg == pytest.approx(true.angle, abs=1.5)
     assert "too coarse" not in fine_one.remarks

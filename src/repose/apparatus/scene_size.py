@@ -38,6 +38,7 @@ OUTLET_GRAINS = (
 COST = 7 / 6  # time of a pour goes with the number to this power: its bodies, and the time of discharge
 CLOSE_DEG = 1.0
 STEADY = "secant"  # the angle that depends least on the number of grains
+TABULATED = {"straightest": "flank"}  # the definition of the table that is nearest to one that it lacks
 LARGE = 1000  # from so many grains on a smaller scene is worth a sentence
 
 Config = Mapping[str, Any]
@@ -109,7 +110,7 @@ def advice(config: Config, diameter_mm: float, height_mm: float, poured: int | N
 
     `poured` is the number that the targets need, if it is more than the configured one.
     """
-    funnel, definition = config["funnel"], config["measure"]["response"]
+    funnel, definition = config["funnel"], _definition(config)
     grains, largest = poured or funnel["berries"], max(numbers())
     compared = min(grains, largest)
     half = change(compared, compared / 2, definition)
@@ -137,7 +138,7 @@ def advice(config: Config, diameter_mm: float, height_mm: float, poured: int | N
 
 def _smaller(config, grains, enough, diameter_mm):
     """What a smaller scene costs and changes, and its keys: of as many grains as are enough, or of the most known."""
-    largest, definition = max(numbers()), config["measure"]["response"]
+    largest, definition = max(numbers()), _definition(config)
     fewer = enough or largest
     other = change(grains, fewer, definition)
     high = (fewer / grains) ** (1 / 3) * other.height
@@ -153,6 +154,12 @@ def _smaller(config, grains, enough, diameter_mm):
     yield _as_yaml("funnel", pasted)
     if any(target["response"] == "height_mm" for target in config["targets"]):
         yield _as_yaml("targets", [_lower(target, high) for target in config["targets"]])
+
+
+def _definition(config):
+    """The definition of the table for the calibrated angle."""
+    response = config["measure"]["response"]
+    return TABULATED.get(response, response)
 
 
 def _lower(target, share):

@@ -175,7 +175,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
 
 
 def _settings(args: argparse.Namespace) -> "MeasureSettings":
-    """Settings of the measurement; outside a study the angle of repose is the line fit, the grain the folder's."""
+    """Settings of the measurement; outside a study the line runs from foot to crest, and the grain is the folder's."""
     from repose.measure.settings import MeasureSettings
 
     if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:

@@ -14,6 +14,7 @@ from repose.measure.photographs import Photograph, mean_of
 from repose.measure.settings import MeasureSettings
 
 MEANT = ("aor_deg", "height_mm")  # numbers that become targets
+LINE = ("response", "fit_from", "fit_to", "flank", "smallest_window")
 
 
 class Tables(NamedTuple):
@@ -70,10 +71,11 @@ def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[s
     The range is the mean and its standard error to each side, at least 1 % of the mean. A single pile has no scatter:
     its standard deviation and range are null, and a study refuses them until the user gives values.
     """
+    line = ", ".join(f"{key}: {getattr(how, key)}" for key in LINE)
     grain = "" if how.berry_height_mm is None else f", berry_height_mm: {how.berry_height_mm:.6g}"
     lines = [
         "# Measured on photographs; summary.csv lies beside it.",
-        f"measure: {{response: {how.response}{grain}}}",
+        f"measure: {{{line}{grain}}} # the line: {how.line}",
     ]
     lines.append("targets:")
     for row in made.summary[made.summary["response"].isin(list(responses))].itertuples():

@@ -16,12 +16,12 @@ class MeasureSettings:
 
     views: int = 18  # side views, evenly over half a turn; the other half mirrors them
     mm_per_pixel: float = 0.25  # scale of the silhouettes
-    response: str = "flank"  # the definition used as the angle of repose, one of `DEFINITIONS`
-    fit_from: float | str = 0.1  # lower end of the flank: share of the height, or "berry" (one berry high)
+    response: str = "whole"  # the definition used as the angle of repose, one of `DEFINITIONS`
+    fit_from: float | str = 0.3  # lower end of the flank: share of the height, or "berry" (one berry high)
     fit_to: float | str = 0.8  # upper end, likewise
     berry_height_mm: float | None = None  # None means the particle's equivalent diameter
     largest_pile_only: bool = True  # False: loose berries count, too
-    flank: str = "columns"  # rule for the points of a line, one of `FLANK_RULES`
+    flank: str = "levels"  # rule for the points of a line, one of `FLANK_RULES`
     smallest_window: float = 0.333  # of `straightest`: share of a side's points
 
     def __post_init__(self):
