@@ -86,6 +86,32 @@ def test_somebodys_file_in_the_place_of_a_result_stops_the_workflow_and_stays(pr
 POURS = {"pour": 12, "validation_pour": 9, "trajectory": 1, "drum_run": 2}
 
 
+# The stages of the method in their order, and one rule that follows each.
+STAGES = {
+    "design": ("design", "pour"),
+    "pour": ("pour", "measure_runs"),
+    "dataset": ("dataset", "network"),
+    "network": ("network", "miga"),
+    "miga": ("miga", "validation_pour"),
+    "validate": ("validate", "card"),
+    "drum": ("drum", "draw_drum"),
+}
+
+
+@pytest.mark.essential
+@pytest.mark.parametrize("stage", STAGES)
+def test_each_stage_can_be_forced_to_run_again(finished, stage):
+    """It and what follows run; no stage before it does."""
+    project, words = finished
+    counts = planned(project, *words, "--forcerun", stage)
+    forced, next_rule = STAGES[stage]
+    assert counts[forced] == {"pour": 12}.get(stage, 1)
+    assert counts[next_rule] >= 1
+    order = list(STAGES)
+    before = [name for name in order[: order.index(stage)] if stage != "drum"]
+    assert not set(before) & set(counts)
+
+
 def test_an_edited_engine_pours_again(finished, monkeypatch):
     project, words = finished
     assert planned(project, *words, "--", "calibration") == {}
