@@ -108,9 +108,9 @@ def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
     assert made["met"] is None
     assert made["reason"] == "The answer is predicted inside both ranges; the answer was not simulated again."
     assert made["out_of_reach"] is False
-    assert calibration.describe(found).startswith("wheat: targets not checked yet. angle_deg predicted ")
+    assert calibration.describe(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert main(["card", "check", str(tmp_path / "card.json")]) == 3
-    assert capsys.readouterr().out.startswith("wheat: targets not checked yet. angle_deg predicted ")
+    assert capsys.readouterr().out.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert {test["bench"] for test in made["tests"]} == {None}
     assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
     assert main(["card", "show", str(tmp_path / "card.json")]) == 0
