@@ -4,6 +4,7 @@ import copy
 import json
 import math
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -16,6 +17,7 @@ from repose.chain.chance import PERCENT
 from repose.cli import main
 from repose.config.study import Study
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, of_law
 from repose.core.responses import response
 from repose.particle.berry_files import read_berry
@@ -24,6 +26,7 @@ from repose.particle.particle import Particle
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "results/published/recommended"
 FIXED = {"e_gp": {"fixed": 0.3}}
+HELD = {"low", "high", "at_bound", "widened"}
 
 
 @pytest.fixture
@@ -44,7 +47,16 @@ def solutions():
     return table
 
 
-def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5):
+def made(
+    config,
+    solutions,
+    posterior=None,
+    simulated=66.0,
+    runs=32,
+    within=0.5,
+    values=MappingProxyType({}),
+    **known,
+):
     """The card of a study with an answer of its own."""
     target = config["targets"][0]
     check = answer.Check(
@@ -52,8 +64,12 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5)
         *(target["value"], target["sd"], *target["range"]),
         predicted=67.98,
     )
-    values = dict.fromkeys(config["parameters"], 0.3)
-    found = answer.Answer("wheat", values, True, "", (check,), Path("results"), {1.0: 0.25, 2.0: within})
+    values = {
+        name: 0.3 if name in FIXED else solutions[name].mean() for name in config["parameters"]
+    } | values
+    found = answer.Answer(
+        "wheat", values, True, "", (check,), Path("results"), {1.0: 0.25, 2.0: within}, **known
+    )
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
     return card.make(config, found, berry, particle, solutions, posterior)
@@ -103,6 +119,115 @@ def test_the_posterior_replaces_the_range_of_the_sets(config, solutions):
     assert made_card["interval"] == card.POSTERIOR
     assert (made_card["parameters"]["e_gg"]["low"], made_card["parameters"]["e_gg"]["high"]) == (0.21, 0.39)
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == 1.0
+
+
+SPACE = ParameterSpace.of({name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] for name in PARAMETERS})
+
+
+@pytest.mark.parametrize(
+    ("value", "expected", "words"),
+    [
+        (0.5, {"low": 0.4, "high": 0.6}, "friction"),
+        (0.4, {"low": 0.4, "high": 0.6}, "friction"),
+        (0.3, {"low": 0.3, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
+        (0.65, {"low": 0.4, "high": 0.65, "widened": True}, "friction; interval widened to hold the answer"),
+        (0.2, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
+        (0.2004, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
+        (
+            0.2006,
+            {"low": 0.2006, "high": 0.6, "widened": True},
+            "friction; interval widened to hold the answer",
+        ),
+        (0.7, {"low": 0.4, "high": 0.6, "at_bound": "upper"}, "friction; at the upper bound of the range"),
+        (
+            0.6994,
+            {"low": 0.4, "high": 0.6994, "widened": True},
+            "friction; interval widened to hold the answer",
+        ),
+    ],
+)
+def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words):
+    """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
+    found = card.held(SPACE, "mus_gg", value, 0.4, 0.6)
+    assert found == expected
+    assert card.with_remark("friction", found) == words
+
+
+def test_an_interval_that_begins_at_the_bound_tells_it_too():
+    assert card.held(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {"low": 0.2, "high": 0.6, "at_bound": "lower"}
+    fixed = ParameterSpace.of({name: {"fixed": 0.3} if name == "e_gp" else [0.1, 0.5] for name in PARAMETERS})
+    assert card.held(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
+
+
+def test_the_card_and_its_words_tell_of_each_interval(config, solutions):
+    free = [name for name in PARAMETERS if name not in FIXED]
+    intervals = pd.DataFrame({"parameter": free, "credible_low": 0.45, "credible_high": 0.5})
+    values = {"e_gg": 0.1, "mus_gg": 0.47, "mus_gp": 0.44}
+    found = made(config, solutions, (intervals, solutions), values=values)
+    card.check(found, "card")
+    rows = {name: {key: row[key] for key in row if key in HELD} for name, row in found["parameters"].items()}
+    assert rows["e_gg"] == {"low": 0.45, "high": 0.5, "at_bound": "lower"}
+    assert rows["mus_gg"] == {"low": 0.45, "high": 0.5}
+    assert rows["mus_gp"] == {"low": 0.44, "high": 0.5, "widened": True}
+    words = {
+        line.split()[0]: line
+        for line in card.describe(found).splitlines()
+        if line.startswith("  m") or "e_gg" in line
+    }
+    assert words["e_gg"].endswith("restitution, grain-grain; at the lower bound of the range")
+    assert words["mus_gp"].endswith("; interval widened to hold the answer")
+    assert words["mus_gg"].endswith("static friction, grain-grain")
+
+
+@pytest.mark.parametrize(
+    ("given", "fields", "status", "first"),
+    [
+        (
+            {},
+            {"met": True, "out_of_reach": False, "reason": "The simulated mean lies inside the range."},
+            0,
+            "wheat: targets met. Height 66 +- 0.4 mm (measured 65.57, +0.7 %).",
+        ),
+        (
+            {"simulated": 80.0},
+            {"met": False, "reason": "The simulated Height lies 11 mm above its range."},
+            3,
+            "wheat: targets NOT met. Height 80 +- 0.4 mm (measured 65.57, +22.0 %). "
+            "The simulated Height lies 11 mm above its range.",
+        ),
+        (
+            {"simulated": 80.0, "out_of_reach": True, "small_run": True},
+            {"met": False, "out_of_reach": True, "small_run": True},
+            3,
+            "wheat: a small run, its numbers are no calibration: targets NOT met. Height 80 +- 0.4 mm (measured 65.57, "
+            "+22.0 %). The simulated Height lies 11 mm above its range.",
+        ),
+    ],
+)
+def test_a_script_asks_the_card_whether_the_targets_are_met(
+    given, fields, status, first, config, solutions, tmp_path, capsys
+):
+    found, path = made(config, solutions, **given), tmp_path / "card.json"
+    card.check(found, "card")
+    assert {name: found[name] for name in fields} == fields
+    assert ("small_run" in found) is ("small_run" in given)
+    path.write_text(json.dumps(found))
+    assert main(["card", "check", str(path)]) == status
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == [first, *([found["reason"]] if status == 0 else [])]
+    assert main(["card", "show", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines()[1] == found["reason"]
+
+
+def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, capsys):
+    status = {path: main(["card", "check", str(path)]) for path in CARDS}
+    assert [path for path, code in status.items() if code != (0 if card.read(path)["met"] else 3)] == []
+    assert "which gave no reason" in capsys.readouterr().out
+    (tmp_path / "bad.json").write_text("{}")
+    for path in (tmp_path / "bad.json", tmp_path / "none.json"):
+        assert main(["card", "check", str(path)]) == 2
+        assert str(path) in capsys.readouterr().err
+    assert main(["card", "check", *2 * [str(CARDS[0])]]) == 2
 
 
 def test_the_grain_is_the_simulated_body(config, solutions):

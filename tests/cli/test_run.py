@@ -97,12 +97,12 @@ def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on(monkeypatch, capsy
 
 def test_a_run_that_ends_by_itself_keeps_its_status(monkeypatch, capsys):
     def ended(_words):
-        raise SystemExit(3)
+        raise SystemExit(1)
 
     monkeypatch.setattr("snakemake.cli.main", ended)
     with pytest.raises(SystemExit) as end:
         main(["run"])
-    assert end.value.code == 3
+    assert end.value.code == 1
     assert "Stopped" not in capsys.readouterr().err
 
 

@@ -12,9 +12,9 @@ for way in alone cluster; do
     mkdir "$place/$way"
     cp -r "$here/../../.test/config" "$place/$way"
 done
-# Without accounting only squeue knows how a job has ended. Status 3: a study this small may meet no target.
+# Without accounting only squeue knows how a job has ended.
 (cd "$place/cluster" && time python -m repose run "$target" --profile profiles/slurm --jobs "$(nproc)" \
-    --slurm-no-account --slurm-status-command squeue) || test $? -eq 3
-(cd "$place/alone" && time python -m repose run "$target" --cores "$(nproc)") || test $? -eq 3
+    --slurm-no-account --slurm-status-command squeue)
+(cd "$place/alone" && time python -m repose run "$target" --cores "$(nproc)")
 "$here/same_bits.sh" "$place/alone/results" "$place/cluster/results"
 python "$here/overhead.py" "$place/cluster"

@@ -22,8 +22,6 @@ from pathlib import Path
 
 import forked
 
-from repose.chain.answer import NOT_FEASIBLE
-
 ROOT = forked.ROOT
 COMMAND = ("--cores", "1", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml")
 TARGETS = ("validate", "measure")
@@ -46,12 +44,6 @@ LOST = (
     *("results/heaps/005.json", "results/dataset.csv", "results/network/network.json"),
     *("results/validation/heaps/001.npz", "results/validation", "results/heaps", ".snakemake"),
 )
-
-
-def ended(status):
-    """The exit status of a workflow; no feasible solution, as this study may have none, is no fault."""
-    code = os.waitstatus_to_exitcode(status)
-    return 0 if code == NOT_FEASIBLE else code
 
 
 class Study:
@@ -85,7 +77,7 @@ class Study:
 
     def run(self, *forced):
         """Run the workflow to its end; its exit status."""
-        return ended(os.waitpid(self.start(*forced), 0)[1])
+        return os.waitstatus_to_exitcode(os.waitpid(self.start(*forced), 0)[1])
 
     def results(self):
         """Content of every result by name."""
@@ -183,7 +175,7 @@ def kills(place, jobs, wanted, targets, count, rng, table):
             one = SIGNALS[done % 3]
             moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
             victim = _kill(study, main, one, job_only, *moment) if done < count else None
-            status = ended(os.waitpid(main, 0)[1])
+            status = os.waitstatus_to_exitcode(os.waitpid(main, 0)[1])
             now = study.finished()
             # once a rule was forced, what stands on it is made anew, but no pour
             loose = loose or bool(forced)
@@ -280,7 +272,7 @@ def changes(place, jobs, finished, wanted, table):
     second = Study(study.folder, jobs).configured(simulation={"gravity_m_s2": 1.62})
     second.log = Path(f"{study.folder}_second.log")
     refused = second.run()
-    status = ended(os.waitpid(first, 0)[1])
+    status = os.waitstatus_to_exitcode(os.waitpid(first, 0)[1])
     words = second.last_words()
     table.add(
         "a second workflow meanwhile", words, f"{refused}; the first {status}", compared(study, wanted), []

@@ -163,7 +163,7 @@ def test_figures_say_what_a_reader_has_to_know(inputs, tmp_path, monkeypatch):
         (
             search.feasible_solutions,
             {"feasible": inputs["feasible"], "summary": changed["summary"]},
-            ("NO FEASIBLE SOLUTION", "nearest: 3.1 deg short"),
+            ("no set is predicted inside all ranges: the ", "nearest: 3.1 deg short"),
         ),
         (
             samples.responses_over_parameters,

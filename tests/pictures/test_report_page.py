@@ -6,12 +6,14 @@ import re
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_up_report import made_up_study
-from shared import TARGETS
+from shared import RANGES, TARGETS
 
 from repose import __version__
 from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.pictures.report import page, prediction, scene
 from repose.surrogate import load
@@ -85,7 +87,10 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     assert [target["name"] for target in values["targets"]] == [target["response"] for target in targets]
     assert [parameter["name"] for parameter in values["parameters"] if parameter["fixed"]] == list(fixed)
     assert text.count("<td") > 60 * 8
-    assert "Small run" in text
+    assert text.count("<b>A small run, its numbers are no calibration: targets ") == 1
+    assert values["copy"].startswith(
+        "# made <up> & small: A small run, its numbers are no calibration: targets "
+    )
     table4 = text[text.index("Table 4") :]
     assert all(f"simulated ({one.response.unit})" in table4 for one in Targets.of(targets))
     assert table4.count('data-head="role">spread') == 5
@@ -114,14 +119,20 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
         (
             {"summary": {"feasible": False, "message": "Nothing met."}},
             "bad",
-            "The targets are not met.</b> Nothing met.",
+            r"targets NOT met\.</b> Angle of repose .* No parameter set is predicted inside both ranges; "
+            r"the simulated means lie inside both ranges\. Nothing met\.",
         ),
         (
             {"job_funnel": {"sample": 1, "parameters": {}, "runs": [{"status": "jammed", "seed": 1}]}},
             "fair",
-            "unknown",
+            r"targets met\.</b> .* How probable this is, is unknown",
         ),
-        ({}, "good", "The targets are met: with a probability of more than 99 % both responses"),
+        (
+            {},
+            "good",
+            r"<b>A small run, its numbers are no calibration: targets met\.</b> Angle of repose \S+ ± \S+ deg "
+            r"\(measured \S+, \S+ %\), Height .*\. With a probability of more than 99 % both responses",
+        ),
     ],
 )
 def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, tmp_path):
@@ -131,9 +142,37 @@ def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, t
     page.write(*study, {}, tmp_path / "report.html")
     found = re.search(r'class="verdict (\w+)">(.*?)</p>', (tmp_path / "report.html").read_text())
     assert found.group(1) == kind
-    assert words in found.group(2)
+    assert re.search(words, found.group(2))
     text = (tmp_path / "report.html").read_text()
+    assert text.index("</h1>") < text.index('class="verdict') < text.index('id="origin"'), (
+        "the verdict stands first"
+    )
     assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
+
+
+def test_a_row_of_the_answer_tells_where_its_interval_was_widened_and_what_lies_at_a_bound(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    table = pd.read_csv(files["posterior"]).set_index("parameter")
+    table.loc["e_gg", ["credible_low", "credible_high"]] = 0.3, 0.35  # the answer is 0.2
+    table.to_csv(files["posterior"])
+    low = RANGES["mur_gp"][0]
+    sets = pd.read_csv(files["table4"])
+    sets.loc[0, "mur_gp"] = low
+    sets.to_csv(files["table4"], index=False)
+    for posterior in (True, False):
+        page.write(
+            config,
+            jobs,
+            {k: files[k] for k in files if posterior or k != "posterior"},
+            {},
+            tmp_path / "a.html",
+        )
+        rows = re.findall(r"<tr><td.*?</tr>", (tmp_path / "a.html").read_text())
+        told = {name: next(row for row in rows if f">{name}</td>" in row) for name in PARAMETERS}
+        assert "at the lower bound of the range" in told["mur_gp"]
+        assert ("interval widened to hold the answer" in told["e_gg"]) is posterior
+        assert ("0.2 to 0.35" in told["e_gg"]) is posterior
+        assert "widened" not in told["mus_gg"] + told["mur_gp"]
 
 
 def test_faults_name_the_input(tmp_path):

@@ -64,13 +64,15 @@ def test_a_target_out_of_reach_is_no_success(study, tmp_path):
     config = study[1] | configuration(targets, SPACE, sequential=SECTION)
     found = of_files(tmp_path, config)
     assert not found.feasible
-    assert "No feasible solution" in str(found)
+    assert str(found).startswith("made_up: targets NOT met. Height ")
+    assert "No parameter set is predicted inside the range; the simulated Height lies " in found.reason
     assert "a larger sequential.most_pours" in str(found)
     assert "probably out of reach" in str(found)
     assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
     made = card.make(config, found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv"))
     card.check(made, "card")
     assert made["out_of_reach"] is True
+    assert made["met"] is False
 
 
 def test_the_sets_found_meet_the_targets(study):
@@ -99,7 +101,8 @@ def test_the_card_of_a_strategy_is_a_card(study):
     made = card.make(config, of_files(folder, config), BERRY, SPHERE, pd.read_csv(folder / "solutions.csv"))
     card.check(made, "card")
     assert made["interval"] == card.RANGE
-    assert "out_of_reach" not in made
+    assert made["out_of_reach"] is False
+    assert made["reason"].startswith("The simulated ")
     assert made["tests"][0]["runs"] == SECTION["checks"]
     assert [test["definition"]["name"] for test in made["tests"]] == ["angle, whole side", "Height"]
 
@@ -118,7 +121,7 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
     (folder / "job.json").write_text(json.dumps(job))
     page.write(config, [folder / "job.json"], files, {}, folder / "report.html")
     shown = (folder / "report.html").read_text()
-    for words in ("Batches:", "kriging", "Other parameters", "The targets are"):
+    for words in ("Batches:", "kriging", "Other parameters", "With a probability of "):
         assert words in shown
     study = read(config, [folder / "job.json"], files)
     predicted = page.content(study)["model"]["curves"]["mus_gg"]["mean"]

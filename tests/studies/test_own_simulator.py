@@ -106,6 +106,11 @@ def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
     made = calibration.write(found, tmp_path)
     assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
     assert made["met"] is None
+    assert made["reason"] == "The answer is predicted inside both ranges; the answer was not simulated again."
+    assert made["out_of_reach"] is False
+    assert calibration.describe(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
+    assert main(["card", "check", str(tmp_path / "card.json")]) == 3
+    assert capsys.readouterr().out.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert {test["bench"] for test in made["tests"]} == {None}
     assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
     assert main(["card", "show", str(tmp_path / "card.json")]) == 0
@@ -113,6 +118,32 @@ def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
     assert main(["card", "compare", *2 * [str(tmp_path / "card.json")]]) == 0
     for name in ("samples", "solutions", "posterior", "draws"):
         assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 1
+
+
+@pytest.mark.slow
+def test_a_calibration_ends_well_whatever_its_answer(found, monkeypatch, tmp_path, capsys):
+    missed = found._replace(summary=found.summary | {"feasible": False})
+    monkeypatch.setattr(calibration, "calibrate", lambda *_: missed)
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(CONTENT))
+    found.runs.to_csv(tmp_path / "runs.csv", index=False)
+    words = [str(tmp_path / "runs.csv"), "--config", str(tmp_path / "own.yaml"), "--out", str(tmp_path)]
+    assert main(["calibrate", *words]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert "No parameter set is predicted inside both ranges; the answer was not simulated again." in first
+    assert card.read(tmp_path / "card.json")["out_of_reach"] is True
+    text = (tmp_path / "report.html").read_text()
+    assert "<b>Targets not checked yet.</b> angle_deg predicted " in text
+
+
+@pytest.mark.slow
+def test_the_intervals_shown_hold_the_answer(found):
+    table = found.posterior.parameters.assign(credible_low=0.0, credible_high=0.001)
+    moved = found._replace(posterior=found.posterior._replace(parameters=table))
+    for name in FREE:
+        assert moved.intervals[name]["high"] == found.parameters[name]
+    assert calibration.describe(moved).count("; interval widened to hold the answer") == 2
+    assert calibration.describe(found).count("widened") == 0
+    assert "friction" in moved._repr_html_()
 
 
 @pytest.mark.slow

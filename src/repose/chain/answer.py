@@ -10,6 +10,7 @@ from repose.chain.chance import PERCENT
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_rows
 from repose.core.parameters import LABELS, check_value, named
+from repose.core.responses import named as known_response
 from repose.core.targets import Target, Targets
 
 # Remedy by strategy, if only the prediction meets the targets.
@@ -24,8 +25,8 @@ WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
 # A table of an older version lacks the columns of these probabilities; an answer from it would lack them.
 COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status", *WITHIN.values())
 REPORT = "report.html"
-# Exit status of a run that ended without a feasible solution.
-NOT_FEASIBLE = 3
+NOT_AGAIN = "not simulated again"  # status of a check that was not made
+SAID = {True: "targets met", False: "targets NOT met", None: "targets not checked yet"}
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Check:
     simulated: float | None  # mean of the runs; None if they failed
     standard_error: float | None  # None if they failed, or after a single run
     runs: int
-    status: str  # "ok" if the runs can be measured
+    status: str  # "ok" if the runs can be measured; `NOT_AGAIN` without any
     measured: float  # mean of the physical repetitions
     sd: float  # standard deviation of the physical repetitions
     low: float  # of the target range
@@ -64,9 +65,17 @@ class Check:
         return 100 * abs(self.predicted / self.simulated - 1)
 
     @property
-    def met(self) -> bool:
-        """Whether the simulated mean lies in the target range."""
+    def met(self) -> bool | None:
+        """Whether the simulated mean lies in the target range; None where it was not simulated again."""
+        if self.status == NOT_AGAIN:
+            return None
         return self.simulated is not None and self.low <= self.simulated <= self.high
+
+    @property
+    def label(self) -> str:
+        """The response in words; a response of the user's own has its name alone."""
+        known = known_response(self.response)
+        return self.response if known is None else known.label
 
     @property
     def margin(self) -> float | None:
@@ -87,10 +96,26 @@ class Check:
 
     @property
     def miss(self) -> str:
-        """By how much the simulation misses the range, as text."""
-        if self.margin is None:
-            return f"{self.response}, which has no number"
-        return f"{self.response} by {-self.margin:.2g} {self.unit}"
+        """By how much the simulation misses the range, a clause."""
+        if self.simulated is None or self.margin is None:
+            return f"the {self.label} has no number, as its runs ended {self.status}"
+        side = "below" if self.simulated < self.low else "above"
+        by = f"{-self.margin:.2g} {self.unit}".rstrip()
+        return f"the simulated {self.label} lies {by} {side} its range"
+
+    @property
+    def numbers(self) -> str:
+        """The simulated mean, or else the predicted one, beside the measured mean."""
+        known = known_response(self.response) is not None
+        label = self.label[0].upper() + self.label[1:] if known else self.label
+        value = self.predicted if self.simulated is None else self.simulated
+        if value is None:
+            return f"{label} without a number (measured {self.measured:.4g})"
+        word = "predicted " if self.simulated is None else ""
+        error = "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
+        off = 100 * (value - self.measured) / (self.whole or abs(self.measured))
+        number = f"{word}{value:.4g}{error} {self.unit}".rstrip()
+        return f"{label} {number} (measured {self.measured:.4g}, {off:+.1f} %)"
 
     def __str__(self) -> str:
         aimed = f"target {self.low:g} to {self.high:g} {self.unit}"
@@ -124,33 +149,40 @@ class Answer:
     solutions: Path = Path()  # all parameter sets found
     advice: str = MORE_POURS  # remedy if only the prediction meets the targets
     why: str = ""  # why a strategy with several batches ended
-    out_of_reach: bool = False  # the sequential strategy stopped because probably no set meets the targets
+    out_of_reach: bool = False  # as `out_of_reach` of a summary
+    small_run: bool = False  # its numbers are no calibration
 
     @property
-    def met(self) -> bool:
-        """Whether the search found a feasible solution and its simulation meets every target."""
+    def met(self) -> bool | None:
+        """Whether the search found a feasible solution and its simulation meets every target; None without one."""
+        if any(check.met is None for check in self.checks):
+            return None
         return self.feasible and all(check.met for check in self.checks)
 
     @property
+    def reason(self) -> str:
+        """Why the targets are met or not, a sentence."""
+        count = len(self.checks)
+        ranges = ("the range", "both ranges", f"all {count} ranges")[min(count, 3) - 1]
+        found = "the answer is" if self.feasible else "the answer is not"
+        if self.out_of_reach:
+            found = "no parameter set is"
+        predicted = f"{found} predicted inside {ranges}"
+        missed = " and ".join(check.miss for check in self.checks if check.met is False)
+        inside = f"the simulated mean{' lies' if count == 1 else 's lie'} inside {ranges}"
+        simulated = f"the answer was {NOT_AGAIN}" if self.met is None else missed or inside
+        parts = [simulated] if self.feasible and self.met is not None else [predicted, simulated]
+        sentence = "; ".join(parts)
+        return f"{sentence[0].upper()}{sentence[1:]}."
+
+    @property
     def verdict(self) -> str:
-        """Whether the simulation meets the targets; if not, by how much, and advice."""
-        if self.met:
-            return "Targets met by the simulation."
-        if not self.feasible:
-            helps = f"wider parameters or targets; {self.advice}"
-            return f"Targets NOT met: no parameters are predicted to meet them. What helps: {helps}."
-        missed = ", ".join(check.miss for check in self.checks if not check.met)
-        return (
-            f"Targets NOT met: predictions meet them, the simulation misses {missed}. "
-            f"What helps: {self.advice}."
-        )
+        """Whether the targets are met, in one line with numbers."""
+        return f"{self.label}: {in_one_line(self.met, self.checks, self.reason, self.small_run)}"
 
     def __str__(self) -> str:
-        head = f"{self.label}: the calibrated parameters"
-        if not self.feasible:
-            head = f"{self.label}: {self.message}\nThe nearest parameters"
-        elif not self.met:
-            head += ", which do NOT meet the targets"
+        head = "The calibrated parameters" if self.feasible else f"{self.message}\nThe nearest parameters"
+        wider = "" if self.feasible else "wider parameters or targets; "
         rows = describe_parameters(self.parameters)
         checks = [f"  {check}" for check in self.checks]
         checks += [f"  {nearness(self.checks)}", f"  {describe_probability(self.within)}"]
@@ -160,13 +192,14 @@ class Answer:
         )
         ended = [f"No more batches: {self.why}."] if self.why else []
         lines = [
+            self.verdict,
             f"{head}:",
             *rows,
             "Simulated again with fresh seeds:",
             *checks,
             tables,
             *ended,
-            self.verdict,
+            *([] if self.met else [f"What helps: {wider}{self.advice}."]),
         ]
         return "\n".join(lines)
 
@@ -202,11 +235,24 @@ def read(
         solutions=Path(solutions_csv),
         advice=ADVICE.get(strategy, MORE_POURS),
         why=summary.get("why", ""),
-        out_of_reach=summary.get("stop") == "out_of_reach",
+        out_of_reach=out_of_reach(summary),
+        small_run=config.get("small_run", False),
         within={
             percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()
         },
     )
+
+
+def out_of_reach(summary: Mapping[str, Any]) -> bool:
+    """Whether no parameter set is predicted to meet the targets, which a strategy with a `stop` judges itself."""
+    return not summary["feasible"] and summary.get("stop", "out_of_reach") == "out_of_reach"
+
+
+def in_one_line(met: bool | None, checks: Iterable[Check], reason: str, small_run: bool = False) -> str:
+    """The verdict with its numbers; where the targets are not met, with the reason."""
+    small = "a small run, its numbers are no calibration: " if small_run else ""
+    numbers = ", ".join(check.numbers for check in checks)
+    return f"{small}{SAID[met]}. {numbers}." + ("" if met else f" {reason}")
 
 
 def describe_parameters(parameters: Mapping[str, float]) -> list[str]:

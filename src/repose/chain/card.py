@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench
 from repose.apparatus.settings import SimulationSettings
-from repose.chain.answer import Answer, Check, nearness
+from repose.chain.answer import Answer, Check, in_one_line, nearness
 from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
@@ -39,6 +39,7 @@ WALL = ("shear_modulus_pa", "poisson_ratio")
 CHOSEN = "measure.response"  # names the definition of a response that has several
 BERRY_HEIGHT = "berry_height_mm"
 CONFIG = "config.json"  # the configuration of a study, beside its card
+AT_BOUND = 1e-3  # of the range's width: nearer, an answer lies at the bound of what was searched
 AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
 
@@ -75,9 +76,8 @@ def assembled(
 ) -> dict[str, Any]:
     """A card from its parts."""
     draws = feasible if posterior is None else posterior[1]
-    ends = _ends(space, feasible, posterior)
+    between = ends(space, feasible, posterior)
     correlations = draws[list(space.free)].corr().fillna(0.0)
-    simulated = any(check.simulated is not None for check in answer.checks)
     return {
         "card": 1,
         "material": answer.label,
@@ -86,8 +86,7 @@ def assembled(
             name: {
                 "meaning": LABELS.get(name, name),
                 "value": answer.parameters[name],
-                "low": ends[name][0],
-                "high": ends[name][1],
+                **held(space, name, answer.parameters[name], *between[name]),
                 "given": _given(name, space),
             }
             for name in space.names
@@ -98,11 +97,13 @@ def assembled(
             for parameter in space.free
         },
         "tests": [
-            _test(check, target, about) | dict(tests[target.name])
+            _test(check, target) | dict(tests[target.name])
             for check, target in _paired(answer.checks, targets)
         ],
-        "met": answer.met if simulated or "simulator" not in about else None,
-        **({"out_of_reach": True} if answer.out_of_reach else {}),
+        "met": answer.met,
+        "out_of_reach": answer.out_of_reach,
+        "reason": answer.reason,
+        **({"small_run": True} if answer.small_run else {}),
         "within": {f"{percent:g} %": chance for percent, chance in answer.within.items()},
         "made_by": _made_by(),
     }
@@ -152,16 +153,41 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
     }
 
 
-def _ends(space, feasible, posterior):
+def ends(
+    space: ParameterSpace, feasible: "pd.DataFrame", posterior: "tuple[pd.DataFrame, pd.DataFrame] | None"
+) -> dict[str, tuple[float | None, float | None]]:
     """Interval of each parameter; (None, None) for a fixed parameter."""
-    ends: dict[str, tuple[float | None, float | None]] = dict.fromkeys(space.names, (None, None))
+    found: dict[str, tuple[float | None, float | None]] = dict.fromkeys(space.names, (None, None))
     table = None if posterior is None else posterior[0].set_index("parameter")
     for name in space.free:
         if table is None:
-            ends[name] = float(feasible[name].min()), float(feasible[name].max())
+            found[name] = float(feasible[name].min()), float(feasible[name].max())
         else:
-            ends[name] = float(table.loc[name, "credible_low"]), float(table.loc[name, "credible_high"])
-    return ends
+            found[name] = float(table.loc[name, "credible_low"]), float(table.loc[name, "credible_high"])
+    return found
+
+
+def held(
+    space: ParameterSpace, name: str, value: float, low: float | None, high: float | None
+) -> dict[str, Any]:
+    """The ends of a parameter's interval, which hold its value unless that lies at a bound of what was searched."""
+    if name not in space.free or low is None or high is None:
+        return {"low": None, "high": None}
+    k = space.free.index(name)
+    bounds = {"lower": float(space.low[k]), "upper": float(space.high[k])}
+    near = AT_BOUND * (bounds["upper"] - bounds["lower"])
+    for side, bound in bounds.items():
+        if abs(value - bound) <= near:
+            return {"low": low, "high": high, "at_bound": side}
+    widened = {} if low <= value <= high else {"widened": True}
+    return {"low": min(low, value), "high": max(high, value), **widened}
+
+
+def with_remark(words: str, row: Mapping[str, Any]) -> str:
+    """Words on a parameter, with what `held` says of its interval."""
+    if "at_bound" in row:
+        return f"{words}; at the {row['at_bound']} bound of the range"
+    return f"{words}; interval widened to hold the answer" if "widened" in row else words
 
 
 def _given(name, space):
@@ -198,7 +224,7 @@ def _paired(checks, targets):
     return [(check, by_name[check.response]) for check in checks]
 
 
-def _test(check: Check, target: Target, about: Mapping[str, Any]) -> dict[str, Any]:
+def _test(check: Check, target: Target) -> dict[str, Any]:
     """The entry of one test of the calibration."""
     return {
         "response": check.response,
@@ -215,7 +241,7 @@ def _test(check: Check, target: Target, about: Mapping[str, Any]) -> dict[str, A
         "standard_error": check.standard_error,
         "runs": check.runs,
         "status": check.status,
-        "met": None if "simulator" in about and check.simulated is None else check.met,
+        "met": check.met,
     }
 
 
@@ -405,6 +431,13 @@ def _same(first, second):
 # --- shown ----------------------------------------------------------------------------------------
 
 
+def verdict(card: Mapping[str, Any]) -> str:
+    """Whether the targets are met, in one line with numbers, and why."""
+    reason = card.get("reason", "The card is of an older version, which gave no reason.")
+    line = in_one_line(card["met"], map(_check, card["tests"]), reason, card.get("small_run", False))
+    return f"{card['material']}: {line}" + (f"\n{reason}" if card["met"] else "")
+
+
 def describe(card: Mapping[str, Any]) -> str:
     """A card as text for people."""
     made = card["made_by"]
@@ -414,10 +447,11 @@ def describe(card: Mapping[str, Any]) -> str:
     return "\n".join(
         [
             f"Material card: {card['material']}; targets {MET[card['met']]}",
+            *([card["reason"]] if "reason" in card else []),
             *_about(card),
             f"parameters [{card['interval']}]:",
             *(
-                f"  {name:7} {_value(parameter):32} {parameter['meaning']}"
+                f"  {name:7} {_value(parameter):32} {with_remark(parameter['meaning'], parameter)}"
                 for name, parameter in card["parameters"].items()
             ),
             "correlations of 0.5 and more: "

@@ -174,10 +174,7 @@ def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: 
             f"in normalised parameters; {best}, {off}."
         )
     beyond = targets.in_words([f"{value:.2f}" for value in _outside(responses, targets.low, targets.high)])
-    return (
-        f"No feasible solution inside {ranges}. Of the nearest solutions {best}: {beyond} outside the ranges, "
-        f"{off}. All later stages use the nearest solutions."
-    )
+    return f"All later stages use the nearest solutions: {best}, {beyond} outside the ranges {ranges}, {off}."
 
 
 def _summary(table, space, targets, settings, evaluations, n_feasible, feasible_met):

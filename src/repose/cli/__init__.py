@@ -48,7 +48,10 @@ MOVED = ("compare", "joint_targets", "measurement_study", "pool", "profiles", "s
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a verb, by default that of the command line; status 0, 1 where a verification misses, 2 for faulty input."""
+    """Run a verb, by default that of the command line.
+
+    Status 0, 1 where a verification misses, 2 for faulty input, 3 where `card check` finds targets that are not met.
+    """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end
     words = list(sys.argv[1:] if words is None else words)

@@ -10,27 +10,37 @@ from repose.core.errors import InputError
 if TYPE_CHECKING:
     from repose.config.study import Study
 
+NOT_MET = 3  # exit status of `card check` where the targets are not met
 MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
 
 
 @verb(
-    "show a material card, the answer of a study as one file, or compare two",
+    "show a material card, the answer of a study as one file, compare two, or check whether the targets are met: "
+    "status 0, or 3 where they are not met or this was not simulated",
     example="show results/card.json",
     config=False,
     options=[
-        Option("action", choices=("show", "compare"), help="show FILE, or compare FILE OTHER"),
+        Option(
+            "action",
+            choices=("show", "compare", "check"),
+            help="show FILE, compare FILE OTHER, or check FILE",
+        ),
         # cards of different engines may be compared
         Option("cards", nargs="+", help="card.json of a finished study", recorded=False),
     ],
 )
-def card(args: argparse.Namespace) -> None:
+def card(args: argparse.Namespace) -> int:
     from repose.chain import card
 
-    needed = {"show": 1, "compare": 2}[args.action]
+    needed = {"show": 1, "compare": 2, "check": 1}[args.action]
     if len(args.cards) != needed:
         raise InputError("command line", f"card {args.action}", args.cards, f"files: {needed}")
     cards = [card.read(path) for path in args.cards]
+    if args.action == "check":
+        print(card.verdict(cards[0]))
+        return 0 if cards[0]["met"] else NOT_MET
     print(card.describe(cards[0]) if args.action == "show" else card.compared(*cards))
+    return 0
 
 
 @verb(

@@ -106,8 +106,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     study=_study,
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
-def calibrate(args: argparse.Namespace, study: "Study") -> int:
-    from repose.chain.answer import NOT_FEASIBLE
+def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.pictures.report import own
     from repose.strategies.runs import read_runs
     from repose.studies import calibration
@@ -118,4 +117,3 @@ def calibrate(args: argparse.Namespace, study: "Study") -> int:
     print(calibration.describe(found))
     _warn(found.summary["warning"])
     print(f"Tables, material card and report: {args.out}")
-    return 0 if found.summary["feasible"] else NOT_FEASIBLE

@@ -98,7 +98,6 @@ def verdict(best: Answer, targets: Targets, note: str = "") -> tuple[bool, str]:
     words = targets.in_words([f"{value:.4g}" for value in best.mean])
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
     message = f"The answer is predicted {words}, {'inside' if feasible else 'NOT inside'} {ranges}."
-    message = message if feasible else f"No feasible solution. {message}"
     return feasible, f"{message} {note}".rstrip()
 
 

@@ -1,6 +1,7 @@
 """From the runs of any simulator to the answer with its certainty, its tables and its material card."""
 
 import os
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import WITHIN, Check
+from repose.chain.answer import NOT_AGAIN, WITHIN, Check, out_of_reach
 from repose.chain.answer import Answer as Result
 from repose.core.files import write_json, write_table
 from repose.strategies import answer
@@ -45,14 +46,23 @@ class Calibration(NamedTuple):
         return self.summary["representative"]
 
     @property
+    def intervals(self) -> dict[str, dict[str, Any]]:
+        """The answer's values with their intervals, by name, as the material card has them."""
+        space, values = self.study.parameters, self.parameters
+        ends = card.ends(space, self.solutions, (self.posterior.parameters, self.posterior.draws))
+        return {
+            name: {"value": values[name], **card.held(space, name, values[name], *ends[name])}
+            for name in space.names
+        }
+
+    @property
     def prediction(self) -> pd.DataFrame:
         """A row for each response: `target`, predicted `mean` and its standard `error`."""
         return pd.DataFrame(self.summary["responses"]).T
 
     def _repr_html_(self) -> str:
         """The answer in a notebook: parameters with their intervals, predictions, probabilities."""
-        intervals = self.posterior.parameters.set_index("parameter")[["credible_low", "credible_high"]]
-        parameters = pd.DataFrame({"value": self.parameters}).join(intervals)
+        parameters = pd.DataFrame(self.intervals).T.drop(columns=["at_bound", "widened"], errors="ignore")
         chances = pd.DataFrame({"probability": self.probability}).rename(
             index=lambda name: name.replace("_", " ")
         )
@@ -89,6 +99,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
         },
         "feasible": feasible,
         "message": message,
+        **({"stop": best.notes["stop"]} if "stop" in best.notes else {}),
         "probability": best.probability,
         "runs": len(runs),
         "failed_runs": int((runs["status"] != OK).sum()),
@@ -160,36 +171,36 @@ def as_answer(result: Calibration, folder: Path) -> Result:
         feasible=result.summary["feasible"],
         message=result.summary["message"],
         checks=tuple(
-            Check.of(target, None, None, 0, "not simulated again") for target in result.study.targets
+            replace(Check.of(target, None, None, 0, NOT_AGAIN), predicted=mean)
+            for target, mean in zip(result.study.targets, result.mean.tolist(), strict=True)
         ),
         folder=folder,
+        out_of_reach=out_of_reach(result.summary),
         within={percent: result.probability[column] for percent, column in WITHIN.items()},
     )
 
 
 def describe(result: Calibration) -> str:
     """The answer as text for people."""
-    rows = result.posterior.parameters.set_index("parameter")
     study, chance = result.study, result.probability
-    lines = [f"{study.config['label']}: the calibrated parameters [95 % interval]:"]
-    for name, value in result.summary["representative"].items():
-        interval = "fixed"
-        if name in rows.index:
-            interval = "[{credible_low:.4g}, {credible_high:.4g}]".format(**rows.loc[name])
-        lines.append(f"  {name} {value:.4g} {interval}")
+    lines = [as_answer(result, Path()).verdict, "The calibrated parameters [95 % interval]:"]
+    for name, row in result.intervals.items():
+        interval = "fixed" if row["low"] is None else f"[{row['low']:.4g}, {row['high']:.4g}]"
+        lines.append(card.with_remark(f"  {name} {row['value']:.4g} {interval}", row))
     lines.append(f"Predicted by {result.model.name.replace('_', ' ')}, not simulated again:")
     for target, mean, error in zip(study.targets, result.mean, result.error, strict=True):
         unit = f" {target.response.unit}".rstrip()
         off = target.off_percent(mean)
         lines.append(
-            f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}"
+            f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}, "
+            f"range {target.low:g} to {target.high:g}{unit}"
         )
     lines.append(
         f"Probability that the simulator's means there lie within 1 % of all targets: "
         f"{chance['within_1_percent']:.2f}; within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: "
         f"{chance['inside']:.2f}."
     )
-    return "\n".join([*lines, result.summary["message"]])
+    return "\n".join(lines)
 
 
 def _samples(study, runs):

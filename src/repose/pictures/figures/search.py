@@ -49,7 +49,10 @@ def _title(figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping
         if shown < len(solutions):
             text += f" and the {len(solutions) - shown} nearest others"
     else:
-        text, colour = f"NO FEASIBLE SOLUTION: the {len(solutions)} nearest are shown", style.RED
+        text, colour = (
+            f"no set is predicted inside all ranges: the {len(solutions)} nearest are shown",
+            style.RED,
+        )
     left.set_title(f"a   {text}", fontweight="bold", color=colour)
     if not summary["feasible"] and summary.get("message"):
         words = re.sub("|".join(SYMBOLS), lambda name: SYMBOLS[name[0]], summary["message"])

@@ -61,8 +61,6 @@ def content(study: Study) -> dict[str, Any]:
 def for_copy(study: Study) -> str:
     """The parameters as lines of YAML."""
     lines = [f"# {study.config['label']}: {sections.verdict(study)[1]}"]
-    if study.config["small_run"]:
-        lines.append("# small run: no calibration")
     lines += [
         f"{name}: {value:.6g}  # {LABELS.get(name, name)}"
         for name, value in zip(study.space.names, study.answer.tolist(), strict=True)

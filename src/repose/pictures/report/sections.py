@@ -3,12 +3,14 @@
 import html
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from repose.chain.answer import Check, nearness
+from repose.chain import card
+from repose.chain.answer import NOT_AGAIN, Answer, Check, in_one_line, nearness, out_of_reach
 from repose.chain.design import METHODS
 from repose.core.parameters import LABELS
 from repose.core.targets import Target
@@ -17,7 +19,7 @@ from repose.pictures.report.prediction import is_whole
 from repose.pictures.report.study import PICTURES, Study
 from repose.studies.posterior import LARGEST_R_HAT
 
-SURE, LIKELY = 0.95, 0.5
+SURE = 0.95
 KEYS = """<p class="note">Green band: the target range. Diamond and its line: the measured mean and its
 standard deviation. Blue: {blue}, the line holds the true mean with 95 % probability.</p>"""
 
@@ -34,19 +36,15 @@ def share(value: float | None) -> str:
 def answer(study: Study) -> str:
     """The parameters, their intervals, and the probability that they meet the targets."""
     kind, words = verdict(study)
-    first, _, others = html.escape(words).partition(". ")
-    small = (
-        '<p class="small-run">Small run: these numbers show that the chain works and are no calibration.</p>'
-    )
+    first, _, others = html.escape(words).replace("+-", "±").partition(". ")
     rows = [_parameter_row(study, k) for k in range(len(study.space.names))]
     head = ["parameter", "meaning", "value", *_interval_head(study), "searched", "sets found"]
     return "\n".join(
         [
             f"<h1>Contact parameters: {html.escape(study.config['label'])}</h1>",
+            f'<p class="verdict {kind}"><b>{first}.</b> {others}</p>',
             _origin(study),
-            small if study.config["small_run"] else "",
-            f'<p class="verdict {kind}"><b>{first}{"." * bool(others)}</b> {others}</p>',
-            f"<p>{html.escape(nearness(_checks(study)).replace('+-', '±'))}</p>"
+            f"<p>{html.escape(nearness(_named(study)).replace('+-', '±'))}</p>"
             if study.number("n_seeds")
             else "",
             table(head, rows, "answer"),
@@ -65,43 +63,54 @@ def _origin(study):
 
 
 def verdict(study: Study) -> tuple[str, str]:
-    """Whether the targets are met: a class of the style, and a sentence."""
-    if not study.summary["feasible"]:
-        return "bad", f"The targets are not met. {study.summary['message']}"
-    chance = study.chance["all"]
+    """Whether the targets are met: a class of the style, and the line that ends a run, with the probability."""
+    found = Answer(
+        label=study.config["label"],
+        parameters=dict(zip(study.space.names, study.answer.tolist(), strict=True)),
+        feasible=study.summary["feasible"],
+        message=study.summary["message"],
+        checks=tuple(_checks(study)),
+        folder=Path(),
+        within=study.within,
+        out_of_reach=out_of_reach(study.summary),
+        small_run=study.config["small_run"],
+    )
+    line = in_one_line(found.met, found.checks, found.reason, found.small_run)
+    good = found.feasible and found.met is not False
+    kind = ("good" if (study.chance["all"] or 0.0) >= SURE else "fair") if good else "bad"
+    return kind, f"{line[0].upper()}{line[1:]} {_probability(study) if found.feasible else found.message}"
+
+
+def _probability(study):
+    """The probability that the targets are met, in sentences."""
+    chance, k = study.chance["all"], len(study.targets)
     if chance is None:
-        return (
-            "fair",
-            "Whether the targets are met is unknown: fewer than two runs of these parameters could be measured.",
-        )
-    kind = "good" if chance >= SURE else "fair" if chance >= LIKELY else "bad"
-    start = {
-        "good": "The targets are met",
-        "fair": "The targets are probably met",
-        "bad": "The targets are probably not met",
-    }[kind]
-    k = len(study.targets)
+        return "How probable this is, is unknown: fewer than two runs of these parameters could be measured."
     which = ("the response lies", "both responses lie", f"all {k} responses lie")[min(k, 3) - 1]
     runs = study.number("n_seeds")
     judged = "as the surrogate predicts; these parameters were not simulated again"
     if runs is not None:
         judged = f"judged by {runs:.0f} new simulations with these parameters"
-    return kind, (
-        f"{start}: with a probability of {share(chance)} {which} inside the target range, {judged}."
-        + "".join(
-            f" Within {percent:g} % of the target{'s' if k > 1 else ''}: {share(within)}."
-            for percent, within in study.within.items()
-            if within is not None
-        )
+    return f"With a probability of {share(chance)} {which} inside the target range, {judged}." + "".join(
+        f" Within {percent:g} % of the target{'s' if k > 1 else ''}: {share(within)}."
+        for percent, within in study.within.items()
+        if within is not None
     )
 
 
 def _checks(study):
-    """The answer's simulated and measured responses."""
+    """The answer's predicted, simulated and measured responses."""
+    runs = study.number("n_seeds")
+    status = NOT_AGAIN if runs is None else text(study.row.get("status"))
     for target in study.targets:
-        simulated, error = (study.number(key) for key in (target.response.simulated, target.response.error))
-        ended = int(study.number("n_seeds")), text(study.row.get("status"))
-        yield replace(Check.of(target, simulated, error, *ended), response=target.response.label)
+        own = target.response
+        predicted, simulated, error = map(study.number, (own.predicted, own.simulated, own.error))
+        yield replace(Check.of(target, simulated, error, int(runs or 0), status), predicted=predicted)
+
+
+def _named(study):
+    """The checks with their responses in words."""
+    return (replace(check, response=check.label) for check in _checks(study))
 
 
 def _interval_head(study):
@@ -116,18 +125,18 @@ def _parameter_row(study, k):
         unknown = [] if study.posterior is None else ["", ""]
         return [name, LABELS.get(name, name), f"{study.answer[k]:.4g}", *unknown, "fixed", ""]
     i = space.free.index(name)
-    values = study.feasible[name]
+    values, value = study.feasible[name], float(study.answer[k])
     if study.posterior is None:
-        interval = []
+        interval, shown = [], card.held(space, name, value, value, value)
     else:
         row = study.posterior.loc[name]
-        width = f"{100 * row['width_ratio']:.0f} %"
-        interval = [f"{row['credible_low']:.3g} to {row['credible_high']:.3g}", width]
+        shown = card.held(space, name, value, float(row["credible_low"]), float(row["credible_high"]))
+        interval = [f"{shown['low']:.3g} to {shown['high']:.3g}", f"{100 * row['width_ratio']:.0f} %"]
     searched = f"{space.low[i]:.3g} to {space.high[i]:.3g}"
     return [
         name,
-        LABELS.get(name, name),
-        f"{study.answer[k]:.4g}",
+        card.with_remark(LABELS.get(name, name), shown),
+        f"{value:.4g}",
         *interval,
         searched,
         f"{values.min():.3g} to {values.max():.3g}",
@@ -142,9 +151,10 @@ def _how_well_known(study):
     ]
     if study.posterior is not None:
         parts.append(
-            " The 95 % interval follows from the measurements, for each parameter by itself; a value at an end of what "
-            "was searched may lie outside of it. Left open: its width over the width before any measurement. Near "
-            "100 % the measurements do not determine this parameter."
+            " The 95 % interval follows from the measurements, for each parameter by itself. Where it did not hold the "
+            "value, the row says that this lies at a bound of the range, or that the interval is widened. Left open: "
+            "the width of the 95 % over the width before any measurement. Near 100 % the measurements do not determine "
+            "this parameter."
         )
     parts.append(" Sets found: the span of the sets that the search kept.</p>")
     if study.posterior is not None and study.posterior["r_hat"].max() > LARGEST_R_HAT:
