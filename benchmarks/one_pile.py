@@ -82,6 +82,8 @@ DECKS = {name: (name, None) for name in PEERS} | {
     f"{name}, tangential dashpot": (name, change) for name, change in DASHPOTS.items()
 }
 SECTION = "## One pile in several programs"
+# The line of the table's angles, whatever the study calibrates.
+LINE = {"response": "secant", "fit_from": 0.1, "fit_to": 0.8, "flank": "columns"}
 RESPONSES = {"aor_deg": "angle, secant deg", "aor_flank_deg": "angle, flank deg", "height_mm": "Height mm"}
 
 
@@ -203,7 +205,7 @@ def measured(places, config, berry, particle):
         "quaternion": np.array(quaternions),
         "in_pile": scene.largest_cluster(contacts, np.ones(len(places), bool)),
     }
-    settings = MeasureSettings.of(config["measure"], berry)
+    settings = MeasureSettings.of(config["measure"] | LINE, berry)
     found, _ = pile_responses(arrays, particle, settings, config["funnel"]["plate_diameter_mm"])
     return {name: found.get(name) for name in RESPONSES} | {"in_pile": int(arrays["in_pile"].sum())}
 

@@ -12,7 +12,7 @@ from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
 from repose.core.targets import Targets
 
-STUDY = Path(__file__).parents[2] / "results/published/version_0.2.0"
+STUDY = Path(__file__).parents[2] / "results/published/recommended"
 TARGETS = Targets.of(shared.TARGETS)
 
 

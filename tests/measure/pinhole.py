@@ -15,7 +15,6 @@ import numpy as np
 
 LIGHT = np.array([-0.5, -0.6, 0.62]) / np.linalg.norm([-0.5, -0.6, 0.62])
 FINER = 2  # rays a pixel of the pile, each way
-BAND = 0.1, 0.8  # of the crest's height: the flank
 LAYERS = 2  # of grains, below the surface of a heap
 PLATE = 900.0  # mm from the middle to the edges of the plate's map, one pixel 2 mm
 
@@ -142,7 +141,7 @@ def truth(scene: Scene, step: float = 0.1) -> Truth:
     high = heights[crest]
     angles = []
     for flank in (heights[: crest + 1], heights[crest:][::-1]):
-        at = np.flatnonzero((flank >= BAND[0] * high) & (flank <= BAND[1] * high))
+        at = np.flatnonzero(flank)
         angles.append(np.degrees(np.arctan(np.polyfit(step * at, flank[at], 1)[0])))
     return Truth(float(np.mean(angles)), float(high))
 

@@ -165,6 +165,7 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
     assert [target["response"] for target in config["targets"]] == ["aor_deg", "height_mm"]
     assert config["targets"][1]["value"] == summary["height_mm"]["value"]
     assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("whole", 8)
+    assert "# the line: whole side, columns\n" in (tmp_path / "out/targets.yaml").read_text()
 
 
 def test_one_photograph_gives_no_scatter(tmp_path, capsys):

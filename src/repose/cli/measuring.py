@@ -49,7 +49,7 @@ SIZES = "sizes.csv"  # of a crop's folder
         ),
         Option(
             "--config",
-            help="the study that the photographs are for; its definition of the angle (default: the line fit)",
+            help="the study that the photographs are for; its line of the angle (default: from foot to crest)",
             recorded=False,
         ),
         Option(
