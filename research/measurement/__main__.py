@@ -8,7 +8,7 @@ from repose.core.targets import Targets
 from repose.measure import pile
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
-from research.measurement import line_choice, loose_grain, measurement_study
+from research.measurement import line_choice, line_slopes, loose_grain, measurement_study
 from research.script import Script, option
 
 script = Script("measurement", __doc__)
@@ -74,6 +74,18 @@ def loose(args, config):
     table = loose_grain.shifts(args.heaps, particle, pile.with_berry_height(settings, particle))
     write_table(args.out, table)
     return table.round(2).to_string(index=False)
+
+
+@script.part(
+    "line_slopes",
+    "results/measurement_study/line_slopes.csv",
+    option("heaps", nargs="+", help=".npz files of the design's pours, NAME.pours.json beside them"),
+    *GRAIN,
+)
+def slopes(args, config):
+    """Every line's angle on saved piles beside the cone of their Height: src/repose/apparatus/line_slopes.csv."""
+    particle, berry = Particle.load(args.particle), read_berry(args.berry)
+    return line_slopes.run(args.heaps, particle, config, berry, args.out).to_string(index=False)
 
 
 if __name__ == "__main__":

@@ -58,17 +58,19 @@ def made(
     **known,
 ):
     """The card of a study with an answer of its own."""
-    target = config["targets"][0]
-    check = answer.Check(
-        *("height_mm", "mm", simulated, 0.4, runs, "ok"),
-        *(target["value"], target["sd"], *target["range"]),
-        predicted=67.98,
+    checks = tuple(
+        answer.Check(
+            *(target["response"], "mm", simulated, 0.4, runs, "ok"),
+            *(target["value"], target["sd"], *target["range"]),
+            predicted=67.98,
+        )
+        for target in config["targets"]
     )
     values = {
         name: 0.3 if name in FIXED else solutions[name].mean() for name in config["parameters"]
     } | values
     found = answer.Answer(
-        "wheat", values, True, "", (check,), Path("results"), {1.0: 0.25, 2.0: within}, **known
+        "wheat", values, True, "", checks, Path("results"), {1.0: 0.25, 2.0: within}, **known
     )
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
@@ -265,6 +267,21 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, s
     secant = described(config, response("aor_deg"), {})["definition"]
     assert secant["name"] == "angle, secant"
     assert "fit_from" not in secant["settings"]
+
+
+def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solutions):
+    assert all("reach" not in test for test in made(config, solutions)["tests"])
+    angle = config["targets"][0] | {"response": "aor_deg", "value": 60.0, "range": [59.0, 61.0]}
+    height = config["targets"][0]
+    config["targets"] = [angle]
+    assert "reach" not in made(config, solutions)["tests"][0]
+    config["targets"] = [angle, height]
+    found = made(config, solutions)
+    of_angle, of_height = found["tests"]
+    assert "reach" not in of_height
+    assert of_angle["reach"]["possible"] is False
+    assert of_angle["reach"]["sentence"] in card.describe(found)
+    card.check(found, "card")
 
 
 def test_an_invalid_card_is_refused_with_every_fault(config, solutions):

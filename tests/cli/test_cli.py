@@ -150,10 +150,12 @@ def test_check_prints_the_number_of_pours(capsys):
     out = capsys.readouterr().out
     assert "150 parameter sets x 6 seeds = 900 pours" in out
     assert "min on 2 cores" in out
+    assert "funnel.berries would" not in out
     for line in (
         "time step: simulation.time_step_s is",
         "stiffness: the pile sinks by",
-        "volume: WARNING: 500 grains hold",
+        "volume: 500 grains hold",
+        "reach: ",
         "funnel: centre of the ranges: angle of repose ",
         "aor_deg: WARNING: the target 32.87 is outside the single runs, ",
     ):

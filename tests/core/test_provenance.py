@@ -1,6 +1,7 @@
 """What results stand on: written with them, read again, and compared before they are put together."""
 
 import json
+import os
 
 import cv2
 import numpy as np
@@ -155,6 +156,36 @@ def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeyp
     assert stands_on.outdated(changed(simulation={"gravity_m_s2": 1.62}), paths) == [str(path)]
     monkeypatch.setattr(stands_on, "engine_hash", lambda: "edited")
     assert stands_on.outdated(CONFIG, paths) == [str(path)]
+
+
+def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_theirs(tmp_path):
+    config = CONFIG | {"results_dir": str(tmp_path)}
+    piles, table = tmp_path / "heaps/001.json", tmp_path / "dataset.csv"
+    assert stands_on.own_dataset(config) is None
+    run("berry", (), lambda: files.write_json(tmp_path / "berry/berry.json", {}))
+    poured = pour(tmp_path / "heaps/001.pours.json")
+
+    def written(one=CONFIG):
+        run("measure_runs", [poured], lambda: files.write_json(piles, {"runs": []}), one, "funnel")
+        run("dataset", [piles], lambda: files.write_table(table, pd.DataFrame({"x": [1]})))
+
+    written()
+    assert stands_on.own_dataset(config) == table
+    for section in (
+        {"berry": {"density_kg_m3": 900.0}},
+        {"measure": {"views": 3}},
+        {"funnel": {"berries": 7}},
+    ):
+        other = {"results_dir": str(tmp_path)}
+        assert stands_on.own_dataset(changed(**section) | other) is None, section
+    written(changed(measure={"views": 3}))
+    assert stands_on.own_dataset(config) is None
+    written()
+    os.utime(table, (0, 0))  # older than a pile
+    assert stands_on.own_dataset(config) is None
+    table.write_text("x")
+    (tmp_path / "dataset.csv.provenance.json").unlink()
+    assert stands_on.own_dataset(config) is None
 
 
 def test_a_batch_is_outdated_by_settings_of_its_own_strategy_alone(tmp_path):

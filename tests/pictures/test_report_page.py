@@ -207,3 +207,15 @@ def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_tw
     assert written() == first.replace(b"2023-11-14", b"2027-01-15")
     (tmp_path / "table4.csv.provenance.json").unlink()
     assert f"by repose {__version__}" in written().decode(), "a table without a record: this program's"
+
+
+def test_what_piles_cannot_be_stands_below_the_first_line(tmp_path, monkeypatch):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    reach = {"possible": False, "sentence": "500 grains cannot make it: at most 28 +- 1 deg."}
+    tests = [{"reach": reach}, {"reach": reach | {"possible": True, "sentence": "It is possible."}}, {}]
+    monkeypatch.setattr("repose.chain.card.read", lambda path: {"tests": tests if path == "card" else []})
+    page.write(config, jobs, files | {"card": "card"}, {}, tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    below = text[text.index('<p class="verdict') :].split("</p>")[1].strip()
+    assert below == '<p class="verdict bad">500 grains cannot make it: at most 28 ± 1 deg.'
+    assert "It is possible" not in text

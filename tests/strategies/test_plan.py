@@ -115,9 +115,10 @@ def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monke
     monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-7)
     fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS[free:])
     path = tmp_path / "mine.yaml"
-    path.write_text(f"parameters:\n{fixed}results_dir: {tmp_path}/results\n")
+    path.write_text(f"parameters:\n{fixed}results_dir: {tmp_path}/results\nmeasure: {{response: whole}}\n")
     assert main(["plan", "--config", str(path)]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert lines[0][:6] == ["reach:", "WARNING:", "500", "grains", "of", "1489"]
     assert (["response_surface"] in [line[:1] for line in lines]) == fitting
     assert (["response_surface:", "not", "with"] in [line[:3] for line in lines]) != fitting
     assert ["sequential"] in [line[:1] for line in lines]

@@ -55,6 +55,23 @@ def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_mak
 
 
 @pytest.mark.essential
+def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(project):
+    line = "reach: WARNING: 350 grains of 1489 mm3 can"
+    words = (TARGET, *QUICK, "--forceall", "--config", "measure={response: whole}")
+    assert "reach: " not in snakemake(project, "-n", *words).stderr
+    done = snakemake(project, *words)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("reach: ") == done.stderr.count(line) == 1
+    drum = {"response": "drum_slip_deg", "apparatus": "drum", "value": 44, "sd": 2, "repetitions": 5}
+    (project / "mine.json").write_text(
+        json.dumps({"targets": [drum | {"range": [40, 48]}], "posterior": {"shape_study": None}})
+    )
+    done = snakemake(project, TARGET, *QUICK, "mine.json", "--forceall")
+    assert done.returncode == 0, done.stderr
+    assert "reach: " not in done.stderr
+
+
+@pytest.mark.essential
 def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(project):
     words = (TARGET, *QUICK)
     assert snakemake(project, *words).returncode == 0

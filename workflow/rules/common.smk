@@ -8,7 +8,7 @@ import sys
 import pandas
 
 from repose import strategies
-from repose.apparatus import names
+from repose.apparatus import names, reach
 from repose.chain import answer as answers
 from repose.config import cost, loader, results_folder, stands_on
 from repose.config.study import Study
@@ -86,6 +86,13 @@ PRODUCTS = [
     *(["calibration", "figures"] if AFTER_THE_ARTICLE else []),
     *([config["strategy"]] if config["strategy"] != "published" else []),
 ]
+
+
+def say_the_reach():
+    """Print whether piles of the grains can have angle and Height of the targets, as `repose check` does."""
+    if IS_MAIN:
+        for line in reach.said(config, STUDY.particle, stands_on.own_dataset(config)):
+            print(line, file=sys.stderr, flush=True)
 
 
 def is_result(path):

@@ -17,6 +17,10 @@ PAGE = {
     "summary": answer().summary,
     "table4": answer().table4,
 } | drawn("plane", "profiles")
+# The card says whether piles can have angle and Height of the targets, by the study's own samples where it has a design.
+CARD = f"{RESULTS}/card.json"
+PAGE["card"] = CARD
+OWN_PILES = {"dataset": rules.dataset.output.dataset} if AFTER_THE_ARTICLE else {}
 TRAJECTORY = rules.trajectory.output.trajectory
 if of_the_chain():
     PAGE |= drawn("figure13", "figure14", "validation", "definitions") | {
@@ -112,18 +116,19 @@ rule card:
     input:
         **GRAIN,
         **POSTERIOR,
+        **OWN_PILES,
         feasible=answer().feasible,
         summary=answer().summary,
         representative=answer().representative,
     output:
-        card=f"{RESULTS}/card.json",
+        card=CARD,
     log:
         f"{RESULTS}/logs/card.log",
     resources:
         **needs(300),
     params:
         config=CONFIG,
-        posterior=[f"--{name}={path}" for name, path in POSTERIOR.items()],
+        tables=[f"--{name}={path}" for name, path in (POSTERIOR | OWN_PILES).items()],
         depends=stands_on.settings_of(config, "material_card")
         | {"label": config["label"]},
     message:
@@ -131,7 +136,7 @@ rule card:
     shell:
         "python -m repose stage material_card --config {params.config:q} --berry {input.berry:q}"
         " --particle {input.particle:q} --feasible {input.feasible:q} --summary {input.summary:q}"
-        " --representative {input.representative:q} {params.posterior:q} --out {output.card:q} > {log:q} 2>&1"
+        " --representative {input.representative:q} {params.tables:q} --out {output.card:q} > {log:q} 2>&1"
 
 
 rule calibration:

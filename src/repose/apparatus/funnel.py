@@ -259,7 +259,7 @@ PACKING = 0.6
 LARGEST_SINKING = 0.005
 # Slopes that poured grains take; a cone that needs another one has too few grains, or too many.
 SLOPES_DEG = (15.0, 45.0)
-# A volume within this factor of the cone's: real piles have a rounded top and a tail at the foot.
+# A volume within this factor of the cone's fills it: real piles have a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
 
 
@@ -272,7 +272,7 @@ def advice(
     """Hints on stiffness, volume and number of the grains before they are poured; see `BenchTest.advice`."""
     yield f"stiffness: {_softer(config, berry, longest_step_s)}"
     sentence, fits = filling(config, particle.volume_m3)
-    yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
+    yield f"volume: {sentence}"
     height_mm = 1e3 * height_m(config, berry)
     outlet_mm = config[NAME]["outlet_height_mm"]
     if height_mm > outlet_mm:
@@ -360,30 +360,17 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
         reached = _cone_height_m(poured, angle)
         return f"{holds}: a cone of {angle:g} deg and {1e3 * reached:.3g} mm Height", True
     if angle is None:
-        needed = math.degrees(math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured))))
+        slope = math.degrees(math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured))))
         low, high = SLOPES_DEG
-        sentence = f"{holds}: a cone of {height:g} mm Height with a slope of {needed:.3g} deg"
-        if low <= needed <= high:
+        sentence = f"{holds}: a cone of {height:g} mm Height with a slope of {slope:.3g} deg"
+        if low <= slope <= high:
             return sentence, True
-        volumes = [
-            math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2) for angle in (high, low)
-        ]
-        return (
-            f"{sentence}; poured grains take {low:g} to {high:g} deg: {_needed(config, grain_m3, volumes)}",
-            False,
-        )
+        return f"WARNING: {sentence}; poured grains take {low:g} to {high:g} deg", False
     cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
-    sentence = f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}"
-    if 1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR:
-        return sentence, True
-    return f"{sentence}: {_needed(config, grain_m3, [cone])}", False
-
-
-def _needed(config, grain_m3, volumes_m3):
-    """The key to change, for volumes of a pile."""
-    numbers = [math.ceil(PACKING * volume / grain_m3) for volume in volumes_m3]
-    count = " to ".join(f"{number}" for number in numbers)
-    return f"funnel.berries would have to be {count}, or the targets are those of another pour"
+    fits = (
+        1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR
+    )  # `repose.apparatus.reach` judges the pair itself
+    return f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}", fits
 
 
 def needed_grains(config: Config, grain_m3: float) -> int:

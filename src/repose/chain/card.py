@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from repose.apparatus import bench
+from repose.apparatus import bench, reach
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.answer import Answer, Check, in_one_line, nearness
 from repose.core import provenance
@@ -53,8 +53,12 @@ def make(
     particle: "Particle",
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
+    dataset_csv: str | PathLike | None = None,
 ) -> dict[str, Any]:
-    """The card of a finished calibration; without a posterior, intervals and correlations come from the sets found."""
+    """The card of a finished calibration; without a posterior, intervals and correlations come from the sets found.
+
+    `dataset_csv` are the samples of the study's design.
+    """
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
         "grain": _grain(config, berry, particle),
@@ -62,6 +66,8 @@ def make(
         "laws": laws(config),
     }
     tests = {target.name: described(config, target.response, berry) for target in targets}
+    for name, found in reach.of(config, particle, dataset_csv).items():
+        tests[name]["reach"] = found.record()
     return assembled(about, tests, answer, space, targets, feasible, posterior)
 
 
@@ -282,7 +288,7 @@ def run(
             read_table(_path(files, "posterior"), columns),
             read_table(_path(files, "draws"), free),
         )
-    card = make(config, answer, berry, particle, feasible, posterior)
+    card = make(config, answer, berry, particle, feasible, posterior, files.get("dataset"))
     check(card, out)
     write_json(out, card, indent=1)
     return card
@@ -598,6 +604,8 @@ def _test_lines(test):
     definition = test["definition"]
     name, settings = definition["name"] or "not stated", _settings(definition["settings"])
     yield f"  definition: {name}" + (f"; {settings}" if settings else "")
+    if "reach" in test:
+        yield f"  {test['reach']['sentence']}"
 
 
 def _settings(section):

@@ -59,6 +59,7 @@ def card(args: argparse.Namespace) -> int:
             "--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"
         ),
         Option("--draws", help="draws.csv of the same posterior"),
+        Option("--dataset", help="dataset.csv of the study's design: what angles its piles have"),
     ],
 )
 def material_card(args: argparse.Namespace, study: "Study") -> None:
@@ -68,5 +69,6 @@ def material_card(args: argparse.Namespace, study: "Study") -> None:
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
     strategy = study.config["strategy"]
     result = answer.read(study.config, args.summary, args.representative, args.feasible, strategy)
-    files = {name: getattr(args, name) for name in ("berry", "particle", "feasible", "posterior", "draws")}
+    names = ("berry", "particle", "feasible", "posterior", "draws", "dataset")
+    files = {name: getattr(args, name) for name in names}
     card.run(study.config, result, files, args.out)

@@ -75,8 +75,12 @@ def check(args: argparse.Namespace, study: "Study") -> None:
     numbers = [f"{setting.key} {get(config, setting.key)}" for setting in computed.to_compute(written)]
     if numbers:
         print(f"computed, since they are auto or not given: {', '.join(numbers)}")
-    for line in (*_about_the_grain(config, berry, particle), *_about_the_targets(config)):
-        print(line)
+    about = (
+        *_about_the_reach(study),
+        *_about_the_grain(config, berry, particle),
+        *_about_the_targets(config),
+    )
+    print(*about, sep="\n")
     measured = _berry_step_s(config, berry, particle)
     print(*_trials(study, measured), sep="\n")
     work = cost.work(config, measured, strategies.pours(config))
@@ -87,6 +91,14 @@ def check(args: argparse.Namespace, study: "Study") -> None:
         f"about {work['pour_s']:.2g} s per pour, {minutes:.0f} min on {args.cores} cores, as measured now: "
         f"{1e9 * measured:.2g} ns for a time step of a grain on this machine"
     )
+
+
+def _about_the_reach(study: "Study") -> Iterator[str]:
+    """Whether piles of the grains can have angle and Height of the targets."""
+    from repose.apparatus import reach
+    from repose.config import stands_on
+
+    return reach.said(study.config, study.particle, stands_on.own_dataset(study.config))
 
 
 def _about_the_grain(
@@ -202,7 +214,7 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
     own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
     path = args.runs or next(iter(own), None)
     runs = None if path is None else plan.read_runs(path, targets)
-    print(*_about_the_grain(config, study.grain, study.particle), sep="\n")
+    print(*_about_the_reach(study), *_about_the_grain(config, study.grain, study.particle), sep="\n")
     result = plan.plan(config, runs, path)
     for name, percent in zip(targets.names, result.noise_percent, strict=True):
         source = f"measured in {path}" if result.measured else "assumed, as there are no runs yet"

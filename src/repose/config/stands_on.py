@@ -11,6 +11,7 @@ from typing import Any
 
 from repose.apparatus import bench, bench_tests
 from repose.config.models import named_files
+from repose.config.results_folder import run_folder
 from repose.core import attached
 from repose.core.provenance import hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
@@ -143,6 +144,16 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
         if record["settings"] != hash_of(given) or record["engine"] not in (None, engine_hash()):
             results.append(str(path))
     return results
+
+
+def own_dataset(config: Config) -> Path | None:
+    """dataset.csv of the study, if it, its piles and its grain are by these settings; None otherwise."""
+    results = Path(config["results_dir"])
+    piles, table = list(results.glob(f"{run_folder(UNNAMED)}/*.json")), results / "dataset.csv"
+    files = [*results.glob("berry/*.json"), *piles, table]
+    if not piles or None in map(attached.read, files) or outdated(config, files):
+        return None
+    return table if table.stat().st_mtime >= max(path.stat().st_mtime for path in piles) else None
 
 
 def _with_contents(chosen):

@@ -1,7 +1,7 @@
 """The report in HTML: the answer, its check against the pile, sliders for other parameters, the method."""
 
 import html
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,7 @@ def answer(study: Study) -> str:
         [
             f"<h1>Contact parameters: {html.escape(study.config['label'])}</h1>",
             f'<p class="verdict {kind}"><b>{first}.</b> {others}</p>',
+            *impossible(study.files),
             _origin(study),
             f"<p>{html.escape(nearness(_named(study)).replace('+-', '±'))}</p>"
             if study.number("n_seeds")
@@ -96,6 +97,14 @@ def _probability(study):
         for percent, within in study.within.items()
         if within is not None
     )
+
+
+def impossible(files: Mapping[str, str]) -> Iterator[str]:
+    """A paragraph for each angle of the card that piles of these grains cannot have at the targeted Height."""
+    for test in card.read(files["card"])["tests"] if "card" in files else ():
+        if "reach" in test and not test["reach"]["possible"]:
+            sentence = html.escape(test["reach"]["sentence"]).replace("+-", "±")
+            yield f'<p class="verdict bad">{sentence}</p>'
 
 
 def _checks(study):

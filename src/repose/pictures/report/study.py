@@ -28,7 +28,7 @@ from repose.surrogate.base import Predictor
 NEEDED = ("dataset", "feasible", "summary", "table4")
 # Also needed if the summary does not hold the steps to the answer.
 TRAINED = ("network", "metrics", "dataset_summary")
-OPTIONAL = ("runs", "posterior", "particle", "trajectory", "photograph", "overlay")
+OPTIONAL = ("runs", "posterior", "particle", "trajectory", "photograph", "overlay", "card")
 PICTURES = {
     "sequential": "Probability and predictions of the best parameter set after each batch",
     "pareto_screening": "Effect of each parameter on the responses",

@@ -1,0 +1,98 @@
+"""The angle by each line beside that of a cone of the same Height and volume: the table of `repose.apparatus.reach`."""
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.apparatus import funnel
+from repose.apparatus.reach import READ, cone_tan
+from repose.core.errors import InputError, NoFlankError
+from repose.core.files import write_table
+from repose.measure import pile, saved_pours
+from repose.measure.angles import DEFINITIONS, measure_sides
+from repose.measure.settings import line_of
+from repose.particle.particle import Particle
+
+RULES = ("columns", "levels", "rows")
+BANDS = ((0.1, 0.8), (0.2, 0.9), (0.3, 0.8), (0.3, 0.9))
+WINDOWS = (0.25, 0.333, 0.5, 0.333)
+# Settings whose lines are measured; a definition reads some of their keys.
+SETTINGS: list[dict[str, Any]] = [
+    {"flank": rule, "fit_from": low, "fit_to": high, "smallest_window": window}
+    for rule in RULES
+    for (low, high), window in zip(BANDS, WINDOWS, strict=True)
+]
+
+
+def lines() -> dict[str, dict[str, Any]]:
+    """Every line of the table by its words: the definition and the settings that it reads."""
+    return {
+        line_of(one, definition): {"definition": definition} | {key: one[key] for key in READ[definition]}
+        for definition in DEFINITIONS
+        for one in SETTINGS
+    }
+
+
+def run(
+    heaps: Sequence[str | PathLike],
+    particle: Particle,
+    config: Mapping[str, Any],
+    berry: Mapping[str, Any],
+    out: str | PathLike,
+) -> pd.DataFrame:
+    """Write and return the table of the samples in `heaps`: ``NAME.npz``, with ``NAME.pours.json`` beside each."""
+    settings = pile.with_berry_height(pile.MeasureSettings.of(config["measure"], berry), particle)
+    samples = pd.DataFrame(filter(None, (sample(path, particle, settings) for path in heaps)))
+    if len(samples) < 2:
+        raise InputError("command line", "heaps", len(samples), "piles of two samples or more")
+    table = ratios(samples, config["funnel"]["berries"] * particle.volume_m3 / funnel.PACKING)
+    write_table(out, table, float_format="%.4g")
+    return table
+
+
+def sample(npz: str | PathLike, particle: Particle, settings: pile.MeasureSettings) -> dict[str, float]:
+    """Means of a sample's good pours: ``Height`` [mm] and each line [deg]; empty if there are none."""
+    npz = Path(npz)
+    arrays, found = saved_pours.saved_positions(npz), []
+    for record in saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))["pours"]:
+        if record["status"] == "ok":
+            poured = saved_pours.pour_arrays(arrays, record["seed"], npz)
+            try:
+                found.append(measured(poured, particle, settings))
+            except NoFlankError:
+                continue
+    return pd.DataFrame(found).mean().to_dict() if found else {}
+
+
+def measured(
+    poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
+) -> dict[str, float]:
+    """Height [mm] of one pile and each line [deg], the mean of the views."""
+    bodies = poured["position"], poured["quaternion"], particle, settings
+    height_m, views = pile.pile_views(*bodies, poured.get("in_pile"), poured.get("scale"))
+    berry, rows = float(settings.berry_height_mm or np.nan) / settings.mm_per_pixel, []
+    for view in views:
+        profile, crest = pile.profile_of(view)
+        row: dict[str, float] = {}
+        for one in SETTINGS:
+            ends = one["fit_from"], one["fit_to"]
+            sides = measure_sides(profile, crest, *ends, berry, one["flank"], one["smallest_window"])[0]
+            row |= {line_of(one, name): angle for name, (angle, *_) in sides.items()}
+        rows.append(row)
+    return {"Height": 1e3 * height_m} | pd.DataFrame(rows).mean().to_dict()
+
+
+def ratios(samples: pd.DataFrame, volume_m3: float) -> pd.DataFrame:
+    """Mean, standard deviation and largest of tan(angle by a line) / tan(cone of the sample's Height) of a volume."""
+    cones = np.array([cone_tan(height, volume_m3) for height in samples["Height"]])
+    rows = []
+    for line, keys in lines().items():
+        ratio = np.tan(np.radians(samples[line])) / cones
+        numbers = {"mean": ratio.mean(), "sd": ratio.std(), "largest": ratio.max()}
+        rows.append(keys | {"samples": int(ratio.count())} | numbers)
+    columns = ["definition", "flank", "fit_from", "fit_to", "smallest_window", "samples"]
+    return pd.DataFrame(rows)[[*columns, "mean", "sd", "largest"]]

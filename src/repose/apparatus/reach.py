@@ -1,0 +1,194 @@
+"""Whether piles of a study's grains can have the angle and the Height of its targets at once, before any pour.
+
+Grains keep their volume V, so an angle goes with each Height: a cone of Height H has tan a = sqrt(pi H^3 / (3 V)). How
+far the angle by a line is from the cone's was measured: the table beside this module has the ratio of the two tangents
+for the samples of the goji berry's design (`python -m research.measurement line_slopes`).
+"""
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from repose.apparatus import funnel, scene_size
+from repose.core.errors import InputError
+from repose.core.files import read_table
+from repose.measure.angles import MEAN_KEYS
+from repose.measure.settings import line_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from repose.particle.particle import Particle
+
+TABLE = Path(__file__).with_name("line_slopes.csv")
+GRAIN_MM, GRAINS = (21.14, 11.37, 9.88), 500  # of the table's piles
+# Largest share of a pile that its grains fill: the densest lattice of equal balls. Shaken ellipsoids reach .735 (Donev
+# et al. 2004, Science 303, 990), poured grains less; and a tenth of them lies loose beside the pile.
+DENSEST = 0.74
+SIGMAS = 2.0  # so many standard deviations from the mean of real piles a target is out of their reach
+FEWEST_SAMPLES = 20  # of the study itself, in place of the table
+ALIKE = 0.05  # relative difference of the proportions of grains that count as the same
+# Standard deviation [deg] between grains: the mean angles of four crops differ from the table's by up to 1 (whole
+# side), 2 (secant) and 4.6 degrees (flank).
+OTHER_GRAIN_DEG = 3.0
+READ = {"flank": ("flank", "fit_from", "fit_to"), "whole": (), "secant": ()}  # keys of a line
+READ |= {"steepest": READ["flank"], "straightest": ("smallest_window",)}
+
+
+class Band(NamedTuple):
+    """Angles of real piles at one Height [deg]."""
+
+    mean: float
+    sd: float
+    largest: float
+    source: str  # the piles, in words
+
+
+class Reach(NamedTuple):
+    """Whether piles of the grains can have a target's angle at the targeted Height."""
+
+    line: str
+    bound_deg: float | None  # the steepest by mass alone; None for a line that may leave out the toe
+    band: Band
+    possible: bool
+    sentence: str
+
+    def record(self) -> dict[str, Any]:
+        """As the material card has it."""
+        numbers = [round(number, 2) for number in self.band[:3]]
+        bound = None if self.bound_deg is None else round(self.bound_deg, 2)
+        own = {"line": self.line, "bound_deg": bound, "band_deg": numbers}
+        return own | {"possible": self.possible, "sentence": self.sentence}
+
+
+def of(
+    config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None = None
+) -> dict[str, Reach]:
+    """The reach of each target that is an angle of the funnel's pile; empty without a target of its Height.
+
+    `dataset_csv` are samples of the study itself, by the same settings.
+    """
+    targets = {target["response"]: target for target in config["targets"]}
+    if "height_mm" not in targets:
+        return {}
+    angles = {"aor_deg": config["measure"]["response"]}
+    angles |= {name: definition for definition, name in MEAN_KEYS.items()}
+    return {
+        name: _of(config, particle, targets[name], targets["height_mm"]["value"], definition, dataset_csv)
+        for name, definition in angles.items()
+        if name in targets
+    }
+
+
+def said(
+    config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None
+) -> Iterator[str]:
+    """A line of text for each `Reach`, as the verbs and the workflow print it before the first pour."""
+    for reach in of(config, particle, dataset_csv).values():
+        yield f"reach: {'' if reach.possible else 'WARNING: '}{reach.sentence}"
+
+
+def cone_tan(height_mm: float, volume_m3: float) -> float:
+    """Slope of a cone of a Height and a volume."""
+    return math.sqrt(math.pi * (1e-3 * height_mm) ** 3 / (3 * volume_m3))
+
+
+def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float | None:
+    """The steepest pile of a Height by a line [deg] whose grains have this volume; None where mass alone sets no bound.
+
+    A side that falls ever less steeply outwards has, over equal steps of distance, no steeper regression line from foot
+    to crest than the cone of its Height and volume. A line that sees less of the toe may be steeper.
+    """
+    if definition != "whole":
+        return None
+    return math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST)))
+
+
+def _of(config, particle, target, height_mm, definition, dataset_csv):
+    """The reach of one target."""
+    grains, line = config["funnel"]["berries"], line_of(config["measure"], definition)
+    bound = steepest_deg(definition, height_mm, grains * particle.volume_m3)
+    own = None if dataset_csv is None else _own_band(dataset_csv, target["response"], height_mm)
+    band = own or _known_band(config, particle, definition, height_mm)
+    angle, error = target["value"], target["sd"] / math.sqrt(target["repetitions"])
+    forbidden = bound is not None and angle - SIGMAS * error > bound
+    away = (angle - band.mean) / math.hypot(band.sd, error)
+    possible = not forbidden and abs(away) <= SIGMAS
+    aim = f"{angle:.1f} deg by the line '{line}'"
+    known = f"{band.mean:.1f} +- {band.sd:.1f} deg (largest {band.largest:.1f}; {band.source})"
+    piles = f"piles of this mass and Height have {known}"
+    if possible:
+        return Reach(line, bound, band, True, f"a pile of {height_mm:.1f} mm with {aim} is possible: {piles}")
+    can, most = "can hardly", ""
+    if forbidden:
+        can, most = "cannot", f"by mass alone at most {bound:.1f} deg; "
+    sentence = (
+        f"{grains} grains of {1e9 * particle.volume_m3:.4g} mm3 {can} make a pile of {height_mm:.1f} mm with {aim}: "
+        f"{most}{piles}. Are line, grain and targets of the same piles?"
+    )
+    return Reach(line, bound, band, False, sentence)
+
+
+# --- the angles of real piles ---------------------------------------------------------------------
+
+
+def _own_band(dataset_csv, angle, height_mm):
+    """The band of the study's own samples, each carried to the Height at its volume; None if they are too few."""
+    with contextlib.suppress(InputError):  # the stage that reads a damaged table says so
+        table = read_table(dataset_csv, ("status", angle, "height_mm"))
+        table = table[table["status"] == "ok"]
+        if len(table) >= FEWEST_SAMPLES:
+            tan = np.tan(np.radians(table[angle])) * (height_mm / table["height_mm"]) ** 1.5
+            carried = np.degrees(np.arctan(tan))
+            source = f"{len(table)} samples of this study"
+            return Band(float(carried.mean()), float(carried.std()), float(carried.max()), source)
+    return None
+
+
+def _known_band(config, particle, definition, height_mm):
+    """The band by the table, changed to the study's number of grains as `scene_size` knows it."""
+    grains = config["funnel"]["berries"]
+    row, exact = nearest_row(config["measure"], definition, _grain_mm(config, particle) / height_mm)
+    cone = cone_tan(height_mm, grains * particle.volume_m3 / funnel.PACKING)
+    change = scene_size.change(GRAINS, grains, scene_size.TABULATED.get(definition, definition))
+
+    def angle(ratio):
+        before = math.degrees(math.atan(ratio * cone)) + change.angle_deg
+        return math.degrees(math.atan(math.tan(math.radians(before)) / change.height**1.5))
+
+    ends = [angle(row["mean"] + sign * row["sd"]) for sign in (-1, 1)]
+    axes = sorted(particle.axes_m, reverse=True)
+    alike = np.allclose(np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=ALIKE)
+    source = f"{row['samples']} samples of the goji berry{'' if alike else ', not of this grain'}"
+    source += "" if grains == GRAINS else f", {GRAINS} grains each, changed to {grains}"
+    source += "" if exact else f", by the nearest line measured, '{line_of(row, definition)}'"
+    sd = math.hypot((ends[1] - ends[0]) / 2, 0.0 if alike else OTHER_GRAIN_DEG)
+    return Band(angle(row["mean"]), sd, angle(row["largest"]), source)
+
+
+def _grain_mm(config, particle):
+    """Height of a grain, the "berry" of `measure.fit_from`."""
+    return config["measure"]["berry_height_mm"] or 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
+
+
+def nearest_row(section: Mapping[str, Any], definition: str, grain: float) -> tuple["pd.Series", bool]:
+    """Row of the table for a line of the section `measure`, and whether it is of this very line.
+
+    `grain` is the height of a grain as a share of the Height.
+    """
+    wanted = {key: grain if section[key] == "berry" else section[key] for key in READ[definition]}
+    table = read_table(TABLE, ("definition", "samples", "mean", "sd", "largest", *wanted))
+    table = table[table["definition"] == definition]
+
+    def away(row):
+        numbers = (key for key in wanted if key != "flank")
+        other_rule = "flank" in wanted and wanted["flank"] != row["flank"]
+        return sum(abs(wanted[key] - row[key]) for key in numbers) + other_rule
+
+    _, row = min(table.iterrows(), key=lambda item: away(item[1]))
+    return row, away(row) < 0.005
