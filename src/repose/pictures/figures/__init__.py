@@ -91,4 +91,5 @@ def draw(
     further = [kind for kind in files.format if kind != "png"] if out_path.suffix == ".png" else []
     with style.applied():
         figure = drawn.draw(inputs, config)
+        style.name_the_line(figure, config)
         style.save(figure, out_path, bool(config.get("small_run", False)), further, files.dpi)
