@@ -58,10 +58,10 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
         vmax=255,
         extent=((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale),
     )
-    levels = {"one grain": settings.berry_height_mm}
+    levels = [(settings.berry_height_mm or 0.0, "one grain")]
     for end in (settings.fit_from, settings.fit_to):
-        if end != "berry":
-            levels[f"{100 * end:.0f} % of the height"] = end * measured.height_mm
+        if not isinstance(end, str):
+            levels.append((end * measured.height_mm, f"{100 * end:.0f} % of the height"))
     for name, angle in measured.angles.items():
         for line in angle.lines:
             u, row = np.array(line).T
@@ -76,7 +76,7 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
         panel.plot([], [], color=COLOURS[name], ls=STYLES[name], label=label)
     left, right = panel.get_xlim()
     lowest = 0.0
-    for name, z in sorted(levels.items(), key=lambda pair: pair[1]):
+    for z, name in sorted(levels):
         panel.axhline(z, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
         lowest = max(z, lowest + 0.11 * measured.height_mm)  # words of near levels stand one above the other
         panel.text(right, lowest, f" {name}", va="center", fontsize=6.8)

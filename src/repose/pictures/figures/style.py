@@ -110,7 +110,7 @@ def name_the_line(figure: Figure, config: Mapping[str, Any]) -> None:
         if "measure.response" not in one.definition or one.symbol not in shown:
             continue
         line = line_of(config["measure"])
-        words = f"{one.symbol}: {one.label}; of piles simulated here the slope of this line: {line}"
+        words = f"{one.symbol}: {one.label}; line through the simulated piles: {line}"
         words = textwrap.fill(words, int(20 * figure.get_figwidth()))
         lowest = [legend for legend in figure.legends if getattr(legend, "_outside_loc", None) == "lower"]
         if lowest:  # the layout has one place at the lower edge
