@@ -7,6 +7,7 @@ import pytest
 
 from repose.core.errors import NoFlankError
 from repose.measure import angles, profile_points
+from repose.measure.settings import MeasureSettings, line_of
 
 RULES = tuple(profile_points.FLANK_RULES)
 MARGIN = 20
@@ -224,3 +225,14 @@ def test_levels_lie_in_the_middle_of_the_outermost_and_the_innermost_crossing():
     middle, heights = profile_points.points_by_levels(profile, 14.5, 16.5)
     assert heights.tolist() == [15.0, 16.0]
     np.testing.assert_allclose(middle, [0.5 * (1.5 + 3.5), 0.5 * (1.6 + 3.6)])
+
+
+def test_every_line_is_said_in_words():
+    section = vars(MeasureSettings(fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25))
+    assert {name: line_of(section, name) for name in angles.DEFINITIONS} == {
+        "flank": "flank, one grain to 80 % of the height, rows",
+        "secant": "secant, foot to crest",
+        "steepest": "steepest half or more of the flank, one grain to 80 % of the height, rows",
+        "whole": "whole side, columns",
+        "straightest": "straightest window, at least 0.25 of the side, columns",
+    }

@@ -73,11 +73,9 @@ def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
     if definition == "secant":
         return "secant, foot to crest"
     if definition == "whole":
-        return f"whole side, {section['flank']}"
+        return "whole side, columns"
     if definition == "straightest":
-        return (
-            f"straightest window, at least {section['smallest_window']:.2g} of the side, {section['flank']}"
-        )
+        return f"straightest window, at least {section['smallest_window']:.2g} of the side, columns"
     ends = [
         "one grain" if section[key] == "berry" else f"{100 * section[key]:g}"
         for key in ("fit_from", "fit_to")
