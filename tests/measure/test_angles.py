@@ -7,6 +7,7 @@ import pytest
 
 from repose.core.errors import NoFlankError
 from repose.measure import angles, profile_points
+from repose.measure.settings import MeasureSettings, line_of
 
 RULES = tuple(profile_points.FLANK_RULES)
 MARGIN = 20
@@ -104,12 +105,13 @@ def test_the_steepest_stretch_of_a_bent_flank_is_its_steeper_part(rule):
 
 def slow_steepest(profile, low, high, rule):
     """Every window by itself, with numpy's own regression."""
-    window, best = (high - low) / 2, -math.inf
-    for k in range(math.floor(window) + 1):
-        u, z = profile_points.FLANK_RULES[rule](profile, low, high)
-        inside = (z >= low + k) & (z <= low + k + window)
-        if inside.sum() >= profile_points.MIN_LEVELS and u[inside].std() >= angles.WALL_SD:
-            best = max(best, np.polyfit(u[inside], z[inside], 1)[0])
+    u, z = profile_points.FLANK_RULES[rule](profile, low, high)
+    least, best = (high - low) / 2, -math.inf
+    for below in range(math.floor(least) + 1):
+        for above in range(math.floor(least - below) + 1):
+            inside = (z >= low + below) & (z <= high - above)
+            if inside.sum() >= profile_points.MIN_LEVELS and u[inside].std() >= angles.WALL_SD:
+                best = max(best, np.polyfit(u[inside], z[inside], 1)[0])
     return degrees(best)
 
 
@@ -117,10 +119,22 @@ def slow_steepest(profile, low, high, rule):
 def test_the_steepest_stretch_of_lumpy_flanks_equals_a_slow_search(rule):
     rng = np.random.default_rng(7)
     for slope in (0.35, 0.6, 0.9):
-        profile = lumpy(slope, 230.0, rng)
-        found = angles.steepest(profile, 23.0, 184.0, rule).angle_deg
-        assert found == pytest.approx(slow_steepest(profile, 23.0, 184.0, rule), abs=1e-6)
-        assert found > angles.flank(profile, 23.0, 184.0, rule).angle_deg
+        profile = lumpy(slope, 115.0, rng)
+        found = angles.steepest(profile, 11.5, 92.0, rule).angle_deg
+        assert found == pytest.approx(slow_steepest(profile, 11.5, 92.0, rule), abs=1e-6)
+        assert found > angles.flank(profile, 11.5, 92.0, rule).angle_deg
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("band", [(0.1, 0.8), (0.3, 0.8)])
+def test_no_flank_is_steeper_than_its_steepest_stretch(rule, band):
+    """By columns every half of a flank can be flatter than the whole flank, which counts, too."""
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        profile = lumpy(rng.uniform(0.3, 0.9), 120.0, rng)
+        low, high = (share * profile[-1] for share in band)
+        steep, line = (definition(profile, low, high, rule) for definition in (angles.steepest, angles.flank))
+        assert steep.angle_deg >= line.angle_deg - 1e-9
 
 
 def slow_straightest(profile, smallest, rule):
@@ -211,3 +225,14 @@ def test_levels_lie_in_the_middle_of_the_outermost_and_the_innermost_crossing():
     middle, heights = profile_points.points_by_levels(profile, 14.5, 16.5)
     assert heights.tolist() == [15.0, 16.0]
     np.testing.assert_allclose(middle, [0.5 * (1.5 + 3.5), 0.5 * (1.6 + 3.6)])
+
+
+def test_every_line_is_said_in_words():
+    section = vars(MeasureSettings(fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25))
+    assert {name: line_of(section, name) for name in angles.DEFINITIONS} == {
+        "flank": "flank, one grain to 80 % of the height, rows",
+        "secant": "secant, foot to crest",
+        "steepest": "steepest half or more of the flank, one grain to 80 % of the height, rows",
+        "whole": "whole side, columns",
+        "straightest": "straightest window, at least 0.25 of the side, columns",
+    }

@@ -98,12 +98,21 @@ def made_up_tables(folder, targets=TARGETS):
     }
     for name, frame in frames.items():
         frame.to_csv(folder / f"{name}.csv", index=False)
-    network = {"inputs": list(PARAMETERS), "outputs": list(targets.names)}
-    network |= {
-        name: rng.normal(size=size).tolist() for name, size in (("W1", (12, 6)), ("W2", (len(targets), 12)))
-    }
-    (folder / "network.json").write_text(json.dumps(network | {"activation": ["tansig", "purelin"]}))
+    weights = rng.normal(size=(12, 6)), rng.normal(size=(len(targets), 12))
+    write_network(folder / "network.json", targets.names, *weights)
     return {path.stem: path for path in folder.iterdir()}
+
+
+def write_network(path, outputs, W1, W2):
+    """The file of a network of these weights over the ranges, without offsets."""
+    low, high = np.transpose([RANGES[name] for name in PARAMETERS])
+    arrays = {"W1": W1, "b1": np.zeros(len(W1)), "W2": W2, "b2": np.full(len(W2), 0.5)}
+    arrays |= {"input_min": low, "input_max": high}
+    arrays |= {"output_min": np.zeros(len(W2)), "output_max": np.ones(len(W2))}
+    content = {"inputs": list(PARAMETERS), "outputs": list(outputs), "surrogate": "network"}
+    content |= {"scaled_range": [-1.0, 1.0], "activation": ["tansig", "purelin"]}
+    content |= {name: np.asarray(value).tolist() for name, value in arrays.items()}
+    path.write_text(json.dumps(content))
 
 
 def made_up_drum(folder, centres, quaternions):
@@ -117,6 +126,7 @@ def made_up_drum(folder, centres, quaternions):
     record = pd.DataFrame({"seed": 7, "time_s": time_s, "turned_deg": 5.0 * time_s, "surface_deg": angle + 1})
     record.assign(bed_deg=angle, energy_j=1e-8).to_csv(folder / "record.csv", index=False)
     run = {"seed": 7, "status": "ok", "report_time_s": 5.4, "before_time_s": 10.2, "before_bed_deg": 44.0}
+    run |= {"before_turned_deg": 51.0}
     pd.DataFrame([run | {"after_time_s": 12.0}]).to_csv(folder / "runs.csv", index=False)
     depth = np.arange(2.5, 50.0, 5.0)
     profile = pd.DataFrame({"seed": 7, "depth_mm": depth, "moved_mm": 60 * np.exp(-depth / 12)})
@@ -157,7 +167,7 @@ def inputs_of(name, inputs):
         files["published"] = "table3"
     if name == "validation":
         files["published"] = "table4"
-    if name == "plane":
+    if name in ("plane", "figure13"):
         files["pool"] = files["fresh"] = "dataset"
     if name == "noise":
         files["runs"] = "noise_runs"

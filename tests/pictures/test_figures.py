@@ -3,21 +3,28 @@
 import hashlib
 import json
 import struct
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
 import pytest
-from made_up import CONFIG, inputs_of, made_up_inputs, words
+from made_up import CONFIG, MEASURE, inputs_of, made_up_inputs, words, write_network
 from PIL import Image
 from refusals import not_refused
 
 from repose.core.errors import InputError
-from repose.measure import saved_pours
+from repose.measure import pile, saved_pours
+from repose.measure.angles import DEFINITIONS
+from repose.measure.saved_piles import side_view
+from repose.measure.settings import line_of
+from repose.particle.berry_files import read_berry
+from repose.particle.particle import Particle
 from repose.pictures import figures
 from repose.pictures.figures import (
     berries,
     checks,
     measuring,
+    plane,
     refinement,
     rotation,
     samples,
@@ -89,7 +96,7 @@ def test_a_figure_has_the_configured_formats_with_its_fonts_inside(inputs, tmp_p
     assert set(files) == {".png", ".pdf", ".svg"}
     for suffix, content in files.items():
         assert (tmp_path / "second" / f"it{suffix}").read_bytes() == content, "the same bytes in every run"
-    assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(0.9 * style.PAGE * 90, abs=1)
+    assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(style.PAGE * 90, abs=1)
     assert b"/FontFile2" in files[".pdf"]
     assert b"/Type3" not in files[".pdf"], "a journal wants text of TrueType"
     assert b"<text" not in files[".svg"], "its letters are outlines"
@@ -151,7 +158,7 @@ def test_figures_say_what_a_reader_has_to_know(inputs, tmp_path, monkeypatch):
     table = pd.DataFrame({"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value})
     table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array([1, -1, 1, -1])
     table.to_csv(changed["predictions"], index=False)
-    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.1, "height_se_mm": 0.1}).to_csv(changed["dataset"])
+    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.5, "height_se_mm": 0.5}).to_csv(changed["dataset"])
     table = pd.DataFrame({"solution": [5], "aor_predicted_deg": [33.0], "height_predicted_mm": [63.0]})
     table["aor_simulated_deg"], table["height_simulated_mm"] = 30.0, 70.0
     table.to_csv(changed["table4"], index=False)
@@ -176,9 +183,15 @@ def test_figures_say_what_a_reader_has_to_know(inputs, tmp_path, monkeypatch):
             ("NO SLIP", "at the report"),
         ),
         (
+            rotation.states,
+            inputs_of("figure15", inputs),
+            ("slipped first when the drum had turned by 51.0°, after 10.2 s",),
+        ),
+        (
             surrogate.predicted_against_simulated,
             {"predictions": changed["predictions"], "dataset": changed["dataset"]},
-            ("test: R² 0.800, RMSE 1.00 deg, n 4",),
+            # without the noise 1 - (4 - 4 / 4) / (20 - 3 / 4 * 4 / 4)
+            ("test: R² 0.800, RMSE 1.00 deg, n 4\n    R² 0.844 at precise points",),
         ),
         # errors are percent of the simulated value
         (checks.validation, {"table4": changed["table4"]}, ("| 10.0 |",)),
@@ -254,6 +267,88 @@ def test_the_definitions_are_explained_beside_the_pile_and_without_keys_of_the_c
     assert "fit_" not in text
     assert "80 % of the height" in text
     assert figure.legends[0].get_window_extent().y0 > figure.axes[0].get_window_extent().y1
+
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(labels) == len(DEFINITIONS)
+    for label, name in zip(labels, DEFINITIONS, strict=True):
+        assert label.split("°  ")[1] == line_of(CONFIG["measure"], name)
+    for panel in figure.axes:
+        boxes = [one.get_window_extent() for one in panel.texts]
+        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+
+
+@pytest.mark.parametrize(
+    "name", ["figure10", "figure13", "figure14", "plane", "dataset", "validation", "noise"]
+)
+def test_a_figure_with_the_calibrated_angle_names_its_line(name, inputs, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure))
+    config = CONFIG | {"measure": MEASURE | {"response": "straightest"}}
+    for shown, targets in ((True, CONFIG["targets"]), (False, CONFIG["targets"][1:])):
+        files = inputs_of(name, inputs)
+        if name in ("figure10", "plane") and not shown:  # of all outputs of a network; of pairs of targets
+            continue
+        figures.draw(name, files, tmp_path / "it.png", config | {"targets": targets})
+        text = words(drawn.pop()).replace("\n", " ")
+        assert ("straightest window, at least 0.33 of the side" in text) is shown
+
+
+def test_the_legend_at_the_lower_edge_carries_the_line_below_its_own_title(inputs):
+    with style.applied():
+        figure = plane.planes(inputs_of("plane", inputs), CONFIG)
+        style.name_the_line(figure, CONFIG)
+    title = figure.legends[0].get_title().get_text()
+    assert title.startswith(plane.BARS)
+    assert line_of(CONFIG["measure"]) in title.replace("\n", " ")
+
+
+def test_the_lines_of_figure_6_carry_the_angles_of_their_sides(inputs):
+    files = inputs_of("figure06", inputs)
+    settings = pile.MeasureSettings.of(CONFIG["measure"], read_berry(files["berry"]))
+    image = side_view(saved_pours.first_pour(files["heap"]), Particle.load(files["particle"]), settings)
+    measured = pile.measure_image(image, settings.mm_per_pixel, settings, base_row=len(image) - 0.5)
+    with style.applied():
+        figure = testbench.measurement(files, CONFIG)
+    panel = figure.axes[-1]
+    title = panel.get_title(loc="right")
+    assert f"{measured.aor_deg:.1f}°" in title
+    assert line_of(CONFIG["measure"]) in title
+    for text, line, name in zip(panel.texts, measured.lines, ("left", "right"), strict=True):
+        assert text.get_text() == f"{name} {getattr(measured, f'{name}_deg'):.1f}°"
+        along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
+        assert along[0] < text.xy[0] < along[1]
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs):
+    files = inputs_of("figure13", inputs)
+    for key in () if fresh else ("fresh", "network"):
+        del files[key]
+    with style.applied():
+        figure = surrogate.predicted_against_simulated(files, CONFIG)
+        figure.canvas.draw()
+    for panel in figure.axes:
+        assert panel.get_xlim() == panel.get_ylim()
+        assert panel.get_aspect() == 1
+        assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
+    text = words(figure)
+    assert ("new points: R²" in text) is fresh
+    assert text.count("at precise points\n" if fresh else "at precise points |") == len(figure.axes)
+
+
+def test_large_weights_that_cancel_draw_no_thick_lines(inputs, tmp_path):
+    """Two hidden neurons take mus_gg with opposite weights; mur_gg acts by weak ones, which remain."""
+    W1 = np.zeros((3, 6))
+    W1[0, 1], W1[1, 1], W1[2, 2], W1[2, 0] = 2.0, -2.0, 0.3, -0.1
+    write_network(tmp_path / "network.json", ["aor_deg", "height_mm"], W1, [[1.0, 1.0, 1.0], [1.0, 1.0, 0.5]])
+    with style.applied():
+        figure = surrogate.network_structure({"network": tmp_path / "network.json"}, CONFIG)
+    (panel,) = figure.axes
+    from_input = [line for line in panel.lines if line.get_xdata()[0] == 0]
+    widths = np.reshape([line.get_linewidth() for line in from_input], (6, 3)).mean(axis=1)
+    assert np.argsort(widths)[::-1][:2].tolist() == [2, 0]
+    assert widths[1] == pytest.approx(widths[4], abs=0.01)  # mus_gg as an input without any weight
+    assert {"90 % ↗", "10 % ↘"} <= set(words(figure).split(" | "))
 
 
 def test_a_scale_bar_is_as_long_as_its_number_says():

@@ -27,7 +27,7 @@ def config_of(count, **changes):
     return {
         "targets": CHOICES[count],
         "parameters": RANGES,
-        "design": {"method": "optimal"},
+        "design": {"method": "optimal", "seed": 1},
         "small_run": False,
     } | changes
 
@@ -49,8 +49,14 @@ def test_the_planes_of_the_targets_show_samples_ranges_and_answer(count, panels,
         style.save(figure, tmp_path / "figure.png", small_run=False)
     assert len(figure.axes) == panels
     result = texts(figure)
-    assert "147 samples of the design (bars: ± SE)" in result  # three failed
-    assert "147 points of the pool (bars: ± SE)" in result
+    assert "147 parameter sets of the design, simulated" in result  # three failed
+    assert "147 further sets, simulated" in result
+    assert any("± 1 standard error" in text for text in result)
+    label = f"measured, mean of {TARGETS[0]['repetitions']} repetitions"
+    (measured,) = [bars for bars in figure.axes[0].containers if bars.get_label() == label]
+    across = measured.lines[2][0].get_segments()[0][:, 0]
+    error = TARGETS[0]["sd"] / np.sqrt(TARGETS[0]["repetitions"])
+    np.testing.assert_allclose(across, TARGETS[0]["value"] + error * np.array([-1, 1]))
     assert ("nearest solutions, none feasible, predicted" in result) is not feasible
     assert ("feasible solutions, predicted" in result) is feasible
     (box,) = figure.axes[0].patches

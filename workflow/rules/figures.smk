@@ -29,7 +29,13 @@ figure(
 )
 figure("figure09", "Figure 9", dot=f"{RESULTS}/figures/figure09.dot")
 if kind_of(config["surrogate"]).is_network:
-    figure("figure10", "Figure 10", network=rules.network.output.network)
+    figure(
+        "figure10",
+        "Figure 10",
+        "parameters",
+        "design.seed",
+        network=rules.network.output.network,
+    )
 figure(
     "figure13",
     "Figure 13",
@@ -105,6 +111,7 @@ if "drum" in config:
         "colour",
         states=f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
         particle=rules.shape.output.particle,
+        runs=rules.drum.output.runs,
     )
     figure(
         "drum",
@@ -135,11 +142,10 @@ rule rule_graph:
 
 
 # Shown if they exist, and never made for the figure.
+FRESH = f"{RESULTS}/pool/fresh_dataset.csv"
 OPTIONAL_INPUTS = {
-    "plane": {
-        "pool": f"{RESULTS}/pool/dataset.csv",
-        "fresh": f"{RESULTS}/pool/fresh_dataset.csv",
-    }
+    "figure13": {"fresh": FRESH, "network": rules.network.output.network},
+    "plane": {"pool": f"{RESULTS}/pool/dataset.csv", "fresh": FRESH},
 }
 # The other figures take 400.
 MEMORY_MB = {"figure05": 600, "figure07": 650, "figure15": 550}

@@ -5,7 +5,7 @@ flank
 secant
     atan(2 H / D): H the crest over the plate, D the pile's width one berry above the plate
 steepest
-    the largest slope of such a line over any stretch of half the flank's height
+    the largest slope of such a line over any stretch at least half as high as the flank, the whole flank among them
 whole
     such a line from foot to crest
 straightest
@@ -60,25 +60,29 @@ def whole(profile: np.ndarray, rule: str = "columns") -> Line:
 
 
 def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
-    """Definition "steepest": the steepest line over any stretch of half the height between `low` and `high`.
+    """Definition "steepest": the steepest line over any stretch at least half as high as from `low` to `high`.
 
-    The maximum of many slopes exceeds the mean slope: on a lumpy flank this definition biases the angle upwards.
+    The whole flank is such a stretch, so no flank is steeper. Half a flank can be flatter than the whole: a regression
+    on the distance flattens where its heights are cut off, the more the shorter the stretch is. The maximum of many
+    slopes exceeds the mean slope: on a lumpy flank this definition biases the angle upwards.
     """
     distance, height = points_between(profile, low, high, rule)
-    window = (high - low) / 2
-    if window < MIN_LEVELS:
-        raise NoFlankError(f"half of the flank is only {window:.0f} pixels high, {MIN_LEVELS} are needed")
+    least = (high - low) / 2
+    if least < MIN_LEVELS:
+        raise NoFlankError(f"half of the flank is only {least:.0f} pixels high, {MIN_LEVELS} are needed")
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL)
-    starts = low + np.arange(math.floor(window) + 1)
-    slopes = window_slopes(distance, height, starts, starts + window)
+    cut = np.arange(math.floor(least) + 1)  # off either end, pixel by pixel
+    below, above = (cut[part] for part in np.nonzero(cut[:, None] + cut <= least))
+    slopes = window_slopes(distance, height, low + below, high - above)
     if np.isnan(slopes).all():
         raise NoFlankError(WALL)
     if not np.any(slopes > 0):
         raise NoFlankError("no stretch of the boundary rises towards the crest")
-    start = float(starts[np.nanargmax(slopes)])
-    inside = (height >= start) & (height <= start + window)
-    return fitted(distance[inside], height[inside], start, start + window)
+    best = int(np.nanargmax(slopes))
+    start, end = float(low + below[best]), float(high - above[best])
+    inside = (height >= start) & (height <= end)
+    return fitted(distance[inside], height[inside], start, end)
 
 
 def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> Line:

@@ -71,7 +71,7 @@ def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
     """A definition of the angle with its settings, in words for tables and figures; default: the calibrated one."""
     definition = definition or section["response"]
     if definition == "secant":
-        return "secant"
+        return "secant, foot to crest"
     if definition == "whole":
         return "whole side, columns"
     if definition == "straightest":
@@ -81,7 +81,8 @@ def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
         for key in ("fit_from", "fit_to")
     ]
     band = f"{ends[0]} to {ends[1]}{' % of the height' if section['fit_to'] != 'berry' else ''}"
-    return f"{'steepest half of the ' if definition == 'steepest' else ''}flank, {band}, {section['flank']}"
+    part = "steepest half or more of the " if definition == "steepest" else ""
+    return f"{part}flank, {band}, {section['flank']}"
 
 
 def _positive(value):

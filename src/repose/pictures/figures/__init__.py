@@ -31,9 +31,13 @@ FIGURES = {
     "figure08": Figure(_drawn_by("testbench", "apparatus"), (), ("trajectory", "particle")),
     "figure09": Figure(_drawn_by("workflow", "rule_graph"), ("dot",)),
     "figure10": Figure(_drawn_by("surrogate", "network_structure"), ("network",)),
-    "figure13": Figure(_drawn_by("surrogate", "predicted_against_simulated"), ("predictions", "dataset")),
+    "figure13": Figure(
+        _drawn_by("surrogate", "predicted_against_simulated"),
+        ("predictions", "dataset"),
+        ("fresh", "network"),
+    ),
     "figure14": Figure(_drawn_by("search", "feasible_solutions"), ("feasible", "summary"), ("published",)),
-    "figure15": Figure(_drawn_by("rotation", "states"), ("states", "particle")),
+    "figure15": Figure(_drawn_by("rotation", "states"), ("states", "particle"), ("runs",)),
     "definitions": Figure(_drawn_by("measuring", "definitions"), ("heap", "particle", "berry")),
     "drum": Figure(_drawn_by("rotation", "course"), ("record", "profile", "runs")),
     "convergence": Figure(_drawn_by("search", "convergence"), ("history",)),
@@ -91,4 +95,5 @@ def draw(
     further = [kind for kind in files.format if kind != "png"] if out_path.suffix == ".png" else []
     with style.applied():
         figure = drawn.draw(inputs, config)
+        style.name_the_line(figure, config)
         style.save(figure, out_path, bool(config.get("small_run", False)), further, files.dpi)

@@ -11,6 +11,7 @@ from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
+from repose.measure.settings import line_of
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
@@ -20,22 +21,15 @@ COLOURS = dict(
     zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE, style.ORANGE), strict=True)
 )
 STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True))
-WORDS = {
-    "flank": "line fitted from {fit_from} to {fit_to}",
-    "secant": "from the foot, one grain high, to the crest",
-    "steepest": "the steepest half of the flank",
-    "whole": "line fitted from foot to crest",
-    "straightest": "line fitted to the straightest window",
-}
 
 
 def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Five definitions on the first view of a pile (above), and their values in every view (below)."""
+    """Every definition on the first view of a pile (above), and their values in every view (below)."""
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
-    figure = style.new_figure(style.PAGE, 3.7)
-    above, below = figure.subplots(2, 1, height_ratios=(1.9, 1))
+    figure = style.new_figure(style.PAGE, 4.4)
+    above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
     measured = _view(above, side_view(poured, particle, settings), settings)
     everywhere = pile.measure_pile(
         poured["position"],
@@ -64,12 +58,10 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
         vmax=255,
         extent=((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale),
     )
-    levels, ends = {"one grain": settings.berry_height_mm}, {}
-    for key in ("fit_from", "fit_to"):
-        end = getattr(settings, key)
-        ends[key] = "one grain" if end == "berry" else f"{100 * end:.0f} % of the height"
-        if end != "berry":
-            levels[ends[key]] = end * measured.height_mm
+    levels = [(settings.berry_height_mm or 0.0, "one grain")]
+    for end in (settings.fit_from, settings.fit_to):
+        if not isinstance(end, str):
+            levels.append((end * measured.height_mm, f"{100 * end:.0f} % of the height"))
     for name, angle in measured.angles.items():
         for line in angle.lines:
             u, row = np.array(line).T
@@ -80,15 +72,17 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
                 ls=STYLES[name],
                 lw=1.5,
             )
-        label = f"{name} {angle.aor_deg:.1f}°: {WORDS[name].format_map(ends)}"
+        label = f"{angle.aor_deg:.1f}°  {line_of(vars(settings), name)}"
         panel.plot([], [], color=COLOURS[name], ls=STYLES[name], label=label)
     left, right = panel.get_xlim()
-    for name, z in levels.items():
+    lowest = 0.0
+    for z, name in sorted(levels):
         panel.axhline(z, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
-        panel.text(right, z, f" {name}", va="center", fontsize=6.8)
+        lowest = max(z, lowest + 0.11 * measured.height_mm)  # words of near levels stand one above the other
+        panel.text(right, lowest, f" {name}", va="center", fontsize=6.8)
     panel.set(xlim=(left, right), ylim=(0, 1.08 * measured.height_mm), aspect="equal")
     panel.set(xlabel="distance from the crest (mm)", ylabel="height (mm)")
-    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper left")
     panel.set_title("a  one view")
     return measured
 
@@ -100,7 +94,7 @@ def _views(panel: Axes, everywhere: pile.PileResult, measured: pile.Measurement)
         panel.plot(values, np.full(values.size, -k), "o", ms=3.5, color=COLOURS[name], alpha=0.55, mew=0)
         if (mean := everywhere.mean_deg(name)) is not None:
             panel.plot([mean, mean], [-k - 0.32, -k + 0.32], color=COLOURS[name], lw=1.6)
-            panel.text(mean, -k + 0.36, f"{mean:.1f}°", ha="center", va="bottom", fontsize=6.5)
+            panel.text(1.0, -k, f"mean {mean:.1f}°", transform=panel.get_yaxis_transform(), va="center")
         if name in measured.angles:
             panel.plot(measured.angles[name].aor_deg, -k, "o", ms=7, mfc="none", mec=style.BLACK, mew=0.7)
     panel.set_yticks([-k for k in range(len(DEFINITIONS))], DEFINITIONS)

@@ -15,10 +15,11 @@ from repose.core.targets import Target
 from . import style
 
 SAMPLES = {
-    "dataset": ("samples of the design", style.BLUE),
-    "pool": ("points of the pool", style.SKY),
-    "fresh": ("fresh points of the pool", style.PURPLE),
+    "dataset": ("parameter sets of the design, simulated", style.BLUE),
+    "pool": ("further sets, simulated", style.SKY),
+    "fresh": ("sets with many pours each", style.PURPLE),
 }
+BARS = "a point is the mean of one parameter set's piles; bars: ± 1 standard error of a mean"
 
 
 def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
@@ -42,7 +43,13 @@ def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         _targets(panel, across, up)
         _solutions(panel, solutions, answer, across, up)
     style.name_panels(panels)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=2,
+        title=BARS,
+        title_fontsize=6.8,
+    )
     return figure
 
 
@@ -53,28 +60,33 @@ def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up
         x, y = table[across.name], table[up.name]
         dx, dy = (table[target.response.error].fillna(0.0) for target in (across, up))
         panel.errorbar(x, y, xerr=dx, yerr=dy, fmt="none", elinewidth=0.4, ecolor=colour, alpha=0.25)
-        panel.plot(x, y, "o", ms=2.6, mew=0, color=colour, label=f"{len(table)} {label} (bars: ± SE)")
+        panel.plot(x, y, "o", ms=2.6, mew=0, color=colour, label=f"{len(table)} {label}")
 
 
 def _targets(panel: Axes, across: Target, up: Target) -> None:
-    """The box of the target ranges, and the measured piles."""
+    """The box of the target ranges, and the mean of the measured piles with its standard error."""
     sides = across.high - across.low, up.high - up.low
     look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3}
-    panel.add_patch(Rectangle((across.low, up.low), *sides, **look, label="target ranges"))
-    look = {"fmt": "D", "ms": 5, "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
-    label = f"measured, mean ± SD (n = {across.repetitions})"
-    panel.errorbar(across.value, up.value, xerr=across.sd, yerr=up.sd, **look, label=label)
-    panel.set(xlabel=style.response_label(across.response), ylabel=style.response_label(up.response))
+    panel.add_patch(Rectangle((across.low, up.low), *sides, **look, label="asked for: target ranges"))
+    look = {"fmt": "D", "ms": 8, "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
+    errors = {"xerr": across.standard_error, "yerr": up.standard_error}
+    label = f"measured, mean of {across.repetitions} repetitions"
+    panel.errorbar(across.value, up.value, **errors, **look, label=label)
+    for name, response in (("xlabel", across.response), ("ylabel", up.response)):
+        words = (
+            response.label if response.label == response.symbol else f"{response.label}, {response.symbol}"
+        )
+        panel.set(**{name: f"{words} ({response.unit or '–'})"})
 
 
 def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
     """Predictions of the solutions, and the answer as predicted and as simulated."""
     x, y = across.response, up.response
     kind = "feasible solutions" if solutions["feasible"].any() else "nearest solutions, none feasible"
-    look = {"ms": 3, "mew": 0, "color": style.ORANGE, "zorder": 5}
+    look = {"ms": 2.6, "mew": 0, "color": style.ORANGE, "zorder": 5}
     panel.plot(solutions[x.predicted], solutions[y.predicted], "o", **look, label=f"{kind}, predicted")
     look = {"ms": 7, "mfc": "none", "color": style.RED, "zorder": 6}
-    panel.plot(answer[x.predicted], answer[y.predicted], "s", **look, label="answer, predicted")
+    panel.plot(answer[x.predicted], answer[y.predicted], "s", **look, label="the answer, predicted")
     errors = {
         axis: None if pd.isna(answer[response.error]) else answer[response.error]
         for axis, response in (("xerr", x), ("yerr", y))
@@ -88,4 +100,4 @@ def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: 
         "capsize": 3,
         "zorder": 7,
     }
-    panel.errorbar(answer[x.simulated], answer[y.simulated], **errors, **look, label="answer, simulated ± SE")
+    panel.errorbar(answer[x.simulated], answer[y.simulated], **errors, **look, label="the answer, simulated")

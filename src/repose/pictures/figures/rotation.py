@@ -15,6 +15,7 @@ from repose.particle.particle import Particle
 from . import style
 
 PIXELS = 620
+SLIP = ("before_turned_deg", "before_time_s")
 TITLES = {
     "start": "before the rotation",
     "report": "at the report",
@@ -37,9 +38,24 @@ def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         angle = _side_view(panel, centres, quaternions, scales, particle, turned_deg, config)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
-    if not slipped:
+    if slipped:
+        runs = read_table(inputs["runs"], ("status", *SLIP)) if "runs" in inputs else pd.DataFrame()
+        figure.supxlabel(_slip(float(arrays["turned_before_deg"]), runs, config["drum"]), fontsize=7.5)
+    else:
         figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
     return figure
+
+
+def _slip(turned_deg: float, runs: pd.DataFrame, section: Mapping[str, Any]) -> str:
+    """How far and how long the drum turned before the first slip, in words: in this run, and in all that slipped."""
+    seconds = turned_deg / np.degrees(section["angular_velocity_rad_s"])
+    words = f"The bed slipped first when the drum had turned by {turned_deg:.1f}°, after {seconds:.1f} s."
+    slipped = runs[runs["status"] == "ok"] if len(runs) else runs
+    if len(slipped) > 1:
+        mean, error = slipped[list(SLIP)].mean(), slipped[list(SLIP)].sem()
+        turned, waited = (f"{mean[key]:.1f} ± {error[key]:.1f}" for key in SLIP)
+        words += f" In {len(slipped)} runs, mean ± standard error: {turned}°, {waited} s."
+    return words
 
 
 def _side_view(

@@ -2,6 +2,7 @@
 
 import io
 import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import product
@@ -22,6 +23,7 @@ from repose.core.parameter_space import range_of
 from repose.core.parameters import FURTHER, SYMBOLS, named
 from repose.core.responses import Response
 from repose.core.targets import Targets
+from repose.measure.settings import line_of
 
 if TYPE_CHECKING:
     from repose.pictures.scenery import Camera
@@ -99,6 +101,23 @@ def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 def response_label(response: Response, before: str = "") -> str:
     """Label of an axis, as in ``predicted AoR (deg)``, with a dash for no unit; `before` precedes the symbol."""
     return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
+
+
+def name_the_line(figure: Figure, config: Mapping[str, Any]) -> None:
+    """Say below a figure that shows the calibrated angle which line of a pile it belongs to."""
+    shown = " ".join(text.get_text() for text in figure.findobj(Text))
+    for one in targets_of(config).responses if {"targets", "measure"} <= config.keys() else ():
+        if "measure.response" not in one.definition or one.symbol not in shown:
+            continue
+        line = line_of(config["measure"])
+        words = f"{one.symbol}: {one.label}; line through the simulated piles: {line}"
+        words = textwrap.fill(words, int(20 * figure.get_figwidth()))
+        lowest = [legend for legend in figure.legends if getattr(legend, "_outside_loc", None) == "lower"]
+        if lowest:  # the layout has one place at the lower edge
+            title = lowest[0].get_title().get_text()
+            lowest[0].set_title(f"{title}\n{words}".lstrip(), {"size": 6.8})
+        else:
+            figure.supxlabel(f"{figure.get_supxlabel()}\n{words}".lstrip(), fontsize=6.8)
 
 
 def parameter_label(name: str) -> str:

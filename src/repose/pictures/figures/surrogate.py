@@ -9,61 +9,114 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
+from repose.chain.train import r2_noise_corrected
 from repose.core.files import read_json, read_table
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import SYMBOLS
 from repose.core.responses import Response, response
+from repose.core.targets import Targets
+from repose.studies.sensitivity import indices, main_effects
+from repose.surrogate import Surrogate, load
+from repose.surrogate.accuracy import r2
 
 from . import style
 
 ACTIVATIONS = {"tansig": "tanh", "purelin": "linear"}  # by the names that MATLAB has for them
-SPLITS = (("train", style.BLUE, "o"), ("validation", style.ORANGE, "s"), ("test", style.RED, "^"))
+SPLITS = (
+    ("train", style.BLUE, "o"),
+    ("validation", style.ORANGE, "s"),
+    ("test", style.RED, "^"),
+    ("new points", style.PURPLE, "D"),
+)
+UNSEEN = ("test", "new points")  # by what predicts them
+INFLUENCE_POINTS = 1024
+INFLUENCE = (
+    "influence: share of the variance of the predicted response, over the ranges of all parameters, in which the input "
+    "has a part (total Sobol index); arrow: the response rises or falls from the input's least to its largest value. "
+    "An input's lines are as thick as its mean influence."
+)
+BELOW = (
+    "bars: ± 1 standard error of the simulated mean over its pours. R²: share of the variance of the simulated means "
+    "that the prediction explains; these means scatter, and no prediction can follow that. R² at precise points: the "
+    "same without this scatter, as if each mean were of very many pours."
+)
 
 
 def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 10 of the paper, for the best network: line width is the weight's size, colour and dashes its sign."""
+    """Figure 10 of the paper, for the best network: an input's lines are as thick as its influence, not its weights.
+
+    Weights mislead: large ones cancel where two hidden neurons pull the same response in opposite directions.
+    """
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
-    weights = [np.atleast_2d(network["W1"]), np.atleast_2d(network["W2"])]
-    places = [_column(x, n) for x, n in zip((0, 1, 2), (*weights[0].T.shape, len(weights[1])), strict=True)]
-    figure = style.new_figure(style.COLUMN * 1.2, 3.6)
+    counts = (*np.atleast_2d(network["W1"]).T.shape, len(network["outputs"]))
+    places = [_column(x, n) for x, n in zip((0, 1, 2), counts, strict=True)]
+    shares, ways = influence(load(inputs["network"]), config)
+    symbols = [response(name, inputs["network"]).symbol for name in network["outputs"]]
+    width = 0.36 + 0.05 * max(len(symbol) for symbol in symbols)  # of a column of shares
+    figure = style.new_figure(style.COLUMN * (1.2 + 0.33 * width * counts[2]), 3.7)
     panel = figure.subplots()
-    _connections(panel, weights, places)
+    _connections(panel, shares, places)
     for nodes in places:
         panel.scatter(*nodes.T, s=95, color="white", edgecolor=style.BLACK, linewidth=1.2, zorder=2)
     for (x, y), name in zip(places[0], network["inputs"], strict=True):
         panel.text(x - 0.11, y, SYMBOLS[name], ha="right", va="center", fontsize=8.5)
-    symbols = [response(name, inputs["network"]).symbol for name in network["outputs"]]
     for (x, y), symbol in zip(places[2], symbols, strict=True):
         panel.text(x + 0.11, y, symbol, ha="left", va="center", fontsize=8)
     hidden, output = (ACTIVATIONS.get(name, name) for name in network.get("activation", ACTIVATIONS))
     titles = ("input", f"hidden ({hidden})", f"output ({output})")
     for x, (title, nodes) in enumerate(zip(titles, places, strict=True)):
         panel.text(x, 1.13, f"{title}\n{len(nodes)}", ha="center", va="bottom", fontsize=7.5)
-    for sign, x in ((1, 0.35), (-1, 1.3)):
-        panel.plot([x, x + 0.16], [-1.16, -1.16], **_look(sign), lw=1.8)
-        panel.text(
-            x + 0.2, -1.16, f"{'positive' if sign > 0 else 'negative'} weight", va="center", fontsize=6.8
-        )
+    for k, symbol in enumerate(symbols):
+        x = -0.45 - width * (counts[2] - k - 0.5)
+        panel.text(x, 1.13, f"influence on\n{symbol}", ha="center", va="bottom", fontsize=6.8)
+        for (_, y), share, way in zip(places[0], shares[k], ways[k], strict=True):
+            words = f"{100 * share:.0f} % {'↗' if way > 0 else '↘'}" if way else "none"
+            panel.text(
+                x, y, words, ha="center", va="center", fontsize=7.5, alpha=0.45 + 0.55 * min(share, 1.0)
+            )
     longest = max(len(symbol) for symbol in symbols)
-    panel.set(xlim=(-0.45, 2.45 + 0.055 * max(0, longest - 6)), ylim=(-1.25, 1.38))
+    left = -0.5 - width * counts[2]
+    panel.set(xlim=(left, 2.45 + 0.055 * max(0, longest - 6)), ylim=(-1.1, 1.38))
     panel.axis("off")
+    words = textwrap.fill(INFLUENCE, int(20 * figure.get_figwidth()))
+    figure.supxlabel(words, fontsize=6.8)
     return figure
 
 
-def _look(weight: float) -> dict[str, Any]:
-    """Colour and line of a weight by its sign."""
-    return {"color": style.BLUE} if weight > 0 else {"color": style.RED, "ls": (0, (3, 1))}
+def influence(model: Surrogate, config: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Total Sobol index of each input for each output of a surrogate, and the sign of the output's rise with it.
+
+    Both have the shape (outputs, inputs), and are 0 for a fixed input, and for all if an output is constant.
+    """
+    space, seed = ParameterSpace.of(config["parameters"]), config["design"]["seed"]
+    shares, ways = np.zeros((2, len(model.outputs), len(model.inputs)))
+    free = [model.inputs.index(name) for name in space.free]
+
+    def respond(values):
+        return model.predict(space.complete(values))
+
+    try:
+        total = indices(respond, space.low, space.high, INFLUENCE_POINTS, 1, seed)["total"]
+    except ValueError:  # a constant output
+        return shares, ways
+    _, means = main_effects(respond, space.low, space.high, seed, points=2)
+    shares[:, free], ways[:, free] = total, np.sign(means[:, 1] - means[:, 0]).T
+    return shares, ways
 
 
-def _connections(panel: Axes, weights: list[np.ndarray], places: list[np.ndarray]) -> None:
-    """A line for each weight between the nodes of one layer and the next."""
-    for layer, weight in enumerate(weights):
-        largest = np.abs(weight).max() or 1.0
-        for (j, i), value in np.ndenumerate(weight):
-            (x0, y0), (x1, y1) = places[layer][i], places[layer + 1][j]
-            size = abs(value) / largest
-            width, alpha = 0.1 + 2.4 * size, 0.15 + 0.6 * size
-            panel.plot([x0, x1], [y0, y1], **_look(value), lw=width, alpha=alpha, zorder=1)
+def _connections(panel: Axes, shares: np.ndarray, places: list[np.ndarray]) -> None:
+    """A line between each node of a layer and of the next; those of an input by its mean share, the others thin."""
+    mean = shares.mean(axis=0)
+    for nodes, following, sizes in (
+        (places[0], places[1], mean / (mean.max() or 1.0)),
+        (places[1], places[2], np.zeros(len(places[1]))),
+    ):
+        for (x0, y0), size in zip(nodes, sizes, strict=True):
+            look = {"color": style.BLUE if size else style.GREY, "alpha": 0.25 + 0.5 * size}
+            for x1, y1 in following:
+                panel.plot([x0, x1], [y0, y1], lw=0.3 + 2.2 * size, zorder=1, **look)
 
 
 def _column(x: float, count: int) -> np.ndarray:
@@ -73,13 +126,18 @@ def _column(x: float, count: int) -> np.ndarray:
 
 
 def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 13 of the paper: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE."""
+    """Figure 13 of the paper: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
+
+    R2 at unseen points is also given without the noise of the simulated means, `repose.chain.train.r2_noise_corrected`.
+    """
     targets = style.targets_of(config)
     table = read_table(inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted))
     errors = read_table(inputs["dataset"], ("sample", *targets.errors))
     table = table.merge(errors[["sample", *targets.errors]], on="sample", how="left")
+    if {"fresh", "network"} <= inputs.keys():
+        table = pd.concat([table, _new_points(inputs, targets)])
     count = len(targets)
-    figure = style.new_figure(0.45 * style.PAGE * min(count, 2), 3.2 * style.grid_rows(count))
+    figure = style.new_figure(0.5 * style.PAGE * min(count, 2), 3.9 * style.grid_rows(count))
     panels = style.grid(figure, count)
     for panel, shown in zip(panels, targets.responses, strict=True):
         _scatter_by_split(panel, table, shown)
@@ -88,13 +146,23 @@ def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, 
         )
     style.name_panels(panels)
     panels[-1].legend(loc="lower right", handletextpad=0.2)
-    caption = "horizontal bars: ± 1 standard error of the simulations' mean over seeds"
-    figure.supxlabel(caption if count > 1 else "\n".join(textwrap.wrap(caption, 45)), fontsize=6.8)
+    words = textwrap.wrap(BELOW, int(20 * figure.get_figwidth()))
+    figure.supxlabel("\n".join(words), fontsize=6.8)
     return figure
 
 
+def _new_points(inputs: Mapping[str, Any], targets: Targets) -> pd.DataFrame:
+    """Means of the points that were poured beside the design, with the predictions of the final surrogate."""
+    model = load(inputs["network"])
+    points = read_table(inputs["fresh"], ("status", *model.inputs, *targets.names, *targets.errors))
+    points = points[points["status"] == "ok"].assign(split="new points")
+    predicted = [response(name, inputs["network"]).predicted for name in model.outputs]
+    points[predicted] = model.predict(points[list(model.inputs)].to_numpy(float))
+    return points
+
+
 def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
-    """Points of one response with the line y = x; R2, RMSE and number of samples of each split as a note."""
+    """Points of one response on equal axes with the line y = x; R2, RMSE and number of points of each split above."""
     lines = []
     both = table[[shown.name, shown.predicted]].to_numpy()
     margin = 0.06 * (both.max() - both.min())
@@ -104,10 +172,11 @@ def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None
         rows = table[table["split"] == split]
         if rows.empty:
             continue
+        error = rows[shown.error].fillna(0.0)
         panel.errorbar(
             rows[shown.name],
             rows[shown.predicted],
-            xerr=rows[shown.error].fillna(0.0),
+            xerr=error,
             fmt=marker,
             ms=3.2,
             color=colour,
@@ -116,12 +185,20 @@ def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None
             elinewidth=0.5,
             ecolor=(*to_rgb(colour), 0.45),
             label=split,
-            zorder=3 if split == "test" else 2,
+            zorder=3 if split in UNSEEN else 2,
         )
-        residual = rows[shown.name] - rows[shown.predicted]
-        spread = ((rows[shown.name] - rows[shown.name].mean()) ** 2).sum()
-        r2 = f"{1 - (residual**2).sum() / spread:.3f}" if spread > 0 else "undefined"
-        rmse = float(np.sqrt((residual**2).mean()))
-        lines.append(f"{split}: R² {r2}, RMSE {rmse:.2f} {shown.unit}, n {len(rows)}")
-    panel.set(xlim=ends, ylim=(ends[0], ends[1] + 0.22 * (ends[1] - ends[0])))
-    style.note(panel, "\n".join(lines))
+        simulated, predicted = (rows[name].to_numpy(float) for name in (shown.name, shown.predicted))
+        share, rmse = r2(simulated, predicted), float(np.sqrt(np.mean((simulated - predicted) ** 2)))
+        lines.append(f"{split}: R² {_share(share)}, RMSE {rmse:.2f} {shown.unit}, n {len(rows)}")
+        if split in UNSEEN:
+            exact = r2_noise_corrected(simulated, predicted, rows[shown.error].to_numpy(float))
+            lines.append(f"    R² {_share(exact)} at precise points")
+    panel.set(xlim=ends, ylim=ends, aspect="equal")
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.set_major_locator(MaxNLocator(6))
+    style.note(panel, "\n".join(lines), x=0.06, y=1.02, va="bottom")
+
+
+def _share(r2: float | None) -> str:
+    """R2 in words."""
+    return "undefined" if r2 is None else f"{r2:.3f}"

@@ -22,7 +22,6 @@ from . import style
 LINE = "#D7191C"
 PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
-STEPS = {"boundary": "boundary; lines left (red), right (green); Height (blue)"}
 
 
 def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
@@ -64,18 +63,39 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         settings,
         base_row=image.shape[0] - 0.5,
     )
-    figure = style.new_figure(style.PAGE, 2.7)
-    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    measured = pile.measure_image(image, settings.mm_per_pixel, settings, base_row=image.shape[0] - 0.5)
+    figure = style.new_figure(style.PAGE, 3.6)
+    panels = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
     ends_mm = [settings.mm_per_pixel * end for end in image.shape[::-1]]
     look = {"cmap": "gray", "vmin": 0, "vmax": 255, "extent": (0, ends_mm[0], 0, ends_mm[1])}
-    for panel, (title, picture), letter in zip(panels.ravel(), steps.items(), "abcd", strict=True):
+    for panel, (title, picture), letter in zip(panels.values(), steps.items(), "abcd", strict=True):
         panel.imshow(picture[..., ::-1] if picture.ndim == 3 else picture, **look)  # OpenCV uses BGR
-        panel.set_title(f"{letter}  {STEPS.get(title, title)}")
-    for panel in panels[-1]:
-        panel.set_xlabel("x (mm)")
-    for panel in panels[:, 0]:
-        panel.set_ylabel("z (mm)")
+        panel.set(title=f"{letter}  {title}", xlabel="x (mm)")
+    panels["a"].set_ylabel("z (mm)")
+    panels["d"].set_ylabel("z (mm)")
+    _name_lines(panels["d"], measured, settings, ends_mm[1])
     return figure
+
+
+def _name_lines(
+    panel: Axes, measured: pile.Measurement, settings: pile.MeasureSettings, top_mm: float
+) -> None:
+    """The angle of each side beside its line, and above them their mean with the line in words."""
+    angle = measured.angles[settings.response]
+    sides = (("left", angle.left_deg, drawing.RED, -1), ("right", angle.right_deg, drawing.GREEN, 1))
+    for (name, side_deg, colour, way), line in zip(sides, angle.lines, strict=True):
+        u, row = np.mean(line, axis=0)
+        panel.annotate(
+            f"{name} {side_deg:.1f}°",
+            (u * settings.mm_per_pixel, top_mm - (row + 0.5) * settings.mm_per_pixel),
+            xytext=(12 * way, 12),
+            textcoords="offset points",
+            ha="left" if way > 0 else "right",
+            color=[value / 255 for value in reversed(colour)],
+            fontweight="bold",
+        )
+    panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
+    panel.set_title(f"angle of this view {angle.aor_deg:.1f}°, line: {settings.line}", loc="right")
 
 
 def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
