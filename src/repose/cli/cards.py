@@ -10,6 +10,7 @@ from repose.core.errors import InputError
 if TYPE_CHECKING:
     from repose.config.study import Study
 
+FILES = ("berry", "particle", "feasible", "table4")
 MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
 
 
@@ -45,6 +46,7 @@ def card(args: argparse.Namespace) -> None:
         Option(
             "--representative", default=VALIDATION, help="file of the verb validate: the check of the answer"
         ),
+        Option("--table4", help="table4.csv beside it: its piles by every definition of the angle"),
         Option(
             "--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"
         ),
@@ -58,5 +60,5 @@ def material_card(args: argparse.Namespace, study: "Study") -> None:
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
     strategy = study.config["strategy"]
     result = answer.read(study.config, args.summary, args.representative, args.feasible, strategy)
-    files = {name: getattr(args, name) for name in ("berry", "particle", "feasible", "posterior", "draws")}
+    files = {name: getattr(args, name) for name in (*FILES, "posterior", "draws")}
     card.run(study.config, result, files, args.out)
