@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import shared
 from refusals import not_refused
 
 from repose.chain import answer, card
@@ -18,11 +19,14 @@ from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, of_law
 from repose.core.responses import response
+from repose.core.runs import error_of
+from repose.measure.angles import MEAN_KEYS
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "results/published/recommended"
+HEIGHT = shared.TARGETS[1]
 FIXED = {"e_gp": {"fixed": 0.3}}
 
 
@@ -140,6 +144,31 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, s
     secant = described(config, response("aor_deg"), {})["definition"]
     assert secant["name"] == "angle, secant"
     assert "fit_from" not in secant["settings"]
+
+
+def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
+    config, solutions, capsys, tmp_path
+):
+    config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
+    config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
+    check = answer.Check("aor_deg", "deg", 30.5, 0.4, 32, "ok", 30.0, 1.0, 29.0, 31.0)
+    found = answer.Answer("wheat", dict.fromkeys(config["parameters"], 0.3), True, "", (check,), Path(), {})
+    row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
+    row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {"aor_whole_deg": math.nan}
+    berry, particle = read_berry(STUDY / "berry/berry.json"), Particle.of_record(record_of_an_ellipsoid())
+    for given in (row, None):
+        made_card = card.make(config, found, berry, particle, solutions, row=given)
+        card.check(made_card, "card")
+        assert made_card["tests"][0]["line"] == "secant"
+        assert ("definitions" in made_card["tests"][0]) == (given is not None)
+    (tmp_path / "card.json").write_text(
+        json.dumps(card.make(config, found, berry, particle, solutions, row=row))
+    )
+    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
+    text = capsys.readouterr().out
+    assert "every line, deg: flank, 30 to 80 % of the height, levels: 30 +- 0.5; secant: 31 +- 0.5; " in text
+    assert "whole side, levels: no number; " in text
+    assert "definitions" not in made(config | {"targets": [HEIGHT]}, solutions)["tests"][0]
 
 
 def test_an_invalid_card_is_refused_with_every_fault(config, solutions):

@@ -14,7 +14,7 @@ from repose.core.parameters import LABELS
 from repose.core.runs import error_of
 from repose.core.targets import Target
 from repose.measure.angles import MEAN_KEYS
-from repose.measure.settings import line_of
+from repose.measure.settings import line_for, line_of
 from repose.pictures.report.html import folded, picture, table, text
 from repose.pictures.report.prediction import is_whole
 from repose.pictures.report.study import PICTURES, Study
@@ -182,11 +182,12 @@ def _lines(study):
     if not set(MEAN_KEYS.values()) <= set(study.row.index):
         return ""
     measure, rows = study.config["measure"], []
+    calibrated = {line_for(measure, name) for name in study.targets.names}
     for name, column in MEAN_KEYS.items():
         mean, error = study.number(column), study.number(error_of(column))
         shown = "no result" if mean is None else f"{mean:.4g} ± {error or 0:.2g} deg"
-        mark = "calibrated" if name == measure["response"] else ""
-        rows.append([line_of(measure, name), shown, mark])
+        line = line_of(measure, name)
+        rows.append([line, shown, "calibrated" if line in calibrated else ""])
     return f"<h3>The same piles by other lines</h3>\n{table(['line', 'simulated', ''], rows, 'lines')}"
 
 
