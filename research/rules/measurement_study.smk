@@ -1,12 +1,14 @@
 # Only on request, `snakemake -s research/Snakefile --cores 2 measurement_study`: the definitions of the angle compared on this study's piles.
-PUBLISHED_REPRESENTATIVE = [REPRESENTATIVE, *PUBLISHED_SOLUTIONS][-1]
+PUBLISHED_REPRESENTATIVE = dict(zip(PUBLISHED_NAMES, PUBLISHED_SOLUTIONS)).get(
+    "representative", PUBLISHED_SOLUTIONS[-1]
+)
 
 
 rule measurement_study:
     input:
         heaps=expand(rules.pour.output.berries, runs="heaps", sample=SAMPLES),
         pours=expand(rules.pour.output.pours, runs="heaps", sample=SAMPLES),
-        # the published representative solution, the last of its table; or else the study's own
+        # the published representative solution; or else the last of the published sets
         representative=f"{RESULTS}/validation/heaps/{PUBLISHED_REPRESENTATIVE}.npz",
         its_pours=f"{RESULTS}/validation/heaps/{PUBLISHED_REPRESENTATIVE}.pours.json",
         berry=rules.berry.output.berry,

@@ -115,10 +115,6 @@ TABLES = {
 PUBLISHED = "solution," + ",".join(PARAMETERS) + "\n1,.2,.5,.04,.2,.5,.2\n"
 
 
-def read_published(path):
-    return check_published(path, ())
-
-
 def test_a_file_that_is_no_table(tmp_path):
     def check(read, text, wrong):
         header, *rows = text.splitlines()
@@ -134,7 +130,7 @@ def test_a_file_that_is_no_table(tmp_path):
     kinds = (
         (berry_files.read_sizes, SIZES),
         (berry_files.read_compression, TESTS),
-        (read_published, PUBLISHED),
+        (check_published, PUBLISHED),
     )
     cases = [(read, text, wrong) for read, text in kinds for wrong in TABLES]
     check_all(check, [(f"{read.__name__} {wrong}", read, text, wrong) for read, text, wrong in cases])
@@ -162,7 +158,7 @@ def test_every_published_parameter_is_a_number(tmp_path):
         for value in ("", "nan", "inf", "-1", "abc", "5e400"):
             row = dict.fromkeys(PARAMETERS, "0.3") | {name: value}
             text = "solution," + ",".join(row) + "\n1," + ",".join(row.values()) + "\n"
-            message = raises(read_published, tmp_path / "a.csv", text)
+            message = raises(check_published, tmp_path / "a.csv", text)
             assert message.key == name
             assert "row 1" in str(message)
 

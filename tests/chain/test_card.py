@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 import pytest
+import shared
 from refusals import not_refused
 
 from repose.chain import answer, card
@@ -20,11 +21,14 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, of_law
 from repose.core.responses import response
+from repose.core.runs import error_of
+from repose.measure.angles import MEAN_KEYS
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "results/published/recommended"
+HEIGHT = shared.TARGETS[1]
 FIXED = {"e_gp": {"fixed": 0.3}}
 HELD = {"low", "high", "at_bound", "widened"}
 
@@ -282,6 +286,34 @@ def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solu
     assert of_angle["reach"]["possible"] is False
     assert of_angle["reach"]["sentence"] in card.describe(found)
     card.check(found, "card")
+
+
+def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
+    config, solutions, capsys, tmp_path
+):
+    config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
+    config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
+    check = answer.Check("aor_deg", "deg", 30.5, 0.4, 32, "ok", 30.0, 1.0, 29.0, 31.0)
+    found = answer.Answer("wheat", dict.fromkeys(config["parameters"], 0.3), True, "", (check,), Path(), {})
+    row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
+    row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {"aor_whole_deg": math.nan}
+    berry, particle = read_berry(STUDY / "berry/berry.json"), Particle.of_record(record_of_an_ellipsoid())
+    for given in (row, None):
+        made_card = card.make(config, found, berry, particle, solutions, row=given)
+        card.check(made_card, "card")
+        assert made_card["tests"][0]["line"] == "secant, foot to crest"
+        assert ("definitions" in made_card["tests"][0]) == (given is not None)
+    (tmp_path / "card.json").write_text(
+        json.dumps(card.make(config, found, berry, particle, solutions, row=row))
+    )
+    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
+    text = capsys.readouterr().out
+    assert (
+        "every line, deg: flank, 30 to 80 % of the height, levels: 30 +- 0.5; secant, foot to crest: 31 +- 0.5; "
+        in text
+    )
+    assert "whole side, columns: no number; " in text
+    assert "definitions" not in made(config | {"targets": [HEIGHT]}, solutions)["tests"][0]
 
 
 def test_an_invalid_card_is_refused_with_every_fault(config, solutions):

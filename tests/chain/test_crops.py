@@ -9,13 +9,14 @@ import yaml
 from repose.chain import card
 from repose.chain.card import described
 from repose.cli import main
-from repose.config import loader
+from repose.config import loader, stands_on
 from repose.config.study import Study
 from repose.core import places
 from repose.core.files import read_table, write_text
 from repose.core.parameter_space import range_of
 from repose.core.published import published_sets
 from repose.core.responses import response
+from repose.core.sources import engine_hash
 
 CROPS = places.root() / "crops"
 NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
@@ -110,16 +111,20 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     do("miga")
     do("solutions")
     own, published = "results/validation/solutions.csv", "results/validation/published_solutions.csv"
-    poured = {own: [number for number in read_table(own)["sample"] if number < 101], published: []}
+    poured = {own: list(read_table(own)["sample"]), published: []}
     if config["validation"]["published"]:
         do("published_solutions")
         poured[published] = [101]
     for table, numbers in poured.items():
         pour(table, numbers, "validation", "results/validation/heaps")
-    do(
-        "validate",
-        *(f"results/validation/heaps/{number:03}.json" for number in (*poured[own], *poured[published])),
-    )
+    do("validate", *(f"results/validation/heaps/{number:03}.json" for number in poured[own]))
+    if poured[published]:
+        do("published_sets", "results/validation/heaps/101.json")
+        (row,) = read_table("results/published_sets.csv", ("source", "n_seeds")).to_dict("records")
+        assert (row["engine"], row["scene"]) == (engine_hash(), stands_on.scene(config))
+        # runs of other settings than today's are refused
+        loader.write_resolved(config | {"wall": config["wall"] | {"poisson_ratio": 0.1}}, "other.json")
+        assert main(["published_sets", "results/validation/heaps/101.json", "--config", "other.json"]) == 2
     do("material_card")
     assert main(["card", "show", "results/card.json"]) in (0, None)
     assert "mus_gg" in capsys.readouterr().out

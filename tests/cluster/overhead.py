@@ -17,6 +17,7 @@ LOCAL = {
     "dataset",
     "solutions",
     "published_solutions",
+    "published_sets",
     "validate",
     "drum",
     "card",

@@ -66,12 +66,13 @@ def test_the_longest_job_has_the_most_seeds_of_the_slowest_bench_test(config):
 def test_work_counts_every_pour(config):
     config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.work(config)
-    solutions = (("representative", 1, 32), ("validation", 5, 16), ("published", 6, 16))
+    solutions = (("representative", 1, 32), ("validation", 5, 16))
     assert work["pours"] == (("design", 150, 6), *solutions)
     config["simulation"]["time_step_s"] /= 2
-    assert cost.work(config)["total_s"] > 1.7 * work["total_s"]
+    assert cost.costs(config)["published_sets"].startswith("112 pours")  # seven sets
+    assert cost.work(config)["total_s"] > 1.65 * work["total_s"]
     config["simulation"]["time_step_s"] *= 2
     slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 40, "sd": 1, "repetitions": 3}
     config["targets"].append(slip | {"range": [35, 45]})
-    runs = (150 + 1 + 5 + 6) * config["drum"]["seeds"]
+    runs = (150 + 1 + 5) * config["drum"]["seeds"]
     assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(config, "drum")

@@ -90,6 +90,8 @@ def keys_read(tmp_path_factory):
         patch.setattr(study, "read_json", lambda path, what: Noted(config, keys))
         # no result depends on these: files of other definitions are refused, and a rule has its tables as inputs
         patch.setattr(Response, "settings", lambda response, _: settings(response, config))
+        # `settings_of` adds the scene of the stages that note or compare its hash
+        patch.setattr(stands_on, "scene", lambda _: "")
         published = config["validation"]["published"]
         patch.setattr(study.Study, "published", lambda _, table: beside(published, table))
         given = [f"--{key}={value}" for key, value in options.items()]
@@ -138,6 +140,8 @@ def chain(run, at):
     run("miga", **network, dataset=at / "dataset.csv", out=at / "miga")
     run("solutions", feasible=at / "miga/feasible.csv", out=at / "validation")
     run("published_solutions", out=at / "validation")
+    jobs = measured(pd.read_csv(at / "validation/published_solutions.csv"), at / "validation/published")
+    run("published_sets", *jobs, out=at)
     jobs = measured(pd.read_csv(at / "validation/solutions.csv"), at / "validation/heaps")
     own = {"solutions": at / "validation/solutions.csv", "dataset": at / "dataset.csv"}
     run("validate", *jobs, **own, out=at / "validation")

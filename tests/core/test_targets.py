@@ -5,7 +5,7 @@ import shared
 
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
-from repose.core.published import published_count, published_responses
+from repose.core.published import published_responses, to_simulate
 from repose.core.responses import response
 from repose.core.targets import Targets
 
@@ -41,9 +41,8 @@ def test_published_solutions_count_where_they_have_a_target(tmp_path):
     path.write_text(",".join(columns) + "\n" + ",".join(["22"] + 9 * ["0.5"]) + "\n")
     height, angle = response("height_mm"), response("aor_deg")
     assert published_responses(columns, (angle, height)) == (height,)
-    assert published_count(path, (angle, height)) == 1
-    assert published_count(path, (angle,)) == 0
-    assert published_count(None, (height,)) == 0
+    assert to_simulate(path, (angle, height)) == ["22"]
+    assert to_simulate(path, (angle,)) == to_simulate(None, (height,)) == []
     path.write_text("solution,e_gg\n")
     with pytest.raises(InputError, match=r"table4\.csv: column mus_gg is 'missing'"):
-        published_count(path, (height,))
+        to_simulate(path, (height,))

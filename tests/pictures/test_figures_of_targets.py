@@ -10,6 +10,7 @@ from shared import RANGES, TARGETS
 
 from repose.core.parameters import PARAMETERS
 from repose.core.profiles import Profile
+from repose.core.published import STALE
 from repose.core.responses import derived, response
 from repose.core.targets import Targets
 from repose.pictures import figures
@@ -162,6 +163,26 @@ def test_every_mark_of_the_published_solutions_has_its_words(tmp_path):
         result = texts(checks.published_solutions({"published": files["published"]}, config))
     assert result.count("not published") == 5
     assert {"measured ± standard deviation", "measured mean", "published simulation"} <= set(result)
+
+
+def test_a_set_whose_pile_was_measured_has_its_mark_and_stale_numbers_are_called_so(tmp_path):
+    files, config = made_up(tmp_path, 2), config_of(2)
+    table = pd.read_csv(files["published"])
+    simulated, measured = (derived("aor_deg", f"published_{word}") for word in ("simulated", "measured"))
+    table[simulated], table[measured] = [*5 * [32.0], np.nan], [*5 * [np.nan], 31.27]
+    for stale in (False, True):
+        table.assign(stale=[*5 * [False], stale]).to_csv(files["published"], index=False)
+        with style.applied():
+            result = texts(checks.published_solutions({"published": files["published"]}, config))
+        assert "published measurement" in result
+        assert "not published" not in result
+        assert (STALE in result) == stale
+    lacking = table.drop(columns="height_simulated_mm")  # as where the stored table lacks a response
+    lacking.to_csv(files["published"], index=False)
+    with style.applied():
+        result = texts(checks.published_solutions({"published": files["published"]}, config))
+    assert any("AoR" in text for text in result)
+    assert not any("Height" in text for text in result)
 
 
 def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):

@@ -1,5 +1,6 @@
 """The report: its numbers, its 3-D scene, and what it says; the page itself is tested in a browser."""
 
+import html
 import json
 import os
 import re
@@ -14,7 +15,11 @@ from shared import RANGES, TARGETS
 from repose import __version__
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
+from repose.core.published import STALE
+from repose.core.runs import error_of
 from repose.core.targets import Targets
+from repose.measure.angles import MEAN_KEYS
+from repose.measure.settings import line_of
 from repose.pictures.report import page, prediction, scene
 from repose.surrogate import load
 
@@ -98,6 +103,23 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     assert "made &lt;up&gt; &amp; small" in text
     assert "e_gg: 0.2  #" in values["copy"]
     assert not re.search(r'(src|href)="(?!data:)', text), "no network"
+
+
+def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    table = pd.read_csv(files["table4"])
+    for k, name in enumerate(MEAN_KEYS.values()):
+        table[name], table[error_of(name)] = 30.0 + k, 0.25
+    table.to_csv(files["table4"], index=False)
+    pd.DataFrame({"solution": ["22"], "stale": [True]}).to_csv(tmp_path / "sets.csv", index=False)
+    page.write(config, jobs, files, {"Published": tmp_path / "sets.csv"}, tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    lines = text[text.index("The same piles by other lines") : text.index("<h3>Table 4")]
+    for k, name in enumerate(MEAN_KEYS):
+        assert f"{line_of(config['measure'], name)}</td>" in lines
+        assert f"{30 + k} ± 0.25 deg" in lines
+    assert lines.count("calibrated") == 1
+    assert f"Published, {html.escape(STALE)}" in text
 
 
 def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,9 +14,12 @@ from repose.chain import answer, card
 from repose.cli import main
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
+from repose.core.runs import error_of
+from repose.measure.angles import MEAN_KEYS
 from repose.particle.particle import Particle
 from repose.pictures.report import page, sections
 from repose.pictures.report.study import read
+from repose.strategies import answer as written
 from repose.strategies.answer import separated
 
 ROOT = Path(__file__).parents[2]
@@ -155,3 +159,22 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypat
     words = [f"--input={name}={path}" for name, path in files.items()]
     assert main(["stage", "report", *own, *words, "--table=Batches=batches.csv", "--out=report.html"]) == 0
     assert "Batches" in Path("report.html").read_text()
+
+
+def test_the_answer_has_its_piles_by_every_definition_of_the_angle(tmp_path):
+    targets = TARGETS
+    runs = pd.DataFrame({"seed": range(4), "status": ["ok", "ok", "ok", "jammed"]})
+    for name in (*targets.names, *MEAN_KEYS.values()):
+        runs[name] = [30.0, 32.0, 34.0, np.nan]
+    best = dict.fromkeys(PARAMETERS, 0.3) | dict.fromkeys(targets.predicted, 31.0)
+    found = dict(notes={}, solutions=[best], predicted_error=[0.1] * len(targets))
+    found |= dict(feasible=True, message="", why="", pours=12)
+    measure = Study.load(ROOT / "config/config.yaml").config["measure"] | {"response": "secant"}
+    study = SimpleNamespace(targets=targets, parameters=SPACE, config={"measure": measure})
+    written.write(found, runs, study, tmp_path)
+    (row,) = pd.read_csv(tmp_path / "table4.csv").to_dict("records")
+    for name in MEAN_KEYS.values():
+        assert (row[name], row[error_of(name)]) == pytest.approx((32.0, 2 / np.sqrt(3)))
+    assert row["line"] == "secant"
+    lines = pd.read_csv(tmp_path / "representative.csv").set_index("response")["line"].fillna("")
+    assert lines.to_dict() == {name: "secant" if name == "aor_deg" else "" for name in targets.names}

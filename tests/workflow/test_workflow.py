@@ -6,6 +6,8 @@ import re
 import pytest
 from plans import ROOT, planned, snakemake
 
+from repose.core.published import STORED
+
 pytestmark = pytest.mark.slow
 
 STAGES = (
@@ -39,7 +41,7 @@ MIXED = [
 def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     jobs = planned(project)
     assert set(STAGES) <= set(jobs)
-    assert (jobs["pour"], jobs["validation_pour"], jobs["drum_run"]) == (150, 12, 6)
+    assert (jobs["pour"], jobs["validation_pour"], jobs["drum_run"]) == (150, 6, 6)
     assert not (project / "results").exists(), "a dry run writes nothing"
 
 
@@ -169,7 +171,7 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
     jobs = before | behind
     made = {"dataset", "validate", "film", "total"} | ({"drum"} if "drum_run" in poured else set())
     assert set(jobs) - made == {*measured, *poured}
-    for rule, count in (("pour", 12), ("measure_runs", 12), ("measure_validation_runs", 9)):
+    for rule, count in (("pour", 12), ("measure_runs", 12), ("measure_validation_runs", 3)):
         assert jobs.get(rule, count) == count
 
 
@@ -190,6 +192,27 @@ def test_uncertainty_is_a_target_of_its_own(finished):
     assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
 
 
+@pytest.mark.essential
+def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(project):
+    none = ("validation={published_simulated: null}",)
+    words = ("--configfile", "config/quick.yaml", "--config", "results_dir=results/other")
+    jobs = planned(project, *words, *none, "--", "published_sets")
+    made = {"validation_pour": 7, "measure_validation_runs": 7, "published_solutions": 1, "published_sets": 1}
+    assert made.items() <= jobs.items()
+    assert "pour" not in jobs
+    jobs = planned(project, *words, *none)
+    assert jobs["validation_pour"] == 3
+    assert not {"published_solutions", "published_sets", "draw_published"} & set(jobs)
+
+    columns = [*STORED, "aor_flank_deg", "height_mm"]
+    rows = [",".join(columns), ",".join(["101", *["0.3"] * (len(columns) - 1)])]
+    (project / "stored.csv").write_text("\n".join(rows) + "\n")
+    stored = ("validation={published_simulated: stored.csv}", "measure={response: flank}")
+    shown = planned(project, *words, *stored)
+    assert set(shown) - set(jobs) == {"draw_published"}
+    assert shown["validation_pour"] == 3
+
+
 def test_every_figure_and_table_has_a_caption():
     text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
     captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}
@@ -207,7 +230,7 @@ def test_a_study_of_the_drum_alone_draws_no_funnel(project):
     drum = {"targets": [target], "surrogate": "gaussian_process", "posterior": {"shape_study": None}}
     (project / "drum.json").write_text(json.dumps(drum))
     # Other tests leave results in the study's own folder.
-    nowhere = ("--config", "results_dir=results/nowhere")
+    nowhere = ("--config", "results_dir=results/nowhere", "validation={published_simulated: null}")
     both = planned(project, "--configfile", "config/quick.yaml", *nowhere)
     alone = planned(project, "--configfile", "config/quick.yaml", "drum.json", *nowhere)
     assert set(both) - set(alone) == {
@@ -221,8 +244,6 @@ def test_a_study_of_the_drum_alone_draws_no_funnel(project):
             "film",
         ),
         "draw_plane",  # one target
-        "published_solutions",  # the article has no drum
-        "draw_published",
         "draw_figure10",  # a Gaussian process has no nodes
     }
     assert set(alone) < set(both)

@@ -10,12 +10,13 @@ import pandas
 from repose import strategies
 from repose.apparatus import names, reach
 from repose.chain import answer as answers
+from repose.chain import validate as checks
 from repose.config import cost, loader, results_folder, stands_on
 from repose.config.study import Study
 from repose.core import places
 from repose.core.errors import BAD_INPUT, InputError, print_fault
 from repose.core.lock import take_folder
-from repose.core.published import beside, published_count
+from repose.core.published import beside, read_stored, tables, to_simulate
 from repose.core.seeds import PURPOSES, pour_seeds
 from repose.core.sources import engine_hash, stage_hash
 from repose.dem.cache import source_hash

@@ -79,7 +79,7 @@ figure(
     table4=rules.validate.output.table4,
     **({"published": config["validation"]["published"]} if PUBLISHED_SOLUTIONS else {}),
 )
-if PUBLISHED_SOLUTIONS:
+if PUBLISHED_IS_STORED:
     figure(
         "published",
         "Published solutions here",

@@ -44,7 +44,7 @@ if of_the_chain():
         TABLES["The drum: angles and first slip"] = rules.drum.output.summary
     if kind_of(config["surrogate"]).is_network:
         TABLES["Starts of the network"] = rules.network.output.starts
-    if PUBLISHED_SOLUTIONS:
+    if PUBLISHED_IS_STORED:
         TABLES["Published sets in this simulator"] = rules.validate.output.published
 else:
     TRAJECTORY = f"{RESULTS}/{config['strategy']}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz"
@@ -120,6 +120,7 @@ rule card:
         feasible=answer().feasible,
         summary=answer().summary,
         representative=answer().representative,
+        table4=answer().table4,
     output:
         card=CARD,
     log:
@@ -136,7 +137,8 @@ rule card:
     shell:
         "python -m repose stage material_card --config {params.config:q} --berry {input.berry:q}"
         " --particle {input.particle:q} --feasible {input.feasible:q} --summary {input.summary:q}"
-        " --representative {input.representative:q} {params.tables:q} --out {output.card:q} > {log:q} 2>&1"
+        " --representative {input.representative:q} --table4 {input.table4:q} {params.tables:q} --out {output.card:q}"
+        " > {log:q} 2>&1"
 
 
 rule calibration:

@@ -22,6 +22,7 @@ from repose.core.files import read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import LABELS, PHYSICAL_LIMITS
 from repose.core.responses import Response, derived
+from repose.core.runs import error_of
 from repose.core.targets import Target, Targets
 
 if TYPE_CHECKING:
@@ -54,10 +55,12 @@ def make(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
     dataset_csv: str | PathLike | None = None,
+    row: "Mapping[str, Any] | None" = None,
 ) -> dict[str, Any]:
     """The card of a finished calibration; without a posterior, intervals and correlations come from the sets found.
 
-    `dataset_csv` are the samples of the study's design.
+    `dataset_csv` are the samples of the study's design. `row` is the answer's in table4.csv, which has its piles by every
+    definition of the angle.
     """
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
@@ -65,7 +68,10 @@ def make(
         "wall": {key: config["wall"][key] for key in WALL},
         "laws": laws(config),
     }
-    tests = {target.name: described(config, target.response, berry) for target in targets}
+    tests = {
+        name: described(config, target.response, berry) | _lines(config, name, row or {})
+        for name, target in zip(targets.names, targets, strict=True)
+    }
     for name, found in reach.of(config, particle, dataset_csv).items():
         tests[name]["reach"] = found.record()
     return assembled(about, tests, answer, space, targets, feasible, posterior)
@@ -157,6 +163,29 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
             key: section[key] for key in test.settings.model_fields if key in section and key not in others
         },
     }
+
+
+def _lines(config, name, row):
+    """The line of an angle of a pile, and the same piles by every definition; nothing for another response."""
+    from repose.measure.angles import MEAN_KEYS
+    from repose.measure.settings import line_for, line_of
+
+    def number(column):
+        value = row.get(column)
+        return None if value is None or math.isnan(value) else float(value)
+
+    line = line_for(config["measure"], name)
+    if not line or not set(MEAN_KEYS.values()) <= set(row):
+        return {"line": line} if line else {}
+    of = {
+        definition: {
+            "line": line_of(config["measure"], definition),
+            "simulated": number(column),
+            "standard_error": number(error_of(column)),
+        }
+        for definition, column in MEAN_KEYS.items()
+    }
+    return {"line": line, "definitions": of}
 
 
 def ends(
@@ -288,7 +317,11 @@ def run(
             read_table(_path(files, "posterior"), columns),
             read_table(_path(files, "draws"), free),
         )
-    card = make(config, answer, berry, particle, feasible, posterior, files.get("dataset"))
+    row = None
+    if files.get("table4") is not None:
+        table4 = read_table(_path(files, "table4"), ("role",))
+        row = table4[table4["role"] == "representative"].iloc[0].to_dict()
+    card = make(config, answer, berry, particle, feasible, posterior, files.get("dataset"), row)
     check(card, out)
     write_json(out, card, indent=1)
     return card
@@ -591,8 +624,8 @@ def _check(test):
 
 def _test_lines(test):
     """A test with the definition of its response."""
-    error = "" if test["standard_error"] is None else f" +- {test['standard_error']:.2g}"
-    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}{error} {test['unit']}"
+    simulated = _mean(test["simulated"], test["standard_error"])
+    simulated += "" if test["simulated"] is None else f" {test['unit']}"
     yield (
         f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} (sd {test['sd']:.2g}, "
         f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
@@ -606,6 +639,19 @@ def _test_lines(test):
     yield f"  definition: {name}" + (f"; {settings}" if settings else "")
     if "reach" in test:
         yield f"  {test['reach']['sentence']}"
+    if "definitions" in test:
+        shown = (
+            f"{of['line']}: {_mean(of['simulated'], of['standard_error'])}"
+            for of in test["definitions"].values()
+        )
+        yield f"  the same piles by every line, {test['unit']}: {'; '.join(shown)}"
+
+
+def _mean(mean, error):
+    """A mean with its standard error."""
+    if mean is None:
+        return "no number"
+    return f"{mean:.4g}" + ("" if error is None else f" +- {error:.2g}")
 
 
 def _settings(section):

@@ -22,6 +22,8 @@ from repose.core.responses import Definitions
 from repose.core.runs import Recorded, summarise_runs
 from repose.core.seeds import UNNAMED
 from repose.core.targets import Targets
+from repose.measure.angles import CALIBRATED_ANGLE
+from repose.measure.settings import line_of
 
 SUMMARY = "_summary.json"  # follows the stem of a dataset's name
 RUN = ("seed", "status", "reason")
@@ -96,10 +98,15 @@ def run(
     out_dir: str | os.PathLike,
     prefix: str = "",
 ) -> dict[str, Any]:
-    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary (`counts`, with `definitions`)."""
+    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary.
+
+    It is `counts` with `definitions`, and `line`, the line whose slope is the angle of repose, in words.
+    """
     samples = read_samples(samples_csv)
     dataset, runs = assemble(samples, read_jobs(job_json_paths, samples, targets), targets)
     summary = counts(dataset, runs) | {"definitions": definitions}
+    if angle := definitions.get(CALIBRATED_ANGLE):
+        summary["line"] = line_of({key.rpartition(".")[2]: value for key, value in angle.items()})
     out = Path(out_dir)
     write_table(out / f"{prefix}dataset.csv", dataset)
     write_table(out / f"{prefix}runs.csv", runs)

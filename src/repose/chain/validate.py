@@ -18,37 +18,20 @@ from repose.core.errors import InputError
 from repose.core.files import check_columns, read_table, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS, named
-from repose.core.published import can_be_simulated, published_responses
+from repose.core.parameters import named
+from repose.core.published import SIMULATED_BY, read_sets, read_stored
 from repose.core.responses import Response, derived
+from repose.core.runs import error_of
 from repose.core.targets import Targets
+from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
+from repose.measure.settings import line_for, line_of
 from repose.surrogate.support import Support
 
-CHOSEN = ("origin", "solution", "role")
+CHOSEN = ("solution", "role")
 ENDED = ("n_seeds", "status", "reason")
+# Of each set whose piles are seen: every definition of the angle, whichever is calibrated.
+ANGLES = tuple(column for name in MEAN_KEYS.values() for column in (name, error_of(name)))
 FIRST_PUBLISHED = 101  # own solutions are numbered from 1, so the numbers cannot coincide
-
-
-def solutions_to_simulate(
-    feasible: pd.DataFrame,
-    published: pd.DataFrame | None,
-    space: ParameterSpace,
-    targets: Targets,
-    count: int,
-) -> pd.DataFrame:
-    """The representative solution and `count` other own ones, numbered from 1, and the published ones, from 101."""
-    columns = ["sample", *space.names, *CHOSEN, *targets.predicted]
-    own = select_for_validation(feasible, count, space)
-    own["origin"], own["sample"] = "miga", range(1, len(own) + 1)
-    parts = [own[columns]]
-    if published is not None and can_be_simulated(published, targets.responses, space.names):
-        reference = published.copy()
-        reference["origin"] = "published"
-        reference["sample"] = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(reference))
-        named = reference["solution"].astype(str) == "representative"
-        reference["role"] = named.map({True: "representative", False: "spread"})
-        parts.append(reference.reindex(columns=columns))
-    return pd.concat([part.astype({"solution": str}) for part in parts]).reset_index(drop=True)
 
 
 def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterSpace) -> pd.DataFrame:
@@ -79,35 +62,31 @@ def validate(
     solutions: pd.DataFrame,
     jobs: Mapping[str, Mapping[int, Job]],
     targets: Targets,
-    published: pd.DataFrame | None = None,
-    support: Support | None = None,
+    measure: Mapping[str, Any],
 ) -> dict[str, pd.DataFrame]:
-    """Prediction, simulation and the physical measurement side by side."""
+    """Prediction, simulation and the physical measurement side by side; `measure` is the configuration's section."""
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *named(solutions)])
-    simulated = simulated.rename(
-        columns={response.name: response.simulated for response in targets.responses}
-    )
+    for response in targets.responses:
+        simulated[response.simulated] = simulated[response.name]
     numbers = [column for response in targets.responses for column in (response.simulated, response.error)]
+    numbers += [column for column in ANGLES if column in simulated and column not in numbers]
     simulated[numbers] = simulated[numbers].astype(float)  # None of a failed solution, or of one seed, to NaN
     rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
-
-    own, reference = (rows[rows["origin"] == origin] for origin in ("miga", "published"))
-    best = own[own["role"] == "representative"].iloc[0]
+    best = rows[rows["role"] == "representative"].iloc[0]
     runs = {bench: jobs[bench][best["sample"]]["runs"] for bench in targets.apparatus}
-    tables = {
-        "table4": table4(own, targets.responses),
-        "representative": with_chances(against_physical(best, targets), runs, targets),
-        "published": compared_with_published(reference, published, targets.responses),
+    return {
+        "table4": table4(rows, targets.responses, measure),
+        "representative": with_chances(against_physical(best, targets, measure), runs, targets),
     }
-    if support is not None:
-        for name in ("table4", "published"):
-            parameters = tables[name][list(named(tables[name]))].to_numpy(float)
-            tables[name]["warning"] = support.warnings(parameters) if len(parameters) else []
-    return tables
 
 
-def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
-    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution."""
+def table4(
+    rows: pd.DataFrame, responses: Sequence[Response], measure: Mapping[str, Any] | None = None
+) -> pd.DataFrame:
+    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
+
+    Of piles also every definition of the angle, and `line`, the calibrated one by the section `measure`.
+    """
     table = rows[["sample", "solution", "role", *named(rows)]].copy()
     for response in responses:
         table[response.predicted], table[response.simulated] = (
@@ -117,12 +96,25 @@ def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
         table[response.error] = rows[response.error]
         off = (rows[response.predicted] - rows[response.simulated]).abs()
         table[f"{response.quantity}_error_percent"] = 100 * off / rows[response.simulated]
+    if measure and set(ANGLES) <= set(rows):
+        table[list(ANGLES)], table["line"] = rows[list(ANGLES)], calibrated_line(responses, measure)
     table[list(ENDED)] = rows[list(ENDED)]
     return table
 
 
-def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
-    """The representative solution's simulation against the physical measurement, a row for each response."""
+def calibrated_line(responses: Iterable[Response], measure: Mapping[str, Any]) -> str:
+    """The lines of the responses that are angles of a pile, in words; without one that of the angle of repose."""
+    lines = filter(None, (line_for(measure, response.name) for response in responses))
+    return "; ".join(dict.fromkeys(lines)) or line_of(measure)
+
+
+def against_physical(
+    row: pd.Series, targets: Targets, measure: Mapping[str, Any] | None = None
+) -> pd.DataFrame:
+    """The representative solution's simulation against the physical measurement, a row for each response.
+
+    `line` says by which line of the section `measure` an angle of a pile is measured.
+    """
     rows = []
     for target in targets:
         simulated = row[target.response.simulated]
@@ -138,6 +130,7 @@ def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
                 "within_one_sd": bool(abs(simulated - target.value) <= target.sd),
                 "n_seeds": row["n_seeds"],
                 "status": row["status"],
+                **({"line": line_for(measure, target.name)} if measure else {}),
             }
         )
     return pd.DataFrame(rows)
@@ -153,72 +146,129 @@ def with_chances(
     return table.assign(**chances)
 
 
-def compared_with_published(
-    rows: pd.DataFrame, published: pd.DataFrame | None, responses: Iterable[Response]
-) -> pd.DataFrame:
-    """The published solutions: published and own simulation, its standard error, and own minus published."""
-    table = rows[["sample", "solution", *named(rows)]].copy()
-    if published is not None:
-        reference = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])
-        for response in published_responses(published, responses):
-            simulated = reference[response.simulated].to_numpy(float)
-            table[derived(response.name, "published_predicted")] = rows[response.predicted]
-            table[derived(response.name, "published_simulated")] = simulated
-            table[response.simulated] = rows[response.simulated]
-            table[response.error] = rows[response.error]
-            table[derived(response.name, "difference")] = rows[response.simulated] - simulated
-    table[list(ENDED)] = rows[list(ENDED)]
-    return table
-
-
 def write_solutions(
     feasible_csv: str | os.PathLike,
-    published_csv: str | os.PathLike | None,
     space: ParameterSpace,
     targets: Targets,
     count: int,
     out_csv: str | os.PathLike,
 ) -> pd.DataFrame:
-    """Write the parameter sets to simulate and return them (`solutions_to_simulate`); InputError if too few."""
+    """Write the representative solution and `count` others, numbered from 1; InputError if there are too few."""
     needed = ("solution", *space.names, *targets.predicted, "objective", "feasible", "representative")
     feasible = read_table(feasible_csv, needed)
     if len(feasible) < count + 1:
         raise InputError(feasible_csv, "solutions", len(feasible), f"at least {count + 1}")
-    solutions = solutions_to_simulate(feasible, _published(published_csv), space, targets, count)
-    write_table(out_csv, solutions)
+    own = select_for_validation(feasible, count, space)
+    own["sample"] = range(1, len(own) + 1)
+    solutions = own[["sample", *space.names, *CHOSEN, *targets.predicted]].reset_index(drop=True)
+    write_table(out_csv, solutions.astype({"solution": str}))
     return solutions
 
 
 def run(
     solutions_csv: str | os.PathLike,
     job_json_paths: Iterable[str | os.PathLike],
-    published_csv: str | os.PathLike | None,
     targets: Targets,
+    measure: Mapping[str, Any],
+    published: pd.DataFrame,
     out_dir: str | os.PathLike,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables by these names."""
+    """Write table4.csv and representative.csv (`validate`) and published.csv, the table `published`; return them."""
     solutions = read_samples(solutions_csv)
     check_columns(solutions_csv, solutions, (*CHOSEN, *targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
     jobs = read_jobs(job_json_paths, solutions, targets)
-    tables = validate(solutions, jobs, targets, _published(published_csv), support)
+    tables = validate(solutions, jobs, targets, measure) | {"published": published}
+    if support is not None:
+        for name in ("table4", "published"):
+            parameters = tables[name][list(named(tables[name]))].to_numpy(float)
+            warnings = support.warnings(parameters) if len(parameters) else []
+            tables[name] = tables[name].assign(warning=warnings)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)
     return tables
 
 
+# --- the published sets ---------------------------------------------------------------------------
+
+
+def _numbered(published_csv, names):
+    """The published sets, numbered from 101."""
+    sets = read_sets(published_csv, names)
+    return sets.assign(sample=range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(sets)))
+
+
 def write_published_solutions(
     published_csv: str | os.PathLike, names: Sequence[str], out_csv: str | os.PathLike
 ) -> pd.DataFrame:
-    """Write the published parameter sets to simulate, numbered as in `solutions_to_simulate`; return the table."""
-    published = read_table(published_csv, ("solution", *names))
-    numbers = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(published))
-    table = pd.DataFrame({"sample": numbers, **{name: published[name] for name in names}})
+    """Write the published parameter sets to simulate; return the table."""
+    table = _numbered(published_csv, names)[["sample", *names]]
     write_table(out_csv, table)
     return table
 
 
-def _published(path):
-    """The published solutions; None if there are none."""
-    return None if path is None else read_table(path, ("solution", *PARAMETERS))
+def write_published_sets(
+    published_csv: str | os.PathLike,
+    job_json_paths: Iterable[str | os.PathLike],
+    targets: Targets,
+    names: Sequence[str],
+    simulated_by: Mapping[str, str | None],
+    out_csv: str | os.PathLike,
+) -> pd.DataFrame:
+    """Write the published sets, what was published of their piles, and their means and standard errors here.
+
+    `simulated_by` are the hashes of `repose.core.published.SIMULATED_BY`.
+    """
+    sets = _numbered(published_csv, names)
+    simulated = assemble(sets, read_jobs(job_json_paths, sets, targets), targets)[0]
+    about = [name for name in ("solution", "source", "wall") if name in sets]
+    table = sets[["sample", *about, *names]].assign(**{name: "" for name in ("source",) if name not in sets})
+    for word in ("predicted", "simulated", "measured"):
+        for column in (column for column in sets if f"_{word}_" in column):
+            table[column.replace(f"_{word}_", f"_published_{word}_")] = sets[column]
+    # by its definition, as another study may calibrate another one
+    for name in dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values())):
+        if name in simulated and name != CALIBRATED_ANGLE:
+            table[[name, error_of(name)]] = simulated[[name, error_of(name)]].astype(float)
+    table[list(ENDED)] = simulated[list(ENDED)]
+    table = table.assign(**simulated_by)
+    write_table(out_csv, table)
+    return table
+
+
+def stored_columns(
+    columns: Iterable[str], responses: Iterable[Response], names: Iterable[str], measure: Mapping[str, Any]
+) -> dict[Response, str]:
+    """Responses of a study that a table of simulated published sets has, and their columns; none for other sets."""
+    own = {CALIBRATED_ANGLE: MEAN_KEYS[measure["response"]]}
+    found = {response: own.get(response.name, response.name) for response in responses}
+    columns = set(columns)
+    return {one: column for one, column in found.items() if {column, *names} <= columns}
+
+
+def compared_with_published(
+    stored_csv: str | os.PathLike | None,
+    responses: Sequence[Response],
+    names: Sequence[str],
+    measure: Mapping[str, Any],
+    simulated_by: Mapping[str, str],
+) -> pd.DataFrame:
+    """The published sets as they were simulated once, with the responses of a study; no rows without any.
+
+    `stale` where other hashes than `simulated_by` stand beside them.
+    """
+    stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
+    columns = stored_columns(stored, responses, names, measure)
+    if not columns:
+        return pd.DataFrame(columns=["sample", "solution", *names, *ENDED, *SIMULATED_BY, "stale"])
+    table = stored.copy()
+    for response, column in columns.items():
+        table[response.simulated], table[response.error] = stored[column], stored[error_of(column)]
+        published = derived(response.name, "published_simulated")
+        if published in stored:
+            table[derived(response.name, "difference")] = stored[column] - stored[published]
+    if set(ANGLES) <= set(stored):
+        table["line"] = calibrated_line(responses, measure)
+    table["stale"] = (stored[list(SIMULATED_BY)] != pd.Series(simulated_by)).any(axis=1)
+    return table

@@ -73,7 +73,7 @@ def miga(args: argparse.Namespace, study: "Study") -> None:
 
 
 @verb(
-    "list the parameter sets to simulate again: representative, other and published solutions",
+    "list the parameter sets to simulate again: the representative solution and others",
     example="--feasible results/miga/feasible.csv",
     out="results/validation",
     options=[FEASIBLE],
@@ -81,33 +81,54 @@ def miga(args: argparse.Namespace, study: "Study") -> None:
 def solutions(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
-    section = study.config["validation"]
-    chosen = validate.write_solutions(
-        args.feasible,
-        section["published"],
-        study.parameters,
-        study.targets,
-        section["solutions"],
-        Path(args.out) / "solutions.csv",
-    )
-    if section["published"] is not None and "published" not in set(chosen["origin"]):
-        names = ", ".join(study.parameters.names)
-        print(f"{section['published']}: left out, as it lacks a parameter ({names}) or all responses")
+    count, out = study.config["validation"]["solutions"], Path(args.out) / "solutions.csv"
+    validate.write_solutions(args.feasible, study.parameters, study.targets, count, out)
 
 
 @verb(
-    "list the published solutions to simulate: they stay the same when the search finds others",
+    "list the published parameter sets to simulate",
     example="--out results/validation",
     out="results/validation",
 )
 def published_solutions(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
+    out = Path(args.out) / "published_solutions.csv"
+    validate.write_published_solutions(_published(args, study), study.parameters.names, out)
+
+
+@verb(
+    "collect the runs of the published parameter sets in one table, beside what was published of their piles",
+    example="results/validation/heaps/1??.json --out results",
+    out="results",
+    options=[Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set")],
+)
+def published_sets(args: argparse.Namespace, study: "Study") -> None:
+    from repose.chain import validate
+    from repose.config import stands_on
+    from repose.core import provenance
+
+    jobs = [Path(job) for job in args.jobs]
+    outdated = stands_on.outdated(study.config, [*jobs, *(job.with_suffix(".pours.json") for job in jobs)])
+    if outdated:
+        raise InputError(
+            outdated[0], "provenance", "another", f"runs by this engine as {args.config} asks for"
+        )
+    engine = (provenance.current() or {}).get("engine")
+    by, out = (
+        {"engine": engine, "scene": stands_on.scene(study.config)},
+        Path(args.out) / "published_sets.csv",
+    )
+    published, names = _published(args, study), study.parameters.names
+    validate.write_published_sets(published, args.jobs, study.targets, names, by, out)
+
+
+def _published(args, study):
+    """The table of published solutions; InputError without one."""
     published = study.config["validation"]["published"]
     if published is None:
         raise InputError(args.config, "validation.published", None, "a table of published solutions")
-    out = Path(args.out) / "published_solutions.csv"
-    validate.write_published_solutions(published, study.parameters.names, out)
+    return published
 
 
 @verb(
@@ -122,9 +143,15 @@ def published_solutions(args: argparse.Namespace, study: "Study") -> None:
 )
 def validate(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
+    from repose.config import stands_on
+    from repose.core.sources import engine_hash
 
-    published, targets = study.config["validation"]["published"], study.targets
-    validate.run(args.solutions, args.jobs, published, targets, args.out, _support(args, study))
+    config, targets, names = study.config, study.targets, study.parameters.names
+    by = {"engine": engine_hash(), "scene": stands_on.scene(config)}
+    stored, measure = config["validation"]["published_simulated"], config["measure"]
+    published = validate.compared_with_published(stored, targets.responses, names, measure, by)
+    support = _support(args, study)
+    validate.run(args.solutions, args.jobs, targets, measure, published, args.out, support)
 
 
 def _support(args, study):

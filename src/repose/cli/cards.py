@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from repose.config.study import Study
 
 NOT_MET = 3  # exit status of `card check` where the targets are not met
+FILES = ("berry", "particle", "feasible", "table4", "posterior", "draws", "dataset")
 MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
 
 
@@ -55,6 +56,7 @@ def card(args: argparse.Namespace) -> int:
         Option(
             "--representative", default=VALIDATION, help="file of the verb validate: the check of the answer"
         ),
+        Option("--table4", help="table4.csv beside it: its piles by every definition of the angle"),
         Option(
             "--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"
         ),
@@ -69,6 +71,5 @@ def material_card(args: argparse.Namespace, study: "Study") -> None:
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
     strategy = study.config["strategy"]
     result = answer.read(study.config, args.summary, args.representative, args.feasible, strategy)
-    names = ("berry", "particle", "feasible", "posterior", "draws", "dataset")
-    files = {name: getattr(args, name) for name in names}
+    files = {name: getattr(args, name) for name in FILES}
     card.run(study.config, result, files, args.out)

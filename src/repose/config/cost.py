@@ -10,7 +10,7 @@ from repose.apparatus.settings import SimulationSettings
 from repose.config.contradictions import used_tests
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
-from repose.core.published import published_count
+from repose.core.published import to_simulate
 from repose.core.targets import Targets
 
 if TYPE_CHECKING:
@@ -106,12 +106,10 @@ def work(
         )
         return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
     funnel, validation = config["funnel"], config["validation"]
-    published_sets = published_count(validation["published"], targets.responses, named(config["parameters"]))
     pours = (
         ("design", config["design"]["samples"], funnel["seeds"]),
         ("representative", 1, validation["representative_seeds"]),
         ("validation", validation["solutions"], validation["seeds"]),
-        ("published", published_sets, validation["seeds"]),
     )
     total_s = REST_S + sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
     if "drum" in config:
@@ -135,6 +133,7 @@ SENTENCES = {
     "uncertainty": "How sure the answer is: noise, posterior and sensitivity.",
     "next": "What to measure next: the information of each further response and bench test.",
     "refined": "More pours near the answer, until it meets the targets.",
+    "published_sets": "The published parameter sets in this simulator: a table that changes with engine and scene.",
 }
 
 
@@ -149,7 +148,9 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
     def pours(number: int) -> str:
         return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides the calibration"
 
-    refine = config["refine"]
+    refine, validation = config["refine"], config["validation"]
+    responses = Targets.of(config["targets"]).responses
+    published = to_simulate(validation["published"], responses, named(config["parameters"]))
     a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
     all_min = of_all["total_s"] / 60
@@ -157,5 +158,6 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
     texts = dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
         "calibration": f"{of_calibration} pours{others}, about {all_min:.0f} min on one core",
         "refined": f"at most {pours(refine['rounds'] * a_round)}",
+        "published_sets": pours(len(published) * validation["seeds"]),
     }
     return texts

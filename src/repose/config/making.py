@@ -10,7 +10,7 @@ from repose.config import computed, results_folder
 from repose.config.contradictions import BEFORE_NUMBERS, Rule, rules, used_tests
 from repose.config.reading import Origin, get, owner_of
 from repose.core.errors import InputError, YamlError, raise_together
-from repose.core.published import beside, check_published
+from repose.core.published import beside, check_published, read_stored
 from repose.core.targets import Targets, completed
 
 if TYPE_CHECKING:
@@ -125,9 +125,9 @@ class Making:
         missing = [key for key, path in named.items() if not Path(path).is_file()]
         self._add((key, "an existing file, relative to the folder of the project") for key in missing)
         readers: dict[str, Callable[[str], Any]] = {"berry.sizes": read_sizes, "photograph": read_image}
+        readers |= {"validation.published": check_published, "validation.published_simulated": read_stored}
         if self._may_read("targets"):
             targets = Targets.of(self.config["targets"])
-            readers["validation.published"] = partial(check_published, responses=targets.responses)
             readers["posterior.shape_study"] = partial(of_shape_study, targets=targets)
         for key in [key for key in readers if key in named and key not in missing]:
             self._result_of(key, readers[key], named[key])

@@ -409,6 +409,7 @@ class Validation(Section):
     seeds: int = Field(ge=1, le=1000)
     representative_seeds: int = Field(ge=1, le=1000)
     published: PathOrNull
+    published_simulated: PathOrNull
 
 
 class Posterior(Section):

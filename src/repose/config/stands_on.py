@@ -35,9 +35,10 @@ KEYS = {
     "dataset": (RESPONSES,),
     "network": (RESPONSES, "surrogate", "network"),
     "miga": ("parameters", "targets", "miga"),
-    "solutions": ("parameters", "targets", *_keys("validation", "solutions", "published")),
+    "solutions": ("parameters", "targets", "validation.solutions"),
     "published_solutions": ("parameters", "validation.published"),
-    "validate": ("parameters", "targets", "validation.published"),
+    "published_sets": (RESPONSES, "parameters", "validation.published"),
+    "validate": ("parameters", "targets", "measure", "validation.published_simulated"),
     "silhouette": ("measure",),
     "measure_silhouette": ("measure",),
     "drum_tables": (
@@ -49,8 +50,9 @@ KEYS = {
     "sensitivity": ("parameters", "targets", "sensitivity"),
     "plausible": ("posterior.seed",),
     "next": ("targets", "posterior.discrepancy_percent", "measure"),
-    "conclude": ("parameters", "targets"),
+    "conclude": ("parameters", "targets", "measure"),
 }
+OF_A_SCENE = ("published_sets", "validate")  # stages that note or compare the hash of it
 # Names of the study and its folder, and the files of figures: no result depends on them.
 NAMES = ("label", "results_dir", "figures")
 
@@ -82,6 +84,19 @@ def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     test = bench(apparatus)
     own = (f"{apparatus}.{key}" for key in test.measured_by)
     return sections(config, "measure", *own) | responses(config, test.name)
+
+
+def scene(config: Config) -> str:
+    """Hash of what a measured run depends on, besides the engine: grain, bench tests of the targets, measurement.
+
+    `measure.response` is none of it: every definition is measured, whichever is calibrated.
+    """
+    chosen = sections(config, "berry", "measure")
+    chosen["measure"] = {key: value for key, value in chosen["measure"].items() if key != "response"}
+    for name in dict.fromkeys(target["apparatus"] for target in config["targets"]):
+        measured_by = (f"{name}.{key}" for key in bench(name).measured_by)
+        chosen |= pouring(config, name) | sections(config, *measured_by)
+    return hash_of(_with_contents(chosen))
 
 
 def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
@@ -123,6 +138,8 @@ def settings_of(
             chosen |= sections(config, *(f"{test.name}.{key}" for test in tests for key in test.measured_by))
     else:
         chosen = {name: value for name, value in config.items() if name not in NAMES}
+    if verb in OF_A_SCENE:
+        chosen["scene"] = scene(config)
     if berry_is_made:
         chosen |= sections(config, *KEYS["shape"])
     return _with_contents(chosen)

@@ -4,19 +4,40 @@ import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.core.errors import InputError
-from repose.core.files import read_rows
+from repose.core.files import is_number, read_rows, read_table
 from repose.core.parameters import PARAMETERS, check_value, named
 from repose.core.responses import Response
 
-MOST = 899  # their sample numbers are 101 to 999
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST = 449  # in each of two tables: their sample numbers are 101 to 999
+OTHERS = "others.csv"  # beside the published solutions: sets of other works, with their source and wall
+SIMULATED_BY = ("engine", "scene")  # hashes of what the pours of a set depend on
+STORED = ("sample", "solution", "source", *PARAMETERS, "n_seeds", "status", *SIMULATED_BY)
+STALE = "stale: simulated with another engine or scene than today's; `snakemake published_sets` pours the sets anew"
 
 
 def beside(path: str | os.PathLike | None, table: str) -> Path | None:
     """Another table beside the published solutions: table1.csv (sizes) or table3.csv (intervals); None without it."""
     sibling = None if path is None else Path(path).with_name(table)
     return sibling if sibling and sibling.is_file() else None
+
+
+def tables(path: str | os.PathLike | None) -> list[Path]:
+    """The table of published solutions, and `OTHERS` beside it; empty for None."""
+    return [] if path is None else [Path(path), *filter(None, [beside(path, OTHERS)])]
+
+
+def read_sets(path: str | os.PathLike, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
+    """All published sets, with their parameters `names`; a set's `solution` is text."""
+    import pandas as pd
+
+    read = [read_table(one, ("solution", *names)).astype({"solution": str}) for one in tables(path)]
+    return pd.concat(read, ignore_index=True)
 
 
 def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAMETERS) -> dict[str, float]:
@@ -30,14 +51,13 @@ def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAME
     raise InputError(path, "solution", None, "a row 'representative'")
 
 
-def published_count(
+def to_simulate(
     path: str | os.PathLike | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS
-) -> int:
-    """Number of published solutions to simulate (`can_be_simulated`); 0 without a table."""
-    if path is None:
-        return 0
-    rows = read_rows(path, ("solution", *PARAMETERS))
-    return len(rows) if rows and can_be_simulated(rows[0], responses, names) else 0
+) -> list[str]:
+    """Names of the published sets to simulate (`can_be_simulated`), in their order; none without a table."""
+    rows = [row for one in tables(path) for row in read_rows(one, ("solution", *PARAMETERS))]
+    able = bool(rows) and can_be_simulated(rows[0], responses, names)
+    return [row["solution"] for row in rows] if able else []
 
 
 def can_be_simulated(columns: Iterable[str], responses: Iterable[Response], names: Iterable[str]) -> bool:
@@ -46,29 +66,30 @@ def can_be_simulated(columns: Iterable[str], responses: Iterable[Response], name
     return set(names) <= columns and bool(published_responses(columns, responses))
 
 
-def check_published(path: str | os.PathLike | None, responses: Iterable[Response]) -> None:
+def check_published(path: str | os.PathLike | None) -> None:
     """Raise InputError for a table of published solutions that cannot be simulated or compared; None passes."""
-    if path is None:
-        return
-    rows = read_rows(path, ("solution", *PARAMETERS))
-    if not 1 <= len(rows) <= MOST:
-        raise InputError(path, "rows", len(rows), f"1 to {MOST} solutions")
-    values = [
-        name
-        for response in published_responses(rows[0], responses)
-        for name in (response.predicted, response.simulated)
-    ]
-    for number, row in enumerate(rows, start=1):
-        for name in named(row):
-            check_value(name, row[name], f"{path}, row {number}")
-        for name in values:
-            if row[name] and not _finite(row[name]):
-                raise InputError(f"{path}, row {number}", name, row[name], "a number, or nothing")
+    for table in tables(path):
+        rows = read_rows(table, ("solution", *PARAMETERS))
+        if not 1 <= len(rows) <= MOST:
+            raise InputError(table, "rows", len(rows), f"1 to {MOST} solutions")
+        for number, row in enumerate(rows, start=1):
+            for name in named(row):
+                check_value(name, row[name], f"{table}, row {number}")
+            for name in filter(is_number, row):
+                if row[name] and not _finite(row[name]):
+                    raise InputError(f"{table}, row {number}", name, row[name], "a number, or nothing")
+
+
+def read_stored(path: str | os.PathLike) -> "pd.DataFrame":
+    """Published sets as `snakemake published_sets` simulated them."""
+    table, rows = read_table(path, STORED), read_rows(path, STORED)
+    # hashes of digits alone would be numbers
+    return table.assign(**{name: [row[name] for row in rows] for name in ("solution", *SIMULATED_BY)})
 
 
 def published_sets(path: str | os.PathLike | None) -> list[dict[str, float]]:
     """Parameter sets of a published table that passed `check_published`; empty for None."""
-    rows = [] if path is None else read_rows(path, ("solution", *PARAMETERS))
+    rows = [row for table in tables(path) for row in read_rows(table, ("solution", *PARAMETERS))]
     return [{name: float(row[name]) for name in PARAMETERS} for row in rows]
 
 

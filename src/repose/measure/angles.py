@@ -27,6 +27,7 @@ from repose.measure.profile_points import MIN_LEVELS, outermost_crossing, points
 
 DEFINITIONS = ("flank", "secant", "steepest", "whole", "straightest")
 MEAN_KEYS = {name: f"aor_{name}_deg" for name in DEFINITIONS}  # mean of all views
+CALIBRATED_ANGLE = "aor_deg"  # one of the definitions under a name of its own (`measure.response`)
 # the first view alone, as a camera sees it
 VIEW_KEYS = {name: f"aor_{name}_view_deg" for name in DEFINITIONS}
 

@@ -24,13 +24,11 @@ from numpy.typing import ArrayLike
 from repose.core.errors import NoFlankError
 from repose.core.responses import responses_of
 from repose.measure import pile
-from repose.measure.angles import MEAN_KEYS
+from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.profile_points import outermost_crossing
 from repose.particle.particle import Particle
 
 BENCH = "funnel"
-# The calibrated angle: one of the definitions under a name of its own (`measure.response`).
-CALIBRATED_ANGLE = "aor_deg"
 MEASURED = (
     "base_radius_mm",
     "lower_deg",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from repose.core.errors import InputError
-from repose.measure.angles import DEFINITIONS
+from repose.measure.angles import CALIBRATED_ANGLE, DEFINITIONS, MEAN_KEYS
 from repose.measure.profile_points import FLANK_RULES
 
 
@@ -83,6 +83,13 @@ def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
     band = f"{ends[0]} to {ends[1]}{' % of the height' if section['fit_to'] != 'berry' else ''}"
     part = "steepest half or more of the " if definition == "steepest" else ""
     return f"{part}flank, {band}, {section['flank']}"
+
+
+def line_for(section: Mapping[str, Any], response: str) -> str:
+    """The line of a response that is an angle of a pile, in words; empty for any other response."""
+    if response == CALIBRATED_ANGLE:
+        return line_of(section)
+    return next((line_of(section, name) for name, key in MEAN_KEYS.items() if key == response), "")
 
 
 def _positive(value):

@@ -12,8 +12,10 @@ import pandas as pd
 from repose.chain import validate
 from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.runs import of_bench
+from repose.core.runs import error_of, mean_and_error, of_bench
 from repose.core.targets import Targets
+from repose.measure.angles import MEAN_KEYS
+from repose.measure.further_responses import BENCH
 from repose.strategies.base import Answer, Studied
 
 
@@ -52,8 +54,9 @@ def write(
     summary |= {"representative": best, "check_pours": pours, **notes.get("summary", {})}
     summary["steps"] = [*notes.get("steps", ()), f"Check: the answer was poured {pours} more times."]
     runs = {bench: of_bench(checked, bench).to_dict("records") for bench in targets.apparatus}
-    physical = validate.against_physical(pd.Series(row), targets)
-    tables = {"solutions": table, "table4": validate.table4(pd.DataFrame([row]), targets.responses)}
+    measure = study.config.get("measure")
+    physical = validate.against_physical(pd.Series(row), targets, measure)
+    tables = {"solutions": table, "table4": validate.table4(pd.DataFrame([row]), targets.responses, measure)}
     tables |= {"representative": validate.with_chances(physical, runs, targets), "check": check}
     for name, one in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", one)
@@ -124,6 +127,10 @@ def _simulated(runs, targets):
         counts.append(len(values))
         row[target.response.simulated] = values.mean() if len(values) else np.nan
         row[target.response.error] = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
+    piles = of_bench(runs, BENCH)
+    for name in (name for name in MEAN_KEYS.values() if name in piles):
+        mean, error = mean_and_error(piles.loc[piles["status"] == "ok", name].dropna().to_numpy(float))
+        row[name], row[error_of(name)] = mean, error
     trouble = runs.loc[runs["status"] != "ok", "status"].value_counts()
     reason = ", ".join(f"{number} runs {status}" for status, number in trouble.items())
     return row | {

@@ -1,23 +1,28 @@
-# Numbers in solutions.csv: own solutions from 1, the representative first; published solutions from 101.
+# Numbers of parameter sets: own solutions from 1, the representative first; published ones from 101.
 OWN_SOLUTIONS = [
     f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)
 ]
+PUBLISHED_NAMES = to_simulate(
+    config["validation"]["published"], STUDY.targets.responses, STUDY.parameters.names
+)
 PUBLISHED_SOLUTIONS = [
-    f"{101 + k}"
-    for k in range(
-        published_count(
-            config["validation"]["published"],
-            STUDY.targets.responses,
-            STUDY.parameters.names,
-        )
-    )
+    f"{checks.FIRST_PUBLISHED + k}" for k in range(len(PUBLISHED_NAMES))
 ]
+STORED = config["validation"]["published_simulated"]
+# Whether the stored table of simulated published sets can be set beside this study.
+PUBLISHED_IS_STORED = bool(STORED) and bool(
+    checks.stored_columns(
+        or_one_message(read_stored, STORED),
+        STUDY.targets.responses,
+        STUDY.parameters.names,
+        config["measure"],
+    )
+)
 
 
 rule solutions:
     input:
         feasible=rules.miga.output.feasible,
-        published=config["validation"]["published"] or [],
     output:
         solutions=f"{RESULTS}/validation/solutions.csv",
     log:
@@ -34,10 +39,11 @@ rule solutions:
         " > {log:q} 2>&1"
 
 
-# In a table of their own, so that another answer of the search is no reason to pour the published solutions again.
+# The published sets are poured on request alone, `snakemake --cores 2 published_sets`: their piles change with engine
+# and scene, not with the study. A study shows those of a stored table, `validation.published_simulated`.
 rule published_solutions:
     input:
-        published=config["validation"]["published"] or [],
+        published=list(map(str, tables(config["validation"]["published"]))),
     output:
         solutions=f"{RESULTS}/validation/published_solutions.csv",
     log:
@@ -87,8 +93,9 @@ rule validate:
         jobs=expand(
             rules.measure_validation_runs.output.result,
             runs=folders_of_targets(),
-            sample=OWN_SOLUTIONS + PUBLISHED_SOLUTIONS,
+            sample=OWN_SOLUTIONS,
         ),
+        published=STORED or [],
         dataset=rules.dataset.output.dataset,
     output:
         table4=f"{RESULTS}/validation/table4.csv",
@@ -105,6 +112,29 @@ rule validate:
     shell:
         "python -m repose stage validate {input.jobs:q} --config {params.config:q} --solutions {input.solutions:q}"
         " --dataset {input.dataset:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+rule published_sets:
+    input:
+        published=rules.published_solutions.input.published,
+        jobs=expand(
+            rules.measure_validation_runs.output.result,
+            runs=folders_of_targets(),
+            sample=PUBLISHED_SOLUTIONS,
+        ),
+    output:
+        table=f"{RESULTS}/published_sets.csv",
+    log:
+        f"{RESULTS}/logs/published_sets.log",
+    resources:
+        **needs(250),
+    params:
+        **of_stage("published_sets"),
+    message:
+        "The published parameter sets in this simulator: {output.table}"
+    shell:
+        "python -m repose stage published_sets {input.jobs:q} --config {params.config:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"
 
 
 ANSWERS["published"] = Answer(

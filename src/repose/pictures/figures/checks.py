@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.core.files import read_table
-from repose.core.published import published_responses
+from repose.core.published import STALE, published_responses
 from repose.core.responses import derived
 from repose.core.targets import Target
 
@@ -50,15 +50,16 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """The published solutions (Table 4): their published responses beside the ones simulated here."""
-    targets = style.targets_of(config)
-    simulated = [target.response.simulated for target in targets]
-    table = read_table(inputs["published"], ("solution", *simulated, *targets.errors))
+    table = read_table(inputs["published"], ("solution",))
+    targets = [target for target in style.targets_of(config) if target.response.simulated in table]
     count = len(targets)
     figure = style.new_figure(style.PAGE, 0.3 + 2.3 * style.grid_rows(count))
     panels = style.grid(figure, count)
     for panel, target in zip(panels, targets, strict=True):
         _published_and_simulated(panel, table, target)
     style.name_panels(panels)
+    if table.get("stale", pd.Series(dtype=bool)).any():
+        figure.suptitle(STALE, fontsize=6.8, color=style.RED)
     # A response that was not published has no marks of the article's simulation, and no label for them.
     fullest = max(panels, key=lambda panel: len(panel.get_legend_handles_labels()[1]))
     figure.legend(*fullest.get_legend_handles_labels(), loc="outside lower center", ncols=2)
@@ -73,7 +74,10 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
         published = table[column].to_numpy(float)
         look = {"ms": 4.5, "mfc": "white", "color": style.ORANGE}
         panel.plot(x - 0.12, published, "D", label="published simulation", **look)
-        for place in x[np.isnan(published)]:
+        measured = table.get(derived(response.name, "published_measured"), pd.Series(np.nan, table.index))
+        if measured.notna().any():
+            panel.plot(x - 0.12, measured, "D", label="published measurement", ms=4.5, color=style.ORANGE)
+        for place in x[np.isnan(published) & measured.isna()]:
             style_of = {"rotation": 90, "ha": "center", "va": "center", "fontsize": 6.8}
             panel.text(place - 0.3, target.value, "not published", **style_of)
     panel.errorbar(

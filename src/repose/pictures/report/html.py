@@ -12,10 +12,11 @@ import pandas as pd
 from PIL import Image, UnidentifiedImageError
 
 from repose.core.errors import InputError
+from repose.core.published import STALE
 
 LONGEST_SIDE_PX = 1600
 CSS_DPI, READABLE = 96, 1.1  # the smallest text of a figure, 6 points, then has 9 pixels
-WORDS = ("reason", "warning", "status", "role")
+WORDS = ("reason", "warning", "status", "role", "line", "source", "wall")
 
 
 def text(value: Any) -> str:
@@ -53,6 +54,7 @@ def folded(title: str, frame: pd.DataFrame) -> str:
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
     shown = table([str(column) for column in frame.columns], rows)
     shown = shown.replace('class="wide"', 'class="wide tall"', 1)
+    title += f", {STALE}" if "stale" in frame and frame["stale"].any() else ""
     return f"<details><summary>{html.escape(title)} ({len(frame)} rows)</summary>{shown}</details>"
 
 

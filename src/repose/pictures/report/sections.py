@@ -13,7 +13,10 @@ from repose.chain import card
 from repose.chain.answer import NOT_AGAIN, Answer, Check, in_one_line, nearness, out_of_reach
 from repose.chain.design import METHODS
 from repose.core.parameters import LABELS
+from repose.core.runs import error_of
 from repose.core.targets import Target
+from repose.measure.angles import MEAN_KEYS
+from repose.measure.settings import line_for, line_of
 from repose.pictures.report.html import folded, picture, table, text
 from repose.pictures.report.prediction import is_whole
 from repose.pictures.report.study import PICTURES, Study
@@ -186,10 +189,25 @@ def check(study: Study) -> str:
             f'<p class="note">Of these simulations: {trouble}.</p>' if trouble else "",
             '<div id="checks"></div>',
             KEYS.format(blue="the new simulations"),
+            _lines(study),
             _pile(study),
             _table4(study),
         ]
     )
+
+
+def _lines(study):
+    """The answer's piles by every definition of the angle; empty without piles."""
+    if not set(MEAN_KEYS.values()) <= set(study.row.index):
+        return ""
+    measure, rows = study.config["measure"], []
+    calibrated = {line_for(measure, name) for name in study.targets.names}
+    for name, column in MEAN_KEYS.items():
+        mean, error = study.number(column), study.number(error_of(column))
+        shown = "no result" if mean is None else f"{mean:.4g} ± {error or 0:.2g} deg"
+        line = line_of(measure, name)
+        rows.append([line, shown, "calibrated" if line in calibrated else ""])
+    return f"<h3>The same piles by other lines</h3>\n{table(['line', 'simulated', ''], rows, 'lines')}"
 
 
 def _table4(study):
