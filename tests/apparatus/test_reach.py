@@ -166,4 +166,4 @@ def test_an_angle_by_a_definition_of_its_own_is_judged_by_that_line(config):
     config["targets"][0]["response"] = "aor_secant_deg"
     config["measure"] |= WHOLE
     assert list(reach.of(config, grain())) == ["aor_secant_deg"]
-    assert reach.of(config, grain())["aor_secant_deg"].line == "secant"
+    assert reach.of(config, grain())["aor_secant_deg"].line == "secant, foot to crest"

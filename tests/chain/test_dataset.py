@@ -14,7 +14,7 @@ from repose.core.targets import Targets
 
 TARGETS = Targets.of(shared.TARGETS)
 RECORDED = bench("funnel").recorded
-DEFINITIONS = {"aor_deg": {"measure.response": "flank"}}
+DEFINITIONS = {"aor_deg": {"measure.response": "whole"}}
 VALUES = (0.2, 0.6, 0.04, 0.25, 0.5, 0.18)
 
 

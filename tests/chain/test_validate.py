@@ -159,9 +159,9 @@ def test_every_definition_of_the_angle_stands_beside_the_calibrated_one(study):
         for k, name in enumerate(MEAN_KEYS.values()):
             assert table[name].tolist() == pytest.approx([32.0 - 4 * k] * len(table))
             assert table[error_of(name)].tolist() == pytest.approx([2 / np.sqrt(3)] * len(table))
-        assert (table["line"] == "secant").all()
+        assert (table["line"] == "secant, foot to crest").all()
     lines = found["representative"].set_index("response")["line"]
-    assert lines.to_dict() == {"aor_deg": "secant", "height_mm": ""}
+    assert lines.to_dict() == {"aor_deg": "secant, foot to crest", "height_mm": ""}
     assert np.isnan(tables(study, failed=(3,))["table4"].set_index("sample").loc[3, "aor_flank_deg"])
 
 

@@ -59,7 +59,7 @@ def make(
 ) -> dict[str, Any]:
     """The card of a finished calibration; without a posterior, intervals and correlations come from the sets found.
 
-    `dataset_csv` are the samples of the study's design. `row` is the answer's in table4.csv, which has its piles by every
+    `dataset_csv` are the samples of the design. `row` is the answer's in table4.csv, which has its piles by every
     definition of the angle.
     """
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
