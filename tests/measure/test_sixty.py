@@ -67,8 +67,8 @@ def test_distance_changes_neither_angle_nor_height(tmp_path, seed):
         seen = photographs.measure_all([path], how, photographs.Scale())[0].measurement
         true = sixty.truth(one)
         off.append((seen.aor_deg - true.angle, seen.height_mm - true.height))
-    assert (np.abs(off).max(axis=0) < [0.2, 0.53]).all()
-    assert (np.ptp(off, axis=0) < [0.2, 0.53]).all()
+    assert (np.abs(off).max(axis=0) < [0.3, 0.53]).all()
+    assert (np.ptp(off, axis=0) < [0.3, 0.53]).all()
 
 
 def test_a_coarse_photograph_is_doubtful(tmp_path):
