@@ -12,6 +12,7 @@ from repose.core.files import read_json, read_rows
 from repose.core.parameters import LABELS, check_value, named
 from repose.core.responses import named as known_response
 from repose.core.targets import Target, Targets
+from repose.measure.settings import line_for
 
 # Remedy by strategy, if only the prediction meets the targets.
 ADVICE = {
@@ -45,6 +46,7 @@ class Check:
     high: float
     whole: float | None = None  # of a profile's score: what percents are of
     predicted: float | None = None  # by the surrogate, before the runs
+    line: str = ""  # of an angle of a pile, in words
 
     @classmethod
     def of(
@@ -108,6 +110,8 @@ class Check:
         """The simulated mean, or else the predicted one, beside the measured mean."""
         known = known_response(self.response) is not None
         label = self.label[0].upper() + self.label[1:] if known else self.label
+        if self.line:
+            label += f" ({self.line})"
         value = self.predicted if self.simulated is None else self.simulated
         if value is None:
             return f"{label} without a number (measured {self.measured:.4g})"
@@ -229,7 +233,13 @@ def read(
         parameters={name: float(values[name]) for name in named(values)},
         feasible=summary["feasible"],
         message=summary["message"],
-        checks=tuple(_check(target, rows[target.name], check_csv) for target in targets),
+        checks=tuple(
+            replace(
+                _check(target, rows[target.name], check_csv),
+                line=line_for(config["measure"], target.name) if "measure" in config else "",
+            )
+            for target in targets
+        ),
         folder=Path(config["results_dir"]),
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
