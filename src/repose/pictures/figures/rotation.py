@@ -30,7 +30,7 @@ def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     particle, scales = Particle.load(inputs["particle"]), arrays.get("scale")
     slipped = "position_before" in arrays
     shown = ("start", "before", "after") if slipped else ("start", "report")
-    figure = style.new_figure(style.PAGE, style.PAGE / len(shown) + 0.3)
+    figure = style.new_figure(style.PAGE, style.PAGE / len(shown) + 0.8)
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
     for panel, state, letter in zip(figure.subplots(1, len(shown)), shown, "abc", strict=False):
         turned_deg = float(arrays[f"turned_{state}_deg"])
@@ -54,7 +54,7 @@ def _slip(turned_deg: float, runs: pd.DataFrame, section: Mapping[str, Any]) -> 
     if len(slipped) > 1:
         mean, error = slipped[list(SLIP)].mean(), slipped[list(SLIP)].sem()
         turned, waited = (f"{mean[key]:.1f} ± {error[key]:.1f}" for key in SLIP)
-        words += f" In {len(slipped)} runs, mean ± standard error: {turned}°, {waited} s."
+        words += f"\nIn {len(slipped)} runs, mean ± standard error: {turned}°, {waited} s."
     return words
 
 
