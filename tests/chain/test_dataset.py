@@ -40,6 +40,15 @@ def write(samples, paths, out):
     return dataset.run(samples, paths, TARGETS, DEFINITIONS, out)
 
 
+def test_the_summary_says_the_line_of_the_angle_in_words(study):
+    folder, paths = study
+    angle = {"measure.response": "flank", "measure.flank": "levels", "measure.fit_from": 0.3}
+    for definitions in ({"aor_deg": angle | {"measure.fit_to": 0.7, "measure.views": 6}}, {"height_mm": {}}):
+        summary = dataset.run(folder / "samples.csv", paths, TARGETS, definitions, folder / "out")
+        line = "flank, 30 to 70 % of the height, levels" if "aor_deg" in definitions else None
+        assert summary.get("line") == line
+
+
 def test_run_writes_tables_and_counts(study):
     folder, paths = study
     summary = write(folder / "samples.csv", paths[::-1], folder / "out")

@@ -23,7 +23,7 @@ from repose.core.runs import Recorded, summarise_runs
 from repose.core.seeds import UNNAMED
 from repose.core.targets import Targets
 from repose.measure.angles import CALIBRATED_ANGLE
-from repose.measure.settings import line_of
+from repose.measure.settings import MeasureSettings
 
 SUMMARY = "_summary.json"  # follows the stem of a dataset's name
 RUN = ("seed", "status", "reason")
@@ -105,8 +105,9 @@ def run(
     samples = read_samples(samples_csv)
     dataset, runs = assemble(samples, read_jobs(job_json_paths, samples, targets), targets)
     summary = counts(dataset, runs) | {"definitions": definitions}
-    if angle := definitions.get(CALIBRATED_ANGLE):
-        summary["line"] = line_of({key.rpartition(".")[2]: value for key, value in angle.items()})
+    if "measure.response" in (angle := definitions.get(CALIBRATED_ANGLE, {})):
+        section = {key.rpartition(".")[2]: value for key, value in angle.items()}
+        summary["line"] = MeasureSettings(**section).line
     out = Path(out_dir)
     write_table(out / f"{prefix}dataset.csv", dataset)
     write_table(out / f"{prefix}runs.csv", runs)
