@@ -266,7 +266,7 @@ def test_the_definitions_are_explained_beside_the_pile_and_without_keys_of_the_c
     text = words(figure)
     assert "fit_" not in text
     assert "80 % of the height" in text
-    assert figure.legends[0].get_window_extent().y0 > figure.axes[0].get_window_extent().y1
+    assert figure.legends[0].get_window_extent().y1 < figure.axes[1].get_window_extent().y0
 
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert len(labels) == len(DEFINITIONS)

@@ -82,7 +82,7 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
         panel.text(right, lowest, f" {name}", va="center", fontsize=6.8)
     panel.set(xlim=(left, right), ylim=(0, 1.08 * measured.height_mm), aspect="equal")
     panel.set(xlabel="distance from the crest (mm)", ylabel="height (mm)")
-    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper left")
+    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside lower left")
     panel.set_title("a  one view")
     return measured
 

@@ -117,7 +117,9 @@ def _checks(study):
     for target in study.targets:
         own = target.response
         predicted, simulated, error = map(study.number, (own.predicted, own.simulated, own.error))
-        yield replace(Check.of(target, simulated, error, int(runs or 0), status), predicted=predicted)
+        line = line_for(study.config["measure"], target.name) if "measure" in study.config else ""
+        check = Check.of(target, simulated, error, int(runs or 0), status)
+        yield replace(check, predicted=predicted, line=line)
 
 
 def _named(study):
