@@ -2,9 +2,12 @@
 
 import math
 
+import pandas as pd
+
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import read_table, write_table
 from repose.core.parameters import PARAMETERS
+from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import MEASURED
 from repose.measure.settings import MeasureSettings
 from repose.particle.berry_files import read_berry
@@ -13,6 +16,7 @@ from research.responses import (
     further_runs,
     half_widths,
     joint_targets,
+    linear_effects,
     profiles,
     saved_piles,
     second_responses,
@@ -50,6 +54,26 @@ def measure(args, config):
     particle, berry = Particle.load(args.particle), read_berry(args.berry)
     table = saved_piles.run(config, args.pours, args.runs, particle, berry, args.out)
     return table[list(MEASURED)].describe().round(2).to_string()
+
+
+@script.part(
+    "effects",
+    "results/responses/effects.csv",
+    option("--runs", default="results/responses/runs.csv", help="of the part measure"),
+    DATASET,
+)
+def effects(args, config):
+    """Fit each response of the pile linearly in the parameters, as it is and at equal packing."""
+    names = ("height_mm", *MEAN_KEYS.values(), *MEASURED)
+    runs = read_table(args.runs, ("sample", "status", *names))
+    samples = read_table(args.dataset, ("sample", *PARAMETERS))
+    both = [
+        linear_effects.effects(samples, runs[runs["status"] == "ok"], args.study.parameters, names, at_equal)
+        for at_equal in ("", "packing_percent")
+    ]
+    table = pd.concat(both, ignore_index=True)
+    write_table(args.out, table)
+    return table.round(2).to_string(index=False)
 
 
 @script.part("second", "results/responses", *OVER_DESIGN, SHARE)
