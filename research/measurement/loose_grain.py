@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from repose.measure import pile, saved_pours
 from repose.particle.particle import Particle
@@ -62,9 +63,7 @@ def grains_beside(
 
 def reach(particle: Particle, quaternions: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Distance (N,) [m] from the centre of each body to its tangent plane in a direction of space."""
-    from repose.dem.rotations import rotation_matrices
-
-    in_body = np.einsum("nij,i->nj", rotation_matrices(quaternions), direction)
+    in_body = Rotation.from_quat(quaternions, scalar_first=True).inv().apply(direction)
     return (particle.support_point(in_body) * in_body).sum(axis=1)
 
 

@@ -108,7 +108,7 @@ def test_the_card_of_a_strategy_is_a_card(study):
     assert made["out_of_reach"] is False
     assert made["reason"].startswith("The simulated ")
     assert made["tests"][0]["runs"] == SECTION["checks"]
-    assert [test["definition"]["name"] for test in made["tests"]] == ["angle, whole side", "Height"]
+    assert [test["definition"]["name"] for test in made["tests"]] == ["angle, flank", "Height"]
 
 
 def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
