@@ -157,8 +157,9 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
             continue
         if record["verb"] == "propose" and name is None:  # of a version that did not note it
             continue
-        given = settings_of(config, record["verb"], apparatus, name=name)
-        if record["settings"] != hash_of(given) or record["engine"] not in (None, engine_hash()):
+        # a stage by hand may have made the berry itself
+        given = [settings_of(config, record["verb"], apparatus, made, name) for made in (False, True)]
+        if record["settings"] not in map(hash_of, given) or record["engine"] not in (None, engine_hash()):
             results.append(str(path))
     return results
 
