@@ -113,6 +113,42 @@ def test_a_run_with_replicates_knows_their_noise(tmp_path):
     assert once["noise_freedom"] is None
 
 
+def single_pours(signal):
+    """A study of 150 single runs: noises of 1 and 2 with correlation 0.9, and `signal` times two smooth responses."""
+    random = np.random.default_rng(12)
+    U = random.uniform(-1, 1, (150, 6))
+    Y = signal * known_function(U) + random.multivariate_normal([0, 0], NOISE, 150)
+    dataset = pd.DataFrame(0.5 + 0.4 * U, columns=PARAMETERS)
+    dataset.insert(0, "sample", np.arange(1, 151))
+    dataset[["aor_deg", "height_mm"]] = Y
+    errors = {"aor_se_deg": np.nan, "height_se_mm": np.nan}
+    dataset = dataset.assign(status="ok", **errors)
+    return dataset, dataset[["sample", "status", "aor_deg", "height_mm"]].assign(seed=1)
+
+
+NOISE = np.array([[1.0, 1.8], [1.8, 4.0]])
+SINGLE = SETTINGS | {"hidden": 12, "starts": 2, "epochs": 600, "prior": "one", "replicates": False}
+
+
+def fitted_share(signal, **settings):
+    """Standard deviation of predictions at unseen points, in that of the noise, and their error there, likewise."""
+    training = train.train(*single_pours(signal), TARGETS, SINGLE | settings)
+    U = np.random.default_rng(13).uniform(-1, 1, (500, 6))
+    P, truth = training.model.predict(0.5 + 0.4 * U), signal * known_function(U)
+    sd = np.sqrt(np.diagonal(NOISE))
+    return P.std(axis=0) / sd, np.sqrt(np.mean((P - truth) ** 2, axis=0)) / sd, training
+
+
+def test_noise_that_single_runs_share_is_no_signal_once_the_validation_samples_show_it():
+    learned, _, _ = fitted_share(0.0, validation_noise=False)
+    flat, _, training = fitted_share(0.0, validation_noise=True)
+    assert learned.min() > 0.8
+    assert flat.max() < 0.25
+    found = np.array(training.metrics["noise_covariance"])
+    assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(0.9, abs=0.07)
+    assert training.metrics["noise_freedom"] is None
+
+
 def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     paths = write_tables(tmp_path, samples=12)
     with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):
