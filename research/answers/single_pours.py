@@ -91,10 +91,7 @@ def at_test_samples(single, names, splits, starts):
         rows = split(len(X), SHARES, k)
         for way, predict in ways(X, Y, rows, starts):
             P, test = predict(X[rows["test"]]), Y[rows["test"]]
-            yield (
-                {"split": k, "way": way}
-                | {name: r2(test[:, j], P[:, j]) for j, name in enumerate(names)}
-            )
+            yield ({"split": k, "way": way} | {name: r2(test[:, j], P[:, j]) for j, name in enumerate(names)})
 
 
 def reachable(main, names):
@@ -118,7 +115,9 @@ def main():
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--results", type=Path, default=Path("results/published/recommended"))
-    parser.add_argument("--own", type=Path, help="folder of a study of single pours, as results/published/paper")
+    parser.add_argument(
+        "--own", type=Path, help="folder of a study of single pours, as results/published/paper"
+    )
     parser.add_argument("--responses", nargs=2, default=["aor_secant_view_deg", "height_view_mm"])
     parser.add_argument("--splits", type=int, default=20)
     parser.add_argument("--starts", type=int, default=20)

@@ -131,7 +131,7 @@ SINGLE = SETTINGS | {"hidden": 12, "starts": 2, "epochs": 300, "prior": "one", "
 
 
 def of_single_pours(signal, **settings):
-    """The training; standard deviation and error of predictions at unseen points, in standard deviations of the noise."""
+    """The training, and the spread and the error of predictions at unseen points, both in sd of the noise."""
     training = train.train(*single_pours(signal), TARGETS, SINGLE | settings)
     U = np.random.default_rng(13).uniform(-1, 1, (500, 6))
     P, sd = training.model.predict(0.5 + 0.4 * U), np.sqrt(np.diagonal(NOISE))

@@ -281,7 +281,9 @@ def test_replicates_are_needed_of_every_bench_test_of_the_targets(config):
 
 def test_noise_from_the_validation_samples_needs_some_and_no_replicates(config):
     network = config["network"] | {"validation_noise": True}
-    with pytest.raises(InputError, match=r"network\.validation_noise is true; allowed: false where replicates"):
+    with pytest.raises(
+        InputError, match=r"network\.validation_noise is true; allowed: false where replicates"
+    ):
         Study.of(config | {"network": network | {"replicates": True}})
     network |= {"replicates": False, "split": [0.7, 0.15, 0.15]}
     Study.of(config | {"network": network})
@@ -290,7 +292,9 @@ def test_noise_from_the_validation_samples_needs_some_and_no_replicates(config):
             "network": network | {"split": split},
             "design": config["design"] | {"samples": samples},
         }
-        with pytest.raises(InputError, match=r"network\.split is .*leaves more than 2 validation samples, or"):
+        with pytest.raises(
+            InputError, match=r"network\.split is .*leaves more than 2 validation samples, or"
+        ):
             Study.of(study)
 
 

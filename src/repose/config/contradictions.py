@@ -59,7 +59,10 @@ def _of_the_surrogate(config):
 def _of_the_validation(config):
     """Fewer validation samples than show the noise of all targets."""
     network, targets = config["network"], len(config["targets"])
-    if network["validation_noise"] and int(network["split"][1] * config["design"]["samples"] + 1e-9) <= targets:
+    if (
+        network["validation_noise"]
+        and int(network["split"][1] * config["design"]["samples"] + 1e-9) <= targets
+    ):
         more = f"a second share that leaves more than {targets} validation samples"
         yield "network.split", f"{more}, or network.validation_noise: false"
 
