@@ -113,6 +113,65 @@ def test_a_run_with_replicates_knows_their_noise(tmp_path):
     assert once["noise_freedom"] is None
 
 
+def single_pours(signal):
+    """A study of 150 single runs: noises of 1 and 2 with correlation 0.9, and `signal` times two smooth responses."""
+    random = np.random.default_rng(12)
+    U = random.uniform(-1, 1, (150, 6))
+    Y = signal * known_function(U) + random.multivariate_normal([0, 0], NOISE, 150)
+    dataset = pd.DataFrame(0.5 + 0.4 * U, columns=PARAMETERS)
+    dataset.insert(0, "sample", np.arange(1, 151))
+    dataset[["aor_deg", "height_mm"]] = Y
+    errors = {"aor_se_deg": np.nan, "height_se_mm": np.nan}
+    dataset = dataset.assign(status="ok", **errors)
+    return dataset, dataset[["sample", "status", "aor_deg", "height_mm"]].assign(seed=1)
+
+
+NOISE = np.array([[1.0, 1.8], [1.8, 4.0]])
+SINGLE = SETTINGS | {"hidden": 12, "starts": 2, "epochs": 300, "prior": "one", "replicates": False, "seed": 2}
+
+
+def of_single_pours(signal, **settings):
+    """The training, and the spread and the error of predictions at unseen points, both in sd of the noise."""
+    training = train.train(*single_pours(signal), TARGETS, SINGLE | settings)
+    U = np.random.default_rng(13).uniform(-1, 1, (500, 6))
+    P, sd = training.model.predict(0.5 + 0.4 * U), np.sqrt(np.diagonal(NOISE))
+    return training, P.std(axis=0) / sd, np.sqrt(np.mean((P - signal * known_function(U)) ** 2, axis=0)) / sd
+
+
+def test_noise_that_single_runs_share_is_no_signal_once_the_validation_samples_show_it():
+    """Without a signal the network learns the noise by heart; with the validation samples it is flat."""
+    _, learned, _ = of_single_pours(0.0, starts=1)
+    training, flat, _ = of_single_pours(0.0, starts=1, validation_noise=True)
+    assert learned.min() > 2
+    assert flat.max() < 0.25
+    covariance = np.array(training.metrics["noise_covariance"])
+    assert covariance[0, 1] > 0.8 * np.sqrt(covariance[0, 0] * covariance[1, 1])
+    assert training.metrics["noise_freedom"] is None
+
+
+@pytest.mark.slow
+def test_a_signal_of_single_runs_is_found_with_the_noise_of_the_validation_samples():
+    _, _, error = of_single_pours(1.0)
+    assert error.min() > 1.2
+    for name in ("network", "gaussian_process"):
+        training, _, error = of_single_pours(1.0, validation_noise=True, surrogate=name)
+        assert error.max() < 0.6
+        assert np.shape(training.metrics["noise_covariance"]) == (2, 2)
+
+
+def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_bench_tests():
+    errors = np.random.default_rng(14).normal(size=(5, 3)) @ [[1, 0.5, 0.2], [0, 1, 0.3], [0, 0, 1]]
+    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
+    three = Targets.of([*shared.TARGETS, slip | {"range": [30.0, 32.0]}])
+    covariance = train.error_covariance(errors, three, "my.csv")
+    for i, j in np.ndindex(3, 3):
+        apart = i != j and 2 in (i, j)
+        assert covariance[i, j] == pytest.approx(0 if apart else np.mean(errors[:, i] * errors[:, j]))
+    for wrong in (errors[:3], np.zeros((5, 3)), errors[:0]):
+        with pytest.raises(InputError, match=r"my\.csv: validation samples is \d; allowed: more than 3"):
+            train.error_covariance(wrong, three, "my.csv")
+
+
 def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     paths = write_tables(tmp_path, samples=12)
     with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):

@@ -279,6 +279,25 @@ def test_replicates_are_needed_of_every_bench_test_of_the_targets(config):
         Study.of(config)
 
 
+def test_noise_from_the_validation_samples_needs_some_and_no_replicates(config):
+    network = config["network"] | {"validation_noise": True}
+    with pytest.raises(
+        InputError, match=r"network\.validation_noise is true; allowed: false where replicates"
+    ):
+        Study.of(config | {"network": network | {"replicates": True}})
+    network |= {"replicates": False, "split": [0.7, 0.15, 0.15]}
+    Study.of(config | {"network": network})
+    for split, samples in (([0.85, 0.0, 0.15], 150), ([0.7, 0.15, 0.15], 14)):
+        study = config | {
+            "network": network | {"split": split},
+            "design": config["design"] | {"samples": samples},
+        }
+        with pytest.raises(
+            InputError, match=r"network\.split is .*leaves more than 2 validation samples, or"
+        ):
+            Study.of(study)
+
+
 def test_a_quadratic_surface_needs_more_samples_than_terms(config):
     """28 terms of six parameters, 21 of five; 0.7 of the samples train."""
     config |= {"surrogate": "quadratic"}

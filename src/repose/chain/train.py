@@ -83,8 +83,9 @@ def train(
 ) -> Training:
     """Train a surrogate on the usable samples of a study; InputError for fewer than `FEWEST_SAMPLES`.
 
-    `settings` is the section `network` with `surrogate`, `seed`, `split` (three shares) and `replicates`: whether the
-    runs of each sample give the noise (`Replicates`).
+    `settings` is the section `network` with `surrogate`, `seed`, `split` (three shares), `replicates`: whether the runs
+    of each sample give the noise (`Replicates`), and `validation_noise`: whether the errors of a first fit at the
+    validation samples give the correlation of the noises (`error_covariance`), with which it is fitted again.
     """
     names = named(dataset) if names is None else names
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
@@ -94,14 +95,20 @@ def train(
     errors = usable[list(targets.errors)].to_numpy(float)
     rows = rows_of(usable, settings["split"], settings["seed"])
 
-    def fitted(part):
+    def fitted(part, covariance=None):
         learned = usable["sample"].iloc[part]
-        noise = Replicates.of(runs, learned, targets) if settings.get("replicates", False) else None
+        replicates = Replicates.of(runs, learned, targets) if settings.get("replicates", False) else None
+        noise = {"noise_covariance": covariance} if replicates is None else replicates.arguments()
         model = make(settings.get("surrogate", "network"), settings)
         model.describe(names, targets.names, definitions, learned)
-        return model.fit(X[part], Y[part], **({} if noise is None else noise.arguments())), noise
+        return model.fit(X[part], Y[part], **noise), noise
 
     model, noise = fitted(rows["train"])
+    covariance = None
+    if settings.get("validation_noise", False):
+        unseen = rows["validation"]
+        covariance = error_covariance(Y[unseen] - model.predict(X[unseen]), targets, source)
+        model, noise = fitted(rows["train"], covariance)
     P = model.predict(X)
 
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
@@ -109,12 +116,13 @@ def train(
     metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"], targets.names)
     table = _predictions(usable["sample"], rows, Y, P, targets)
     if model.of_all_samples:
-        model, noise = fitted(np.arange(len(X)))
+        model, noise = fitted(np.arange(len(X)), covariance)
         table[_finally(targets.names)] = model.predict(X)
     metrics["n_fitted"] = len(model.samples)
     metrics |= model.report()
-    metrics["noise_covariance"] = None if noise is None else noise.covariance.tolist()
-    metrics["noise_freedom"] = None if noise is None else noise.freedom
+    covariance = noise["noise_covariance"]
+    metrics["noise_covariance"] = None if covariance is None else covariance.tolist()
+    metrics["noise_freedom"] = noise.get("noise_freedom")
     starts = model.start_rows()
     return Training(
         model,
@@ -240,6 +248,21 @@ def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[s
     rows = {name: designed[i] for name, i in split(len(designed), shares, seed).items()}
     rows["train"] = np.concatenate([rows["train"], np.flatnonzero(added)])
     return rows
+
+
+def error_covariance(errors: np.ndarray, targets: Targets, source: object) -> np.ndarray:
+    """Covariance (k, k) of errors (m, k) at unseen samples, 0 between bench tests; InputError without full rank.
+
+    An error is the noise of the sample less what the fit had learned of the noise of others. Both are correlated as the
+    noise is, so even a fit that has learned its noise by heart shows the correlation; the size is too large.
+    """
+    apparatus = np.array([target.response.apparatus for target in targets])
+    same = apparatus[:, None] == apparatus
+    covariance = np.where(same, errors.T @ errors / max(len(errors), 1), 0.0)
+    if len(errors) <= len(targets) or not np.linalg.eigvalsh(covariance)[0] > 0:
+        allowed = f"more than {len(targets)}, with errors of full rank, or network.validation_noise: false"
+        raise InputError(source, "validation samples", len(errors), allowed)
+    return covariance
 
 
 def r2_noise_corrected(y: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> float | None:

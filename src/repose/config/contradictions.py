@@ -35,6 +35,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     return [
         *(Rule((test.name, "simulation"), test.contradictions) for test in used),
         Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
+        Rule(("surrogate", "network", "design", "targets"), _of_the_validation),
         Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
         Rule(("strategy", *sections, "targets", "parameters"), _of_the_strategy),
     ]
@@ -53,6 +54,17 @@ def _of_the_surrogate(config):
     if training < least:
         fitting = " or ".join(name for name in surrogates() if kind_of(name).least_samples(free) <= training)
         yield "surrogate", f"{fitting} where design.samples times the first of network.split is below {least}"
+
+
+def _of_the_validation(config):
+    """Fewer validation samples than show the noise of all targets."""
+    network, targets = config["network"], len(config["targets"])
+    if (
+        network["validation_noise"]
+        and int(network["split"][1] * config["design"]["samples"] + 1e-9) <= targets
+    ):
+        more = f"a second share that leaves more than {targets} validation samples"
+        yield "network.split", f"{more}, or network.validation_noise: false"
 
 
 def _of_the_contact_law(config):

@@ -370,6 +370,7 @@ class Network(Section):
     starts: int = Field(ge=1, le=1000)
     prior: Annotated[str, OneOf(_priors)]
     replicates: bool
+    validation_noise: bool
     seed: Seed
 
     @field_validator("split")
@@ -379,6 +380,11 @@ class Network(Section):
         if shares != AUTO and (abs(sum(shares) - 1) > 1e-6 or shares[0] == 0 or shares[2] == 0):
             refuse([("", "three shares that sum to 1, training and test above 0")])
         return shares
+
+    def contradictions(self) -> Contradictions:
+        """Two sources of the noise."""
+        if self.validation_noise and self.replicates:
+            yield "validation_noise", "false where replicates is true: the runs of a sample show the noise"
 
 
 class Miga(Section):
