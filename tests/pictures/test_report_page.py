@@ -152,8 +152,9 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
         (
             {},
             "good",
-            r"<b>A small run, its numbers are no calibration: targets met\.</b> Angle of repose \(\S.*?\) \S+ ± \S+ deg "
-            r"\(measured \S+, \S+ %\), Height .*\. With a probability of more than 99 % both responses",
+            r"<b>A small run, its numbers are no calibration: targets met\.</b> Angle of repose "
+            r"\(\S.*?\) \S+ ± \S+ deg \(measured \S+, \S+ %\), "
+            r"Height .*\. With a probability of more than 99 % both responses",
         ),
     ],
 )
