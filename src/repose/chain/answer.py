@@ -94,7 +94,7 @@ class Check:
         off, percent = self.simulated - self.measured, 100 / (self.whole or abs(self.measured))
         error = "" if self.standard_error is None else f" +- {percent * self.standard_error:.1f}"
         spread = f" ({abs(off) / self.sd:.2f} standard deviations of a repetition)" if self.sd > 0 else ""
-        return f"{self.response} {percent * off:+.1f}{error} %{spread}"
+        return f"{self.response} {round(percent * off, 1) + 0.0:+.1f}{error} %{spread}"
 
     @property
     def miss(self) -> str:
@@ -117,7 +117,7 @@ class Check:
             return f"{label} without a number (measured {self.measured:.4g})"
         word = "predicted " if self.simulated is None else ""
         error = "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
-        off = 100 * (value - self.measured) / (self.whole or abs(self.measured))
+        off = round(100 * (value - self.measured) / (self.whole or abs(self.measured)), 1) + 0.0  # no -0.0
         number = f"{word}{value:.4g}{error} {self.unit}".rstrip()
         return f"{label} {number} (measured {self.measured:.4g}, {off:+.1f} %)"
 
