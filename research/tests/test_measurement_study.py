@@ -99,7 +99,7 @@ def test_a_study_measures_what_is_ok_and_writes_its_tables(tmp_path):
         settings=SETTINGS,
     )
     same = {
-        "flank": COLUMNS,
+        "flank": "flank 30-80 %, levels",
         "secant": "secant",
         "whole": "whole",
         "straightest": "straightest, at least 1/3",

@@ -181,7 +181,7 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     picture = side_view(run.arrays, SPHERE, pile.with_berry_height(settings, SPHERE))
     base_row = picture.shape[0] - 0.5
     photographed = pile.measure_image(picture, settings.mm_per_pixel, settings, base_row=base_row)
-    assert photographed.aor_deg == pytest.approx(of_funnel["aor_whole_view_deg"])
+    assert photographed.aor_deg == pytest.approx(of_funnel["aor_flank_view_deg"])
     assert photographed.height_mm == pytest.approx(of_funnel["height_view_mm"])
     loose = 100.0 * (1.0 - run.arrays["in_pile"].mean())
     assert record["lifted_loose_percent"] == pytest.approx(loose)
