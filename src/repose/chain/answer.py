@@ -54,10 +54,9 @@ class Check:
     ) -> Self:
         """The check of a target."""
         response, unit = target.name, target.response.unit
-        ends = {"measured": target.value, "sd": target.sd, "low": target.low, "high": target.high}
-        if target.profile is not None:
-            ends["whole"] = target.whole_value
-        return cls(response, unit, simulated, standard_error, runs, status, **ends)
+        ends = target.value, target.sd, target.low, target.high
+        whole = None if target.profile is None else target.whole_value
+        return cls(response, unit, simulated, standard_error, runs, status, *ends, whole)
 
     @property
     def error_percent(self) -> float | None:
