@@ -235,7 +235,7 @@ def read(
         checks=tuple(
             replace(
                 _check(target, rows[target.name], check_csv),
-                line=line_for(config["measure"], target.name) if "measure" in config else "",
+                line=line_for(config.get("measure"), target.name),
             )
             for target in targets
         ),

@@ -85,8 +85,10 @@ def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
     return f"{part}flank, {band}, {section['flank']}"
 
 
-def line_for(section: Mapping[str, Any], response: str) -> str:
-    """The line of a response that is an angle of a pile, in words; empty for any other response."""
+def line_for(section: Mapping[str, Any] | None, response: str) -> str:
+    """The line of a response that is an angle of a pile, in words; empty for any other response, or no section."""
+    if section is None:
+        return ""
     if response == CALIBRATED_ANGLE:
         return line_of(section)
     return next((line_of(section, name) for name, key in MEAN_KEYS.items() if key == response), "")

@@ -117,7 +117,7 @@ def _checks(study):
     for target in study.targets:
         own = target.response
         predicted, simulated, error = map(study.number, (own.predicted, own.simulated, own.error))
-        line = line_for(study.config["measure"], target.name) if "measure" in study.config else ""
+        line = line_for(study.config.get("measure"), target.name)
         check = Check.of(target, simulated, error, int(runs or 0), status)
         yield replace(check, predicted=predicted, line=line)
 
