@@ -79,6 +79,7 @@ def test_a_bad_setting_ends_in_one_message_before_any_work(project):
             ("measure_responses", "second_responses_tables", "draw_second_responses"),
             ("miga",),
         ),
+        ("seeds_per_sample", ("design", "warm_up", "seeds_per_sample"), ("pour", "miga")),
         ("compare_all", ("search_tables", "whole_tables", "comparison_table", "network"), ("miga",)),
     ],
 )
