@@ -1,12 +1,17 @@
-"""Effect of the time step on restitution and on the responses of a pile: a table of docs/verification.md.
+"""Effect of the time step on hits and on the responses of a pile: tables of docs/verification.md.
 
-    python benchmarks/time_steps.py [--config config/config.yaml] [--seeds 2]
+    python benchmarks/time_steps.py [--config config/config.yaml] [--seeds 2] [--pairs 0]
 
 The restitution is that of two spheres of a berry's volume that meet at 1.4 m/s, the mean over twelve places of the
-first contact within a step. The piles have the published representative parameters.
+first contact within a step. Of a sphere that hits a rigid plane at 5 to 70 degrees from the normal (the angles of test 4
+of Chung and Ooi 2011), in as many steps a contact: the largest error of the tangential velocity, over the normal one,
+against the equation of the spring where it sticks and Coulomb's mu (1 + e) V_n where it slides. `--pairs`: hits of two
+berries, the largest energy after a hit over that before, with friction, and the mean without friction and damping. The
+piles have the published representative parameters.
 """
 
 import argparse
+import math
 
 import numpy as np
 
@@ -18,12 +23,16 @@ from repose.core import published
 from repose.core.runs import mean_and_error
 from repose.core.targets import Targets
 from repose.dem import Contact
+from repose.verification import energy, machine, oblique
+from repose.verification.hertz import Solid, hertz_on_plane
+from repose.verification.impacts import ALUMINIUM_OXIDE
 from repose.verification.machine import berry_simulation
 
-TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 2.5e-4, 3e-4, 4e-4, 1e-3)
+TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 2.7e-4, 3.4e-4, 4.5e-4, 4.9e-4, 1e-3)
 PHASES = 12  # number of places within a step at which the impact begins
 RESTITUTION = 0.2
 SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
+SOFT = Solid("berry", 1.1352e5, 0.32, 840.47)  # Young's modulus: 2 (1 + nu) times the shear modulus of 4.3e4 Pa
 
 
 def restitutions(step_s, **laws):
@@ -39,6 +48,41 @@ def restitutions(step_s, **laws):
     return impacts
 
 
+def oblique_errors(step_s, **laws):
+    """Largest error of the tangential velocity of hits that stick and of hits that slide, over the normal velocity."""
+    berry_s = hertz_on_plane(SOFT, SPHERE_M, 2.0).duration_s
+    machine.STEPS_PER_CONTACT, before = berry_s / step_s, machine.STEPS_PER_CONTACT
+    contact, radius_m, speed_m_s = Contact(0.98, 0.092, 0.0), 2.5e-3, 3.9
+    errors = {"sticks": 0.0, "slides": 0.0}
+    for degrees in oblique.TEST_4:
+        normal, along = speed_m_s * math.cos(math.radians(degrees)), speed_m_s * math.sin(math.radians(degrees))
+        hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius_m, normal)
+        result = oblique.impact(ALUMINIUM_OXIDE, radius_m, contact, (along, 0.0, -normal), (0.0, 0.0, 0.0), **laws)
+        most = oblique.sliding_impulse(contact, normal)
+        slides = along > oblique.SLIDES * 3.5 * most
+        spring = laws.get("contact_law", "hertz_mindlin")
+        tension = laws.get("tension", "keep")
+        right = (
+            along - most
+            if slides
+            else oblique.equation_of_hit(ALUMINIUM_OXIDE, hertz, contact, along, spring, tension)
+        )
+        kind = "slides" if slides else "sticks"
+        errors[kind] = max(errors[kind], abs(result[0][0] - right) / normal)
+    machine.STEPS_PER_CONTACT = before
+    return errors
+
+
+def energies(step_s, pairs, **laws):
+    """Largest energy after a hit of two berries over that before, with friction; mean without friction and damping."""
+    rng, lossy, elastic = np.random.default_rng(5), [], []
+    while sum(map(len, lossy)) < pairs:
+        contact = Contact(rng.uniform(0.1, 0.6), rng.uniform(0.2, 0.8), 0.0)
+        lossy.append(energy.pair_hits(rng, contact, step=step_s, **laws)[1])
+        elastic.append(energy.pair_hits(rng, Contact(1.0, 0.0, 0.0), step=step_s, **laws)[1])
+    return np.concatenate(lossy), np.concatenate(elastic)
+
+
 def runs_of(step_s, study, seeds):
     """Records of the usable runs of the published representative solution, in each target's bench test."""
     changed = {**study.config, "simulation": {**study.config["simulation"], "time_step_s": step_s}}
@@ -51,16 +95,22 @@ def runs_of(step_s, study, seeds):
     return [record for record in records if record["status"] == "ok"]
 
 
-def rows(study, seeds):
+def rows(study, seeds, pairs):
     """Yield (time step, quantity, mean, standard error, number of values), or (time step, the refusal)."""
+    laws = SimulationSettings.of(study.config).laws
     for step_s in TIME_STEPS_S:
         try:
-            bounces = restitutions(step_s, **SimulationSettings.of(study.config).laws)
+            bounces, errors = restitutions(step_s, **laws), oblique_errors(step_s, **laws)
+            lossy, elastic = energies(step_s, pairs, **laws) if pairs else ([], [])
             runs = runs_of(step_s, study, seeds) if seeds else []
         except ValueError as error:
             yield step_s, str(error)
             continue
         yield step_s, "restitution", *mean_and_error(bounces), len(bounces)
+        yield step_s, "error of hits that stick, slide", *(f"{errors[kind]:.4f}" for kind in errors)
+        if pairs:
+            yield step_s, "largest energy left, with friction", np.max(lossy), len(lossy)
+            yield step_s, "energy left, elastic: mean, largest", np.mean(elastic), np.max(elastic), len(elastic)
         for response in Targets.of(study.config["targets"]).responses:
             values = [run[response.name] for run in runs if run.get(response.name) is not None]
             yield step_s, response.name, *mean_and_error(values), len(values)
@@ -72,8 +122,9 @@ def main():
     )
     parser.add_argument("--config", nargs="+", default=["config/config.yaml"])
     parser.add_argument("--seeds", type=int, default=2, help="pours of each time step; 0: impacts alone")
+    parser.add_argument("--pairs", type=int, default=0, help="hits of two berries of each time step")
     arguments = parser.parse_args()
-    for row in rows(Study.load(*arguments.config), arguments.seeds):
+    for row in rows(Study.load(*arguments.config), arguments.seeds, arguments.pairs):
         print(*row, sep="\t", flush=True)
 
 

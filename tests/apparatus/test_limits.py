@@ -104,8 +104,8 @@ def range_low(config, name):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"simulation.time_step_s": 4.5e-4}, "1/15 of the contact time"),
-        ({"simulation.time_step_s": 3.0e-4, "berry.size_distribution": "measured"}, "smallest scale, 0.781"),
+        ({"simulation.time_step_s": 8.0e-4}, "1/8 of the contact time"),
+        ({"simulation.time_step_s": 5.6e-4, "berry.size_distribution": "measured"}, "smallest scale, 0.781"),
         (
             {
                 "simulation.time_step_s": 3.0e-4,
@@ -118,7 +118,7 @@ def range_low(config, name):
         ),
         (
             {"berry.shear_modulus_pa": 1e9, "berry.poisson_ratio": 0.3},
-            r"at most [0-9.e-]+, 1/15 of the contact time",
+            r"at most [0-9.e-]+, 1/8 of the contact time",
         ),
     ],
 )

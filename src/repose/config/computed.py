@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 PIXELS_A_GRAIN = 32  # of a simulated pile's pictures, over the grain's equivalent diameter
 PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
-# Of the longest time step. At 0.9 of it 4 of 64 piles of the lowest restitutions did not come to rest (a grain between
-# eight others trembles), at 0.81 none of 72.
-STEP_SHARE = 0.8
+STEP_SHARE = 0.8  # of the longest time step, for the sake of what the limits leave out
 REST_S = 1.5  # from the last grain on the pile until the pile rests
 # Shares (training, validation, test): only a network has validation samples.
 SPLIT_OF_NETWORK, SPLIT = (0.70, 0.15, 0.15), (0.85, 0.0, 0.15)

@@ -242,9 +242,10 @@ class Simulation(Observables):
 
     def _resists_against_space(self) -> bool:
         """Whether a wall turns while the frame of the rolling resistance does not."""
-        turns = self.walls.approach[st.WALLS_MOVE] > 0.0 and bool(self.walls.motion[:, 3:6].any())
+        if not (self.walls.approach[st.WALLS_MOVE] > 0.0 and self.walls.motion[:, 3:6].any()):
+            return False
         in_space = self.rolling_law is ROLLING_LAWS["budget"] and not self.physics.rolling_frame.any()
-        return turns and in_space and any(pair.rolling_friction > 0.0 for pair in self.contact_pairs.values())
+        return in_space and any(pair.rolling_friction > 0.0 for pair in self.contact_pairs.values())
 
     @property
     def rolling_frame_rad_s(self) -> np.ndarray:
@@ -254,7 +255,7 @@ class Simulation(Observables):
     def longest_time_step(self, speed_m_s: float = time_steps.FASTEST_IMPACT_M_S) -> float:
         """The longest time step for bodies of scale 1, to which it is proportional; see `repose.dem.time_steps`.
 
-        A fifteenth of the shortest head-on impact of two bodies, or less where one pressed from both sides is unstable.
+        An eighth of the shortest head-on impact of two bodies, or less where one pressed from both sides is unstable.
 
         Parameters
         ----------

@@ -8,7 +8,7 @@ from .laws.law import Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 
-STEPS_PER_CONTACT = 15  # the contact time of a head-on impact over the longest time step
+STEPS_PER_CONTACT = 8  # the contact time of a head-on impact over the longest time step
 FASTEST_IMPACT_M_S = 2.0
 # Overlap of a soft body under a pile, as between two plates, over half its smallest extent.
 PRESSED = 0.1

@@ -284,6 +284,15 @@ def shape_lanes(m, c, parts):
         rotated_diagonal(m, ROWS + (SHAPE + 2 * PART) * L, c, c, SQUARES + 6 * L)
 
 
+@kernel
+def share_lanes(m, c, dt, parts):
+    """The share of its tangential dashpots that each body takes in the next step, see `laws.tangential`."""
+    column = ROWS + st.share_column(parts) * L
+    for k in range(L):
+        fastest = max(c[INVERSE_MOMENTS + k], max(c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]))
+        m[column + k] = 1.0 / max(1.0, dt * fastest * m[LOAD + st.DASHPOTS * L + k])
+
+
 @inlined
 def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
     """Turn the bodies of a tile by one step, at little cost if none turned in the last; returns whether any turns."""
@@ -297,6 +306,7 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
         resist_in_frame(m, c, dt, fx, fy, fz)
         advance_orientation(m, c, dt)
         shape_lanes(m, c, parts)
+        share_lanes(m, c, dt, parts)
         return True
     if twisted == 0:
         stop_lanes(m, c)
@@ -305,6 +315,7 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
         return False
     advance_orientation(m, c, dt)
     shape_lanes(m, c, parts)
+    share_lanes(m, c, dt, parts)
     return True
 
 
@@ -361,4 +372,5 @@ def rotate_spheres(m, c, dt, rests, fx, fy, fz):
     framed = fx != 0.0 or fy != 0.0 or fz != 0.0
     if rests and not framed and might_turn(m, dt) == 0:
         return False
+    share_lanes(m, c, dt, st.SPHERES)
     return turn_spheres(m, c, dt, fx, fy, fz) > 0 or framed

@@ -97,6 +97,9 @@ def apply_laws(t, c, physics, at):
 @inlined
 def pair_laws(t, contacts, physics, clumps):
     """`apply_laws` to a tile of pairs."""
+    column = st.share_column(physics.parts) * L
+    for k in range(L):
+        t[tl.SHARE + k] = min(t[tl.A + column + k], t[tl.B + column + k])
     if len(clumps) == 0:
         surfaces(physics.law, t, contacts, 0, 0)
         apply_laws(t, contacts, physics, st.PAIR_STATE)
@@ -108,6 +111,9 @@ def pair_laws(t, contacts, physics, clumps):
 @inlined
 def wall_laws(t, contacts, physics, clumps):
     """`apply_laws` to a tile of contacts with walls."""
+    column = st.share_column(physics.parts) * L
+    for k in range(L):
+        t[tl.SHARE + k] = t[tl.A + column + k]
     if len(clumps) == 0:
         surfaces(physics.law, t, contacts, 0, 1)
         apply_laws(t, contacts, physics, st.WALL_STATE)

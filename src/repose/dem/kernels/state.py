@@ -18,15 +18,17 @@ ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to t
 CELL, REACH, SKIN = range(3)
 # Columns of `rows` (N, a multiple of 8): the data of a body for its contacts, one body after another.
 # Of a body that does not turn only the first eight change. Then follow the inverse inertia in the world as xx, xy, xz,
-# yy, yz, zz, and the shape: for clumps their quaternion. Spheres have only their radius there.
+# yy, yz, zz, and the shape: for clumps their quaternion. Spheres have only their radius there. The last is
+# `share_column`.
 POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, INVERSE_INERTIA, SHAPE = 0, 3, 6, 7, 10, 16
 SPHERE_RADIUS = INVERSE_INERTIA
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
 MOST_PARTS = 3
 SPHERES = -1  # in place of a number of parts: every body is a sphere
 MOST_SPHERES = 64  # of a clump
-# Columns of `load` (shares, N, 8), to be added up over the shares: force, torque, budget of the rolling torque.
-ROLL = 6
+# Columns of `load` (shares, N, 8), to be added up over the shares: force, torque, budget of the rolling torque, and the
+# tangential dashpots times the squares of their arms.
+ROLL, DASHPOTS = 6, 7
 LOAD_COLUMNS = 8
 # Rows of a tile of `motion`, data for the motion alone: quaternion (w x y z, body to world), angular momentum,
 # displacement at which the neighbours are listed anew, 1 / principal moments, squared semi-axes of each part, radius.
@@ -135,9 +137,15 @@ def zeros(*shape):
     return store[skip : skip + size].reshape(shape)
 
 
+@inlined
+def share_column(parts):
+    """Column of `rows` with the share of its tangential dashpots that a body takes, see `body_rotation.share_lanes`."""
+    return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
+
+
 def row_end(parts):
     """Number of used columns of `rows`."""
-    return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
+    return share_column(parts) + 1
 
 
 def new_bodies(n, parts, shares=1):
@@ -151,6 +159,7 @@ def new_bodies(n, parts, shares=1):
     rows[:, [SPHERE_RADIUS] if parts == SPHERES else [SHAPE, SHAPE + 3, SHAPE + 5]] = (
         1e-3 if parts == SPHERES else 1e-6
     )
+    rows[:, share_column(parts)] = 1.0
     motion = zeros(padded // LANES, MOTION_ROWS * LANES)
     motion[:, :LANES] = 1.0
     motion[:, RADIUS : RADIUS + LANES] = 1e-3

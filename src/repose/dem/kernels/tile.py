@@ -35,6 +35,8 @@ RA, RB = _rows.take(3), _rows.take(3)  # contact point relative to each centre
 TO_A, TO_B = _rows.take(LOAD_COLUMNS), _rows.take(LOAD_COLUMNS)
 PUSH = _rows.take()  # normal force that limits friction and rolling
 CIRCLE = _rows.take()  # radius of the contact circle, written by the contact law; 0 where nothing touches
+# The tangential dashpot [N s/m], written by the contact law, and the share of it that acts.
+DASHPOT, SHARE = _rows.take_each(2)
 STEP = _rows.take(3)  # how far the normal turns
 V = _rows.take(3)  # tangential velocity of A against B
 VN = _rows.take()  # normal velocity
@@ -287,7 +289,7 @@ def plane_geometry(t, c, parts):
 
 @inlined
 def torques(t):
-    """Torques of each lane's force on both bodies, and the force on B."""
+    """Torques of each lane's force and its dashpot on both bodies, and the force on B."""
     for k in range(L):
         fx, fy, fz = t[TO_A + k], t[TO_A + L + k], t[TO_A + 2 * L + k]
         rx, ry, rz = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
@@ -295,12 +297,14 @@ def torques(t):
         t[TO_A + 3 * L + k] = ry * fz - rz * fy
         t[TO_A + 4 * L + k] = rz * fx - rx * fz
         t[TO_A + 5 * L + k] = rx * fy - ry * fx
+        t[TO_A + st.DASHPOTS * L + k] = t[DASHPOT + k] * (rx * rx + ry * ry + rz * rz)
         t[TO_B + k] = -fx
         t[TO_B + L + k] = -fy
         t[TO_B + 2 * L + k] = -fz
         t[TO_B + 3 * L + k] = sz * fy - sy * fz
         t[TO_B + 4 * L + k] = sx * fz - sz * fx
         t[TO_B + 5 * L + k] = sy * fx - sx * fy
+        t[TO_B + st.DASHPOTS * L + k] = t[DASHPOT + k] * (sx * sx + sy * sy + sz * sz)
 
 
 @inlined

@@ -8,6 +8,12 @@ Coulomb's limit takes the normal force that makes a sliding impact change the ta
 as of rigid bodies (`law.COULOMB`). Where the damped force may pull, its dashpot adds nothing over a whole impact, so
 that is the elastic force, as in EDEM's Hertz-Mindlin contact. Where it may not pull it is the size of all of the force,
 as in LIGGGHTS and LAMMPS; then the limit holds at every moment too.
+
+A body that touches many others has the dashpots of all of them, which add up about its long axis. With a time step dt they may
+reverse its rotation, and a body among eight others trembles for ever. So all of them together stop at most its
+whole rotation in a step: where L = dt max(J) sum(c r^2) is above 1, J the inverse moments of inertia, c the
+dashpots and r their arms, a body takes the share 1 / L of each dashpot, and a contact that of the body with the
+smaller share. The share is that of the step before. With shorter steps it is 1: this is no part of the law.
 """
 
 import math
@@ -122,7 +128,7 @@ def add_forces(
     Parameters
     ----------
     t : numpy.ndarray
-        Tile of 32 contacts, with the velocity in row V; its rows TO_A and PUSH are written.
+        Tile of 32 contacts, with the velocity in row V; its rows TO_A, PUSH and DASHPOT are written.
     c : numpy.ndarray
         Tile of the quantities that the contacts keep from step to step; the spring in it is cut.
     spring : int
@@ -134,8 +140,10 @@ def add_forces(
     friction : float
         Coefficient of static friction.
     stiffness, damping : float
-        Of the tangential spring [N/m], and of the dashpot [N s/m].
+        Of the tangential spring [N/m], and of the dashpot [N s/m], of which the share in row SHARE acts.
     """
+    t[tl.DASHPOT + k] = damping
+    damping *= t[tl.SHARE + k]
     cap = friction * limit
     ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
     gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
