@@ -25,7 +25,14 @@ from repose.measure.saved_piles import pile_responses
 
 CONFIG = ("config/method.yaml", "config/config.yaml")
 RESPONSES = (
-    *("aor_flank_deg", "aor_secant_deg", "aor_steepest_deg", "aor_whole_deg", "aor_straightest_deg", "height_mm"),
+    *(
+        "aor_flank_deg",
+        "aor_secant_deg",
+        "aor_steepest_deg",
+        "aor_whole_deg",
+        "aor_straightest_deg",
+        "height_mm",
+    ),
     *("base_radius_mm", "packing_percent", "radius_90_mm", "loose_percent"),
 )
 KEPT = ("position", "quaternion", "in_pile", "scale")
@@ -102,7 +109,9 @@ def compare(before, after):
             counts = dict(zip(*np.unique(status[here], return_counts=True), strict=True))
             print(f"{name}, {side}: {counts}, {np.median(cpu_s[here]):.2f} s of processor time, the median")
     p = chi2.sf(sum_of_sets, degrees)
-    print(f"chi squared {sum_of_sets:.1f} with {degrees} degrees of freedom, p {p:.3f}; largest ratio {largest:.2f}")
+    print(
+        f"chi squared {sum_of_sets:.1f} with {degrees} degrees of freedom, p {p:.3f}; largest ratio {largest:.2f}"
+    )
 
 
 def main():

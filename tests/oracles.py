@@ -54,11 +54,11 @@ def mass_at_contact(bodies, n):
     return 1.0 / mobility
 
 
-def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit):
+def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit, share=1.0):
     """Force on body A, the new spring, the force that limits friction and rolling: the law as the literature has it.
 
     law: E*, G*, m, damping ratio, static friction; v: velocity of A relative to B at the contact; n from A to B;
-    tension: whether the damped force may pull; limit: "elastic" or "total".
+    tension: whether the damped force may pull; limit: "elastic" or "total"; share: of the tangential dashpot.
     """
     young, shear, mass, beta, friction = law
     vn = v @ n
@@ -75,14 +75,15 @@ def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit):
     pull = np.linalg.norm(spring) * stiffness_t
     if pull > cap:
         spring = spring * cap / pull
-    tangential = spring * stiffness_t + 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(stiffness_t * mass) * vt
+    dashpot = share * 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(stiffness_t * mass)
+    tangential = spring * stiffness_t + dashpot * vt
     pull = np.linalg.norm(tangential)
     if pull > cap:
         tangential = tangential * cap / pull
     return -normal * n - tangential, spring, limiting
 
 
-def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension, limit):
+def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension, limit, share=1.0):
     """Force on body A, the spring's new share of it, the force that limits friction, the radius of the contact circle.
 
     As `hertz_mindlin`, but the spring is a force on A, `pull`, which grows by -S_t v_t dt; where the circle is smaller
@@ -101,7 +102,7 @@ def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension
     if circle < before:
         pull = pull * circle / before
     pull = shortened(pull - 8.0 * shear * circle * vt * dt, friction * limiting)
-    damped = 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(8.0 * shear * circle * mass) * vt
+    damped = share * 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(8.0 * shear * circle * mass) * vt
     return -normal * n + shortened(pull - damped, friction * limiting), pull, limiting, circle
 
 

@@ -104,7 +104,10 @@ def range_low(config, name):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"simulation.time_step_s": 8.0e-4}, "1/8 of the contact time"),
+        (
+            {"simulation.time_step_s": 8.0e-4},
+            "at most 0.00062, the stable step of a body between two of berry",
+        ),
         ({"simulation.time_step_s": 5.6e-4, "berry.size_distribution": "measured"}, "smallest scale, 0.781"),
         (
             {
@@ -117,7 +120,12 @@ def range_low(config, name):
             "restitution 0.02, [0-9.]+ spheres at one place",
         ),
         (
-            {"berry.shear_modulus_pa": 1e9, "berry.poisson_ratio": 0.3},
+            {
+                "berry.shear_modulus_pa": 1e9,
+                "berry.poisson_ratio": 0.3,
+                "parameters.e_gg": [0.5, 0.9],
+                "validation.published": None,
+            },
             r"at most [0-9.e-]+, 1/8 of the contact time",
         ),
     ],

@@ -36,6 +36,9 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     tl.pair_geometry(t, contacts, parts)
     mobility(t, contacts, tl.A, tl.RA, parts, 0.0)
     mobility(t, contacts, tl.B, tl.RB, parts, 1.0)
+    column = st.share_column(parts) * LANES
+    for k in range(LANES):
+        t[tl.SHARE + k] = min(t[tl.A + column + k], t[tl.B + column + k])
     contact_forces(law, t, contacts, st.PAIR_STATE, dt)
     tl.torques(t)
     rolling_resistance(rolling, t, contacts, st.PAIR_STATE, dt)
@@ -186,6 +189,8 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):  # n
         everybody += bodies
         cases.append((bodies, slow, normal, spring))
     rows = engine_rows(everybody, axes, mass)
+    shares = rng.uniform(0.2, 1.0, (LANES, 2))
+    rows[: 2 * LANES, st.share_column(parts_of(axes))] = shares.ravel()
     load = st.zeros(len(rows), st.LOAD_COLUMNS)
     first = np.arange(0, 2 * LANES, 2, dtype=np.uint32)
     pair_tile(t, contacts, rows, first, first + np.uint32(1), parts_of(axes), dt, *laws, load)
@@ -215,7 +220,7 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):  # n
         slow_law = young, shear, mass_at_contact(touching, kept[0:3, lane]), beta, contact.static_friction
         force, new_spring, push = slow_hertz_mindlin(
             slow_law, -row(tl.GAP, lane, 1)[0], row(tl.RADIUS, lane, 1)[0],
-            kept[0:3, lane], velocity, spring, dt, tension == "keep", limit,
+            kept[0:3, lane], velocity, spring, dt, tension == "keep", limit, shares[lane].min(),
         )  # fmt: skip
         for body, sign, arm in zip(loads, (1.0, -1.0), (arm_a, arm_b), strict=True):
             assert np.allclose(body[0:3], sign * force, rtol=1e-9, atol=1e-12)

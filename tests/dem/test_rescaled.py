@@ -28,6 +28,7 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
     tile, kept = np.zeros((tl.LAW_ROW + LAW.n_rows, LANES)), np.zeros((3 + LAW.n_state, LANES))
     tile[tl.LAW_ROW :][: LAW.n_constants] = LAW.constants(GOJI, GOJI, contact, tension)[:, None]
     tile[tl.INVERSE_MASS // LANES] = 1.0 / mass
+    shares = tile[tl.SHARE // LANES] = rng.uniform(0.2, 1.0, LANES)
     law = (
         *effective_moduli(GOJI, GOJI),
         mass,
@@ -58,7 +59,7 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
                 assert np.all(kept[3:, k] == 0.0)
                 continue
             expected, pull[k], limiting, before[k] = slow_law(
-                law, overlap[k], radius[k], normal[k], velocity[k], pull[k], before[k], dt, tension == "keep", limit
+                law, overlap[k], radius[k], normal[k], velocity[k], pull[k], before[k], dt, tension == "keep", limit, shares[k]
             )  # fmt: skip
             assert np.allclose(force[k], expected, rtol=1e-9, atol=1e-13)
             assert push[k] == pytest.approx(limiting, rel=1e-9)
