@@ -189,7 +189,7 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     made = SimpleNamespace(rule="conclude", feasible="solutions.csv", **files)
     known = {"answers": answer, "ANSWERS": {strategy: made}, "planned_rules": lambda: {"conclude"}}
     known |= {"config": study(tmp_path, simulated, feasible)}
-    known |= {"or_one_message": lambda function, *arguments: function(*arguments)}
+    known |= {"or_one_message": lambda function, *arguments: function(*arguments), "say_the_time": list}
     exec(textwrap.dedent(HANDLER[1]), known)
     first = capsys.readouterr().out.splitlines()[0]
     assert first.startswith(

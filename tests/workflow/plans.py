@@ -4,6 +4,7 @@ import json
 import os
 import re
 import sys
+import time
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import NamedTuple
@@ -22,6 +23,8 @@ class Done(NamedTuple):
     returncode: int
     stdout: str
     stderr: str
+    took_s: float
+    used_s: float  # processor time of snakemake and all its children, which it waits for
 
 
 def as_ours(folder):
@@ -36,6 +39,7 @@ def as_ours(folder):
 
 def snakemake(project, *words):
     """Run snakemake in project, in a fork of this process: what it imports is loaded once for all calls."""
+    began_s = time.perf_counter()
     with TemporaryFile() as out, TemporaryFile() as err:
         child = os.fork()
         if child == 0:
@@ -44,12 +48,13 @@ def snakemake(project, *words):
                 status = in_this_process(project, words, out, err)
             finally:
                 os._exit(status)
-        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        _, status, used = os.wait4(child, 0)
+        took_s = time.perf_counter() - began_s
         texts = []
         for file in (out, err):
             file.seek(0)
             texts.append(file.read().decode())
-        return Done(status, *texts)
+        return Done(os.waitstatus_to_exitcode(status), *texts, took_s, used.ru_utime + used.ru_stime)
 
 
 def in_this_process(project, words, out, err):

@@ -1,7 +1,9 @@
 """What workflow/rules/snakemake.smk takes of Snakemake's insides: the installed version still has it."""
 
 import re
+import sys
 
+import pandas as pd
 import pytest
 from plans import ROOT, snakemake
 
@@ -85,6 +87,21 @@ def test_the_scheduler_looks_at_the_jobs_when_one_ends(tmp_path):
         assert done.returncode == 0, done.stderr
         looks.append(done.stderr.count("Resources before job selection"))
     assert looks[1] <= 10 < looks[0]
+
+
+@pytest.mark.slow
+def test_a_benchmark_has_the_processor_time_of_the_whole_job(tmp_path):
+    """Snakemake looks at a job each half second, and after 15 s each half minute."""
+    (tmp_path / "busy.py").write_text("import time\nwhile time.process_time() < 0.4: pass\n")
+    (tmp_path / "Snakefile").write_text(
+        f"import os\nRESULTS = 'results'\nstage_hash = str\n\ninclude: {str(FILE)!r}\n\n"
+        "rule one:\n    output: 'one.txt'\n    log: 'results/logs/one.log'\n"
+        f"    shell: '{sys.executable} busy.py; touch {{output}}'\n\ncomplete_rules()\n"
+    )
+    done = snakemake(tmp_path, "--cores", "1")
+    assert done.returncode == 0, done.stderr
+    table = pd.read_csv(tmp_path / "results/benchmarks/one.tsv", sep="\t")
+    assert 0.39 <= table["cpu_time"].item() <= done.used_s
 
 
 @pytest.mark.slow

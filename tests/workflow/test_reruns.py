@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import pandas as pd
 import pytest
 from plans import planned, snakemake
 
@@ -34,6 +35,16 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     done = snakemake(project, TARGET, *QUICK)
     assert done.returncode == 0, done.stderr
     assert (folder / "config.json").exists()
+
+
+def test_a_run_tells_the_processor_time_of_all_its_processes_and_keeps_that_of_earlier_runs(project):
+    done = [snakemake(project, TARGET, *QUICK, "--forceall") for _ in range(2)]
+    calls = pd.read_csv(project / "results/quick/benchmarks/calls.csv")
+    assert calls["cpu_s"].tolist()[-2:] == pytest.approx([call.used_s for call in done], rel=0.03, abs=0.1)
+    assert calls["wall_s"].tolist()[-2:] == pytest.approx([call.took_s for call in done], rel=0.1, abs=1.5)
+    sums = [f"{calls[column].sum() / 60:.1f} min" for column in ("wall_s", "cpu_s")]
+    told = f"; all {len(calls)} calls: {sums[0]} by the clock, {sums[1]} of processor time ("
+    assert told in done[-1].stderr.splitlines()[-1]
 
 
 def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_make_again(project):

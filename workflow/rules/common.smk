@@ -2,10 +2,13 @@
 import collections
 import json
 import os
+import resource
 import shlex
 import sys
+import time
 
 import pandas
+import psutil
 
 from repose import strategies
 from repose.apparatus import names, reach
@@ -15,7 +18,9 @@ from repose.config import cost, loader, results_folder, stands_on
 from repose.config.study import Study
 from repose.core import places
 from repose.core.errors import BAD_INPUT, InputError, print_fault
+from repose.core.files import read_table, write_table
 from repose.core.lock import take_folder
+from repose.core.provenance import machine
 from repose.core.published import beside, read_stored, tables, to_simulate
 from repose.core.seeds import PURPOSES, pour_seeds
 from repose.core.sources import engine_hash, stage_hash
@@ -94,6 +99,29 @@ def say_the_reach():
     if IS_MAIN:
         for line in reach.said(config, STUDY.particle, stands_on.own_dataset(config)):
             print(line, file=sys.stderr, flush=True)
+
+
+def say_the_time():
+    """Print the times of this call of snakemake, and add them to the table of all calls in the folder of results."""
+    path = f"{RESULTS}/benchmarks/calls.csv"
+    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    began_s = psutil.Process().create_time()
+    cpu_s = sum(sum(resource.getrusage(one)[:2]) for one in who) + used_elsewhere_s()
+    call = {
+        "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(began_s)),
+        "wall_s": round(time.time() - began_s, 1),
+        "cpu_s": round(cpu_s, 1),
+        "processor": machine()["processor"],
+    }
+    earlier = [read_table(path, call)] if os.path.exists(path) else []
+    calls = pandas.concat([*earlier, pandas.DataFrame([call])])
+    last, whole = (
+        f"{table.wall_s.sum() / 60:.1f} min by the clock, {table.cpu_s.sum() / 60:.1f} min of processor time"
+        for table in (calls[-1:], calls)
+    )
+    more = f"; all {len(calls)} calls: {whole}" if earlier else ""
+    print(f"time: {last} on {call['processor']}{more} ({path})", file=sys.stderr)
+    write_table(path, calls)
 
 
 def is_result(path):

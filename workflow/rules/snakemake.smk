@@ -1,9 +1,14 @@
 # All that this workflow takes of Snakemake's insides, because no interface of its offers it. Each is held to the
 # installed version by tests/workflow/test_insides.py.
 import base64
+import contextlib
+import math
 import os
 import re
 
+import pandas
+import psutil
+import snakemake.benchmark
 from snakemake.io import regex_from_filepattern
 from snakemake.logging import logger
 from snakemake_interface_logger_plugins.common import LogEvent
@@ -27,6 +32,42 @@ def note_failed(record):
 
 
 logger.addFilter(note_failed)
+
+
+LOOKED_AT = snakemake.benchmark.benchmarked
+
+
+@contextlib.contextmanager
+def benchmarked_to_its_end(pid=None, *words):
+    """Snakemake's benchmark of a shell command, with all its processor time.
+
+    Snakemake's own is that of its last look at the job, a half minute before the end of a long one. It is none on a
+    system that does not keep the times of an ended process until they are asked for.
+    """
+    with LOOKED_AT(pid, *words) as record:
+        used_s = used_at_its_end_s(pid) if pid else None
+        yield record
+    if pid:
+        record.cpu_time = used_s
+
+
+def used_at_its_end_s(pid):
+    """Wait until a child ends; its processor time and that of its children [s], NaN where it cannot be known."""
+    try:
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+        return sum(psutil.Process(pid).cpu_times()[:4])
+    except (AttributeError, OSError, psutil.Error):
+        return math.nan
+
+
+snakemake.benchmark.benchmarked = benchmarked_to_its_end
+
+
+def used_elsewhere_s():
+    """Processor time [s] of the jobs of this run that were no children of this process, as a cluster's."""
+    jobs = (job for job in workflow.dag.finished_jobs if job.benchmark)
+    paths = {job.benchmark for job in jobs if not workflow.is_local(job.rule)}
+    return sum(pandas.read_csv(path, sep="\t").cpu_time.sum() for path in paths)
 
 
 def recorded(path):
