@@ -1,4 +1,4 @@
-"""Compiling the engine once, before the first run of a study: jobs that start together would all wait for one of them."""
+"""Compiling the engine once, before the first run of a study: of jobs that start together one would do it alone."""
 
 import multiprocessing
 import time

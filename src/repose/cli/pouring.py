@@ -50,7 +50,10 @@ class _Job(NamedTuple):
 @verb(
     "compile the engine for a study's particle, so that runs that start together do not each compile it",
     example="--config config/quick.yaml",
-    options=[*BERRY_AND_PARTICLE, Option("--cores", type=int, default=1, help="compile on one core or on two (1)")],
+    options=[
+        *BERRY_AND_PARTICLE,
+        Option("--cores", type=int, default=1, help="compile on one core or on two (1)"),
+    ],
 )
 def warm_up(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import warm_up

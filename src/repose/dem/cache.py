@@ -53,6 +53,15 @@ def folder() -> str:
     return os.path.join(base, f"dem-{source_hash()}")
 
 
+@functools.cache
+def text_hash(path: str) -> str:
+    """A hash of a source file; empty for what is no file, as a cell of a notebook."""
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
 class KernelCache(NullCache):
     """The compiled code of a function with some options of the compiler, as a dispatcher of numba asks for it.
 
@@ -60,14 +69,14 @@ class KernelCache(NullCache):
     code at one time the first compiles it, and the others wait for it.
     """
 
-    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
-        self._function, self._options = function, options
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any], text: str) -> None:
+        self._function, self._made_from = function, (sorted(options.items()), text)
 
     @property
     def cache_path(self) -> str:
         return folder()
 
-    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
         target_context.refresh()
         path = self._path(sig, target_context.codegen())
         stored = _read(path, sig)
@@ -78,7 +87,7 @@ class KernelCache(NullCache):
                 _lock(path, fcntl.LOCK_UN)
         return stored and CompileResult._rebuild(target_context, *stored)
 
-    def save_overload(self, sig: Any, data: CompileResult) -> None:
+    def save_overload(self, sig: Any, data: Any) -> None:
         path = self._path(sig, data.codegen)
         if not data.library.has_dynamic_globals:
             _write(path, dumps((sig, data._reduce())))
@@ -86,19 +95,13 @@ class KernelCache(NullCache):
 
     def _path(self, signature, codegen):
         """A file named after all that the code depends on; not after the signature's pickle, which may vary."""
-        function, code = self._function, self._function.__code__
+        function = self._function
         name = f"{function.__module__}.{function.__qualname__}"
         cells = dumps([cell.cell_contents for cell in function.__closure__ or ()])
-        made_by = (numba.__version__, sys.version_info[:2], codegen.magic_tuple(), sorted(self._options.items()))
-        made_from = (name, code.co_firstlineno, code.co_code, _content(code.co_filename), cells, str(signature))
-        digest = hashlib.sha256(repr((made_by, made_from)).encode()).hexdigest()
+        made_from = (name, function.__code__.co_firstlineno, cells, str(signature), *self._made_from)
+        made_by = (numba.__version__, sys.version_info[:2], codegen.magic_tuple())
+        digest = hashlib.sha256(repr((made_from, made_by)).encode()).hexdigest()
         return os.path.join(folder(), f"{name.replace('<', '').replace('>', '')}-{digest[:24]}")
-
-
-@functools.cache
-def _content(path):
-    """Hash of a source file."""
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def _read(path, signature):

@@ -6,7 +6,6 @@ would cost two atomic operations for each view of a row.
 """
 
 import math
-import os
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from types import SimpleNamespace
@@ -62,6 +61,7 @@ class Kernel:
 
     def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
         self.py_func, self._options = function, options
+        self._text = cache.text_hash(function.__code__.co_filename)  # as it is imported
 
     @cached_property
     def from_python(self) -> Any:
@@ -76,8 +76,8 @@ class Kernel:
     def _dispatcher(self, entries):
         options = {**self._options, **entries}
         dispatcher = numba.njit(**options)(self.py_func)
-        if os.path.exists(self.py_func.__code__.co_filename):  # what is typed in a notebook is not kept
-            dispatcher._cache = cache.KernelCache(self.py_func, options)
+        if self._text:
+            dispatcher._cache = cache.KernelCache(self.py_func, options, self._text)
         return dispatcher
 
     def __call__(self, *arguments: Any) -> Any:
