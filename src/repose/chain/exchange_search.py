@@ -4,13 +4,12 @@ An exchange swaps two values of a column, so the design stays a Latin hypercube.
 Sudjianto 2005, J. Stat. Plan. Inference 134:268.
 """
 
-import numba
 import numpy as np
 
-from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
+from repose.dem.kernels.jit import compiled
 
 
-@numba.njit(cache=True)
+@compiled
 def _repulsion(squared_distance, doublings):
     """distance^-power for power = 2^(doublings + 1), by repeated squaring."""
     value = 1.0 / squared_distance
@@ -19,7 +18,7 @@ def _repulsion(squared_distance, doublings):
     return value
 
 
-@numba.njit(cache=True)
+@compiled
 def _exchange_gain(points, squared, repulsion, doublings, column, i, j):
     """Change of sum(distance^-power) when rows i and j swap their values in column: O(n)."""
     xi, xj = points[i, column], points[j, column]
@@ -34,7 +33,7 @@ def _exchange_gain(points, squared, repulsion, doublings, column, i, j):
     return gain
 
 
-@numba.njit(cache=True)
+@compiled
 def _exchange(points, squared, repulsion, doublings, column, i, j):
     """Swap rows i and j in column and bring their pairs up to date."""
     points[i, column], points[j, column] = points[j, column], points[i, column]
@@ -42,7 +41,7 @@ def _exchange(points, squared, repulsion, doublings, column, i, j):
         _update_pairs(points, squared, repulsion, doublings, row)
 
 
-@numba.njit(cache=True)
+@compiled
 def _update_pairs(points, squared, repulsion, doublings, row):
     """Squared distances and repulsions between row and every other row."""
     for k in range(points.shape[0]):
@@ -55,7 +54,7 @@ def _update_pairs(points, squared, repulsion, doublings, row):
         repulsion[row, k] = repulsion[k, row] = _repulsion(total, doublings)
 
 
-@numba.njit(cache=True)
+@compiled
 def _totals(squared, repulsion):
     """(sum of the repulsions over pairs, smallest squared distance)."""
     total, smallest = 0.0, np.inf
@@ -66,7 +65,7 @@ def _totals(squared, repulsion):
     return total, smallest
 
 
-@numba.njit(cache=True)
+@compiled
 def _best_of_candidates(points, squared, repulsion, doublings, column, candidates, rng):
     """(i, j, gain) of the best among a few random exchanges in column."""
     n = points.shape[0]
@@ -80,7 +79,7 @@ def _best_of_candidates(points, squared, repulsion, doublings, column, candidate
     return chosen_i, chosen_j, chosen_gain
 
 
-@numba.njit(cache=True)
+@compiled
 def _next_threshold(threshold, better, accepted, improved, inner, warming):
     """(threshold, warming) of the next round: Jin et al. 2005, section 3.2.
 
@@ -100,7 +99,7 @@ def _next_threshold(threshold, better, accepted, improved, inner, warming):
     return (threshold / 0.7 if warming else threshold * 0.9), warming
 
 
-@numba.njit(cache=True)
+@compiled
 def evolve(
     start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:

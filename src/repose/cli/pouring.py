@@ -50,7 +50,10 @@ class _Job(NamedTuple):
 @verb(
     "compile the engine for a study's particle, so that runs that start together do not each compile it",
     example="--config config/quick.yaml",
-    options=[*BERRY_AND_PARTICLE],
+    options=[
+        *BERRY_AND_PARTICLE,
+        Option("--cores", type=int, default=1, help="compile on one core or on two (1)"),
+    ],
 )
 def warm_up(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import warm_up
@@ -58,7 +61,7 @@ def warm_up(args: argparse.Namespace, study: "Study") -> None:
 
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
     values = parameters([], None, None, study.config["parameters"])
-    took_s = warm_up.warm_up(study.config, values, particle, berry_of)
+    took_s = warm_up.warm_up(study.config, values, particle, berry_of, args.cores)
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
 

@@ -2,13 +2,12 @@
 
 import math
 
-import numba
 import numpy as np
 
-from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
+from repose.dem.kernels.jit import compiled
 
 
-@numba.njit(cache=True)
+@compiled
 def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
     """z-buffer of all triangles that face the viewer: the largest `near` wins."""
     rows, columns = nearest.shape
@@ -57,7 +56,7 @@ def draw(
     return nearest, body, corner, weights
 
 
-@numba.njit(cache=True)
+@compiled
 def _noise(row, column):
     """A fixed angle for each pixel, so that few samples give fine grain instead of bands."""
     grain = 0.06711056 * column + 0.00583715 * row
@@ -65,7 +64,7 @@ def _noise(row, column):
     return 2 * math.pi * (grain - math.floor(grain))
 
 
-@numba.njit(cache=True)
+@compiled
 def _spiral(taps):
     """Offsets (taps,), (taps,) that fill the unit disc evenly."""
     across, down = np.empty(taps), np.empty(taps)
@@ -76,7 +75,7 @@ def _spiral(taps):
     return across, down
 
 
-@numba.njit(cache=True)
+@compiled
 def place_of(camera, shape, row, column, depth, place):
     """Write the place (3,) in m at a depth along the ray of a pixel."""
     eye, axes, focal = camera
@@ -85,7 +84,7 @@ def place_of(camera, shape, row, column, depth, place):
         place[k] = eye[k] + depth * (right * axes[0, k] + up * axes[1, k] + axes[2, k])
 
 
-@numba.njit(cache=True)
+@compiled
 def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
     """Share (H, W) of the light that reaches each visible point, from a depth map seen from the light; else 1.
 
@@ -122,7 +121,7 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
     return lit
 
 
-@numba.njit(cache=True)
+@compiled
 def openness(depth, normals, camera, mask, radius_m, taps):
     """Share (H, W) of the sky that each visible point sees past its neighbours in the picture; 1 outside `mask`."""
     rows, columns = depth.shape

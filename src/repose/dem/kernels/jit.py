@@ -6,18 +6,24 @@ would cost two atomic operations for each view of a row.
 """
 
 import math
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
 import numba
 import numpy as np
 from llvmlite import binding
+from numba.extending import typeof_impl
 
-from .. import cache  # noqa: F401  (sets the cache folder before any kernel is made)
+from .. import cache
 
-FLAGS = {"contract"}
+OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_nrt": False}
+# Without the code by which C calls a function, and without the one by which Python does.
+FROM_PYTHON: dict[str, Any] = {"no_cfunc_wrapper": True}
+FROM_KERNELS: dict[str, Any] = FROM_PYTHON | {"no_cpython_wrapper": True}
 # Options of a small function that numba always inlines into its callers.
-INLINED: dict[str, Any] = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": False, "forceinline": True}
+INLINED: dict[str, Any] = OPTIONS | FROM_KERNELS | {"forceinline": True}
 
 
 def use_widest_vectors() -> None:
@@ -46,22 +52,61 @@ def _as_python(function):
     return function
 
 
+class Kernel:
+    """A compiled function, cached on disk.
+
+    The code that reads the arguments of a call from Python takes up to a third of the time to compile; what kernels
+    call is compiled without it.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
+        self.py_func, self._options = function, options
+        self._text = cache.text_hash(function.__code__.co_filename)  # as it is imported
+
+    @cached_property
+    def from_python(self) -> Any:
+        """The dispatcher that Python calls."""
+        return self._dispatcher(FROM_PYTHON)
+
+    @cached_property
+    def from_kernels(self) -> Any:
+        """The dispatcher that kernels call."""
+        return self._dispatcher(FROM_KERNELS)
+
+    def _dispatcher(self, entries):
+        options = {**self._options, **entries}
+        dispatcher = numba.njit(**options)(self.py_func)
+        if self._text:
+            dispatcher._cache = cache.KernelCache(self.py_func, options, self._text)
+        return dispatcher
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.from_python(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.from_python, name)
+
+
+@typeof_impl.register(Kernel)
+def _type(kernel, context):
+    return typeof_impl(kernel.from_kernels, context)
+
+
+def compiled(function):
+    """Compile a function with numba's own settings."""
+    return function if JIT_OFF else Kernel(function, {})
+
+
 def kernel(function):
-    """Compile a function of floats and arrays, cached on disk."""
-    if JIT_OFF:
-        return _as_python(function)
-    return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", _nrt=False)(function)
+    """Compile a function of floats and arrays."""
+    return _as_python(function) if JIT_OFF else Kernel(function, OPTIONS)
 
 
 def kernel_without_gil(function):
     """Compile a kernel that several Python threads run at the same time."""
-    if JIT_OFF:
-        return _as_python(function)
-    return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", _nrt=False, nogil=True)(function)
+    return _as_python(function) if JIT_OFF else Kernel(function, OPTIONS | {"nogil": True})
 
 
 def inlined(function):
     """Compile a small function that is always inlined into its callers."""
-    if JIT_OFF:
-        return _as_python(function)
-    return numba.njit(cache=True, **INLINED)(function)
+    return _as_python(function) if JIT_OFF else Kernel(function, OPTIONS | {"forceinline": True})

@@ -1,0 +1,140 @@
+"""Compiled code on disk: it is found by the sources, is kept where it can be, and is compiled by one process only."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import repose
+from repose.dem.kernels.jit import JIT_OFF
+
+pytestmark = pytest.mark.skipif(JIT_OFF, reason="there is no compiled code")
+
+# Calls a kernel that calls another; prints how often code of both was found, and how often it was not.
+SCRIPT = """
+import numpy as np
+from repose.dem.kernels import frames
+
+values = np.arange(3.0)
+frames.rotate_to_world(np.arange(12.0), values, 0)
+assert values.tolist() == [14.0, 23.0, 32.0], values
+called = (frames.rotate_to_world.from_python, frames.out_of_frame.from_kernels)
+print(*(sum(d.stats.cache_hits.values()) for d in called), *(sum(d.stats.cache_misses.values()) for d in called))
+"""
+# A process that goes on after a kernel could not be compiled.
+FAILING = """
+import sys
+from numba.core.errors import TypingError
+from repose.dem.kernels.jit import kernel
+
+@kernel
+def add_to_nothing(x):
+    return x + unknown
+
+try:
+    add_to_nothing(1.0)
+except TypingError:
+    print("failed", flush=True)
+sys.stdin.read()
+"""
+COMPILED, FOUND = "0 0 1 1", "1 0 0 0"  # of found code no other kernel is needed
+
+
+@pytest.fixture
+def copied(tmp_path):
+    """A function that copies the simulator's sources to a new place."""
+
+    def copy(name):
+        home = Path(repose.__file__).parent
+        package = tmp_path / name / "repose"
+        shutil.copytree(home / "dem", package / "dem", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(home / "__init__.py", package)
+        return package
+
+    return copy
+
+
+def start(script, package, cache, **environment):
+    """A new process with a copy of the sources."""
+    paths = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(cache)}
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    command = [sys.executable, script]
+    return subprocess.Popen(command, env=os.environ | paths | environment, text=True, **pipes)
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A function that runs the script with some sources; it returns what the script prints, and its warnings."""
+    script = tmp_path / "calling.py"
+    script.write_text(SCRIPT)
+
+    def run(*arguments, **environment):
+        process = start(script, *arguments, **environment)
+        out, errors = process.communicate(timeout=120)
+        assert process.returncode == 0, errors
+        return out.strip(), errors
+
+    return run
+
+
+def test_the_same_sources_at_another_path_compile_nothing_and_edited_ones_do(copied, run, tmp_path):
+    first, second = copied("first"), copied("second")
+    assert run(first, tmp_path / "cache") == (COMPILED, "")
+    assert run(second, tmp_path / "cache") == (FOUND, "")
+    # a kernel's code has that of the functions it calls, whatever their file
+    with (second / "dem" / "kernels" / "geometry.py").open("a") as file:
+        file.write("\n")
+    assert run(second, tmp_path / "cache") == (COMPILED, "")
+    assert run(first, tmp_path / "cache") == (FOUND, "")
+
+
+def test_code_for_another_processor_is_not_taken(copied, run, tmp_path):
+    package = copied("package")
+    assert run(package, tmp_path) == (COMPILED, "")
+    assert run(package, tmp_path, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="") == (COMPILED, "")
+    assert run(package, tmp_path) == (FOUND, "")
+
+
+def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothing_is_kept(
+    copied, run, tmp_path
+):
+    package, cache = copied("package"), tmp_path / "cache"
+    run(package, cache)
+    next(cache.glob("*/locks")).unlink()
+    before = sorted(cache.rglob("*"))
+    assert run(package, cache) == (FOUND, "")
+    assert sorted(cache.rglob("*")) == before
+    no_folder = tmp_path / "file"
+    no_folder.touch()
+    out, errors = run(package, no_folder)
+    assert out == COMPILED
+    assert errors.count("keeps no compiled code: Not a directory") == 1
+
+
+def test_a_part_of_a_file_is_compiled_anew(copied, run, tmp_path):
+    package, cache = copied("package"), tmp_path / "cache"
+    run(package, cache)
+    (path,) = cache.glob("*/*rotate_to_world*")
+    path.write_bytes(path.read_bytes()[:1000])
+    assert run(package, cache) == ("0 1 1 0", "")
+    assert run(package, cache) == (FOUND, "")
+
+
+def test_processes_that_start_together_compile_a_kernel_once(copied, tmp_path):
+    package, script = copied("package"), tmp_path / "calling.py"
+    script.write_text(SCRIPT)
+    together = [start(script, package, tmp_path) for _ in range(3)]
+    out = sorted(process.communicate(timeout=120)[0].strip() for process in together)
+    assert out == [COMPILED, FOUND, FOUND]
+
+
+def test_nothing_waits_for_a_process_that_failed_to_compile(copied, tmp_path):
+    package, script = copied("package"), tmp_path / "failing.py"
+    script.write_text(FAILING)
+    first, second = (start(script, package, tmp_path) for _ in range(2))
+    assert first.stdout.readline() == second.stdout.readline() == "failed\n"
+    for process in (first, second):
+        process.communicate()
