@@ -4,9 +4,9 @@
     python benchmarks/pour_ensembles.py compare BEFORE.npz AFTER.npz                  in the newer one
 
 Pours have the default's study at three parameter sets: the lowest and the highest end of each range, and the published
-representative. One checkout measures all piles. Pours are chaotic, so the same seeds give other piles: means are compared. All
-differences of a set together, d with covariance C of its mean, give d' C^-1 d, which has a chi-squared distribution where
-both checkouts pour the same.
+representative. One checkout measures all piles. Pours are chaotic, so the same seeds give other piles: means are
+compared. All differences of a set together, d with covariance C of its mean, give d' C^-1 d, which has a chi-squared
+distribution where both checkouts pour the same.
 """
 
 import argparse

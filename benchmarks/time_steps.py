@@ -3,11 +3,11 @@
     python benchmarks/time_steps.py [--config config/config.yaml] [--seeds 2] [--pairs 0]
 
 The restitution is that of two spheres of a berry's volume that meet at 1.4 m/s, the mean over twelve places of the
-first contact within a step. Of a sphere that hits a rigid plane at 5 to 70 degrees from the normal (the angles of test 4
-of Chung and Ooi 2011), in as many steps a contact: the largest error of the tangential velocity, over the normal one,
-against the equation of the spring where it sticks and Coulomb's mu (1 + e) V_n where it slides. `--pairs`: hits of two
-berries, the largest energy after a hit over that before, with friction, and the mean without friction and damping. The
-piles have the published representative parameters.
+first contact within a step. Of a sphere that hits a rigid plane at 5 to 70 degrees from the normal (the angles of
+test 4 of Chung and Ooi 2011), in as many steps a contact: the largest error of the tangential velocity, over the normal
+one, against the equation of the spring where it sticks and Coulomb's mu (1 + e) V_n where it slides. `--pairs`: hits of
+two berries, the largest energy after a hit over that before, with friction, and the mean without friction and damping.
+The piles have the published representative parameters.
 """
 
 import argparse

@@ -124,6 +124,7 @@ def range_low(config, name):
                 "berry.shear_modulus_pa": 1e9,
                 "berry.poisson_ratio": 0.3,
                 "parameters.e_gg": [0.5, 0.9],
+                "parameters.e_gp": [0.5, 0.9],
                 "validation.published": None,
             },
             r"at most [0-9.e-]+, 1/8 of the contact time",

@@ -59,7 +59,8 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
                 assert np.all(kept[3:, k] == 0.0)
                 continue
             expected, pull[k], limiting, before[k] = slow_law(
-                law, overlap[k], radius[k], normal[k], velocity[k], pull[k], before[k], dt, tension == "keep", limit, shares[k]
+                law, overlap[k], radius[k], normal[k], velocity[k], pull[k], before[k], dt, tension == "keep", limit,
+                shares[k],
             )  # fmt: skip
             assert np.allclose(force[k], expected, rtol=1e-9, atol=1e-13)
             assert push[k] == pytest.approx(limiting, rel=1e-9)

@@ -9,11 +9,11 @@ as of rigid bodies (`law.COULOMB`). Where the damped force may pull, its dashpot
 that is the elastic force, as in EDEM's Hertz-Mindlin contact. Where it may not pull it is the size of all of the force,
 as in LIGGGHTS and LAMMPS; then the limit holds at every moment too.
 
-A body that touches many others has the dashpots of all of them, which add up about its long axis. With a time step dt they may
-reverse its rotation, and a body among eight others trembles for ever. So all of them together stop at most its
-whole rotation in a step: where L = dt max(J) sum(c r^2) is above 1, J the inverse moments of inertia, c the
-dashpots and r their arms, a body takes the share 1 / L of each dashpot, and a contact that of the body with the
-smaller share. The share is that of the step before. With shorter steps it is 1: this is no part of the law.
+A body that touches many others has the dashpots of all of them, which add up about its long axis. With a time step dt
+they may reverse its rotation, and a body among eight others trembles for ever. So all of them together stop at most its
+whole rotation in a step: where L = dt max(J) sum(c r^2) is above 1, J the inverse moments of inertia, c the dashpots
+and r their arms, a body takes the share 1 / L of each dashpot, and a contact that of the body with the smaller share.
+The share is that of the step before. With shorter steps it is 1: this is no part of the law.
 """
 
 import math
