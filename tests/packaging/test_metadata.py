@@ -15,7 +15,9 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 DEPENDENCIES = PROJECT["project"]["dependencies"]
 EXTRAS = PROJECT["project"]["optional-dependencies"]
 TESTED = [*DEPENDENCIES, *EXTRAS["workflow"], *EXTRAS["research"], *EXTRAS["test"]]
-PINS = [line for line in (ROOT / "environment.txt").read_text().splitlines() if not line.startswith(("#", "-e"))]
+PINS = [
+    line for line in (ROOT / "environment.txt").read_text().splitlines() if not line.startswith(("#", "-e"))
+]
 LOCK = re.sub(r"^#.*\n", "", (ROOT / "environment.lock").read_text(), flags=re.MULTILINE)
 RUN = {"run.py", "run_display.py"}  # of cli: `repose run`, which the extra `workflow` is for
 
