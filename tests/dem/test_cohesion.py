@@ -409,7 +409,8 @@ def lifted_pile(gamma, seed):
     return s.positions[:, 2].mean() / np.hypot(*s.positions[:, :2].T).mean()
 
 
-@pytest.mark.parametrize("kind", ["smooth", pytest.param("clump", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["smooth", "clump"])
 def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
     """Such places belong to a body of their own, which stays where it is: it is the walls' side of contacts, too."""
     shape, at = (bent(), ct) if kind == "clump" else (smooth(), st)
