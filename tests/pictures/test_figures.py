@@ -95,19 +95,18 @@ def test_a_figure_has_the_configured_formats_with_its_fonts_inside(inputs, tmp_p
         inputs_of("sobol", inputs),
         CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}},
     )
-    figures.draw("sobol", given, tmp_path / "first" / "it.png", config)
+    for folder in ("first", "second"):
+        figures.draw("sobol", given, tmp_path / folder / "it.png", config)
     files = {path.suffix: path.read_bytes() for path in (tmp_path / "first").iterdir() if path.stem == "it"}
     assert set(files) == {".png", ".pdf", ".svg"}
     for suffix, content in files.items():
-        path = tmp_path / suffix[1:] / f"it{suffix}"
-        alone = config | {"figures": {"format": ["png"], "dpi": 90}} if suffix == ".png" else config
-        figures.draw("sobol", given, path, alone)
-        assert path.read_bytes() == content, "the same bytes in every run"
-        assert [*path.parent.glob("it*")] == [path]
+        assert (tmp_path / "second" / f"it{suffix}").read_bytes() == content, "the same bytes in every run"
     assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(style.PAGE * 90, abs=1)
     assert b"/FontFile2" in files[".pdf"]
     assert b"/Type3" not in files[".pdf"], "a journal wants text of TrueType"
     assert b"<text" not in files[".svg"], "its letters are outlines"
+    figures.draw("sobol", given, tmp_path / "alone" / "it.pdf", config)
+    assert [path.name for path in (tmp_path / "alone").glob("it*")] == ["it.pdf"]
     with pytest.raises(InputError, match=r"it\.eps: ending is '\.eps'; allowed: \.png or \.pdf or \.svg"):
         figures.draw("sobol", given, tmp_path / "it.eps", config)
 
