@@ -1,14 +1,18 @@
 import copy
 import functools
+import gc
 import importlib
 import os
 import pickle
+import re
 import sys
 from pathlib import Path
 
 import pytest
 from xdist.scheduler import LoadScopeScheduling
 
+# What is imported and made until all is collected stays: looking through it takes a third of the time.
+gc.disable()
 # As in `repose.__main__`, and before numpy is loaded: threads that wait for each other on small matrices cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
@@ -45,16 +49,29 @@ for module, name, *when in (
     module = importlib.import_module(module)
     setattr(module, name, _once(getattr(module, name), *when))
 
-# Each set of kernels takes a minute to compile, so tests that call the same ones stay on one worker: those of a study's
-# contact law, those of the library's, and those of clumps and the linear spring. Those of `repose.verification` come
-# late, as their files are small: then either worker finds the kernels in numba's cache. Photographs are a group,
-# which comes early as it is large.
-GROUPS = {
-    "photographs": ("tests/measure/",),
-    "other kernels": tuple(f"tests/dem/test_{name}" for name in ("clumps", "laws", "rest")),
-    "library": ("tests/dem/", "tests/apparatus/test_bounds"),
-    "study": ("tests/apparatus/", "tests/cli/"),
-}
+# A first set of kernels takes two minutes to compile and each further one a minute less, as they share what no law
+# changes. So the tests that call them are one group, which comes first as it is the largest; those of
+# `repose.verification` come late, as their files are small, and find the kernels in numba's cache. Photographs are the
+# other worker's.
+GROUPS = {"photographs": ("tests/measure/",), "kernels": ("tests/dem/", "tests/apparatus/", "tests/cli/")}
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_collection():
+    """Let the garbage collector look only at what the tests make."""
+    yield
+    gc.freeze()
+    gc.enable()
+
+
+ALL_SLOW = re.compile(r"^pytestmark = \[?pytest\.mark\.slow\b", re.MULTILINE)
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Leave out files whose tests are all slow where no slow test runs; None: what pytest would do."""
+    if config.option.markexpr == "not slow" and collection_path.name.startswith("test_"):
+        return True if ALL_SLOW.search(collection_path.read_text()) else None
+    return None
 
 
 class ByKernels(LoadScopeScheduling):

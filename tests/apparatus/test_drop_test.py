@@ -64,6 +64,8 @@ def test_a_long_berry_loses_height_to_its_rotation():
     assert again == falls[2][0]
 
 
+@pytest.mark.slow
+@pytest.mark.essential
 def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(monkeypatch):
     looks = []
     touches = drop_test._Follow.touches

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from repose.apparatus import kept_runs
+from repose.apparatus import bench, kept_runs
 from repose.apparatus.bench_test import Run
 from repose.apparatus.job import pour_job
 from repose.config import stands_on
 from repose.config.study import Study
 from repose.core import places, provenance
+from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 
 CONFIG = Study.load(places.root() / "config/quick.yaml").config
@@ -99,3 +100,10 @@ def test_a_run_that_somebody_changed_or_copied_is_made_again(pours, tmp_path):
 def test_without_a_stage_nothing_is_taken(pours, tmp_path):
     pours(tmp_path, [1])
     assert kept_runs.read(tmp_path / "runs" / "001_1.npz", {}) is None
+
+
+def test_a_pour_into_somebodys_file_is_refused_before_it_is_poured(tmp_path):
+    (tmp_path / "heap.npz").write_text("mine")
+    with pytest.raises(InputError, match=r"heap\.npz: file is 'there already'"):
+        pour_job(bench("funnel"), {}, "heap", {}, [1], None, {}, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["heap.npz"]

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from shared import check_all
 
+from repose.config import reading
 from repose.core import files
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
@@ -242,16 +241,18 @@ def answer(read, path):
     return str(path)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
-@given(
-    content=st.binary(max_size=300),
-    name=st.sampled_from(["a.csv", "a.json", "a.npz", "a.stl", "a.png", "a.yaml"]),
-)
-def test_a_reader_reads_any_bytes_or_reports_what_is_wrong(tmp_path, content, name):
-    from repose.config import reading
+def drawn(check, **strategies):
+    """Call `check` with 60 draws of hypothesis, which is imported here as it takes long."""
+    from hypothesis import HealthCheck, given, settings
 
-    path = tmp_path / name
-    path.write_bytes(content)
+    settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)(
+        given(**strategies)(check)
+    )()
+
+
+def test_a_reader_reads_any_bytes_or_reports_what_is_wrong(tmp_path):
+    from hypothesis import strategies as st
+
     readers = {
         "a.csv": (files.read_table, files.read_rows, berry_files.read_sizes, berry_files.read_compression),
         "a.json": (files.read_json, berry_files.read_berry, Particle.load),
@@ -260,16 +261,30 @@ def test_a_reader_reads_any_bytes_or_reports_what_is_wrong(tmp_path, content, na
         "a.png": (read_image,),
         "a.yaml": (reading.read,),
     }
-    for read in readers[name]:
-        assert str(path) in answer(read, path)
+
+    def check(content, name):
+        path = tmp_path / name
+        path.write_bytes(content)
+        for read in readers[name]:
+            assert str(path) in answer(read, path)
+
+    drawn(check, content=st.binary(max_size=300), name=st.sampled_from(list(readers)))
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
-@given(text=st.text(alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60))
-def test_readers_of_text_take_any_text_or_tell_what_is_wrong(tmp_path, text):
-    from repose.config import reading
+def test_readers_of_text_take_any_text_or_tell_what_is_wrong(tmp_path):
+    from hypothesis import strategies as st
 
     path = tmp_path / "a"
-    path.write_bytes(text.encode())
-    for read in (files.read_table, files.read_rows, files.read_json, berry_files.read_sizes, reading.read):
-        assert str(path) in answer(read, path)
+
+    def check(text):
+        path.write_bytes(text.encode())
+        for read in (
+            files.read_table,
+            files.read_rows,
+            files.read_json,
+            berry_files.read_sizes,
+            reading.read,
+        ):
+            assert str(path) in answer(read, path)
+
+    drawn(check, text=st.text(alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60))

@@ -14,8 +14,12 @@ from repose.config.study import Study
 from repose.core.errors import InputError, YamlError
 from repose.core.parameters import FURTHER, PARAMETERS
 
-GOOD = every_bench_test() | {"figures": {"format": ["png", "pdf"], "dpi": 300}}
 NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
+
+
+def good():
+    """A configuration with every section, to be changed."""
+    return copy.deepcopy(every_bench_test()) | {"figures": {"format": ["png", "pdf"], "dpi": 300}}
 
 
 def resolved(schema):
@@ -93,14 +97,6 @@ def bad_values(schema):
             yield from (("infinite", math.inf), ("texts", ["a", "b"]), ("pairs of nothing", [None, None]))
 
 
-CASES = [
-    (key, wrong, value)
-    for key, schema in leaves(faults.schema())
-    for wrong, value in bad_values(schema)
-    if not (key.startswith("targets.0.") and wrong in ("empty", "a line"))
-]
-
-
 def holder(config, key):
     """The section of a key, and its last part."""
     *path, last = key.split(".")
@@ -120,7 +116,7 @@ def faults_of(config):
 
 def with_value(key, value):
     """A good configuration with another value of one key."""
-    config = copy.deepcopy(GOOD)
+    config = good()
     section, last = holder(config, key)
     section[last] = value
     return config
@@ -130,7 +126,7 @@ def test_every_key_refuses_what_it_cannot_take():
     """All keys get a value that is wrong in the same way; the message has each of them."""
 
     def check_reported(keys):
-        config = copy.deepcopy(GOOD)
+        config = good()
         for key, value in keys.items():
             section, last = holder(config, key)
             section[last] = value
@@ -139,9 +135,11 @@ def test_every_key_refuses_what_it_cannot_take():
         assert not missed
 
     kinds = {}
-    for key, wrong, value in CASES:
-        # a list that is replaced has no entries of its own to break
-        kinds.setdefault(f"{wrong} (targets)" if key == "targets" else wrong, {})[key] = value
+    for key, schema in leaves(faults.schema()):
+        for wrong, value in bad_values(schema):
+            if not (key.startswith("targets.0.") and wrong in ("empty", "a line")):
+                # a list that is replaced has no entries of its own to break
+                kinds.setdefault(f"{wrong} (targets)" if key == "targets" else wrong, {})[key] = value
     check_all(check_reported, [(wrong, keys) for wrong, keys in kinds.items()])
 
 
@@ -153,26 +151,25 @@ OPTIONAL = (
     *(f"parameters.{name}" for name in FURTHER),
     *(setting.key for setting in COMPUTED),
 )
-REQUIRED = [
-    *(key for key, _ in leaves(faults.schema()) if not key.startswith("targets.") and key not in OPTIONAL),
-    *(name for name in sections(faults.schema()) if name in faults.schema()["required"]),
-]
 
 
 def test_every_missing_key_is_reported():
     def missing(key):
-        config = copy.deepcopy(GOOD)
+        config = good()
         section, last = holder(config, key)
         del section[last]
         assert "the key is missing" in faults_of(config)[key].allowed
 
-    check_all(missing, [(key, key) for key in REQUIRED])
+    schema = faults.schema()
+    required = [key for key, _ in leaves(schema) if not key.startswith("targets.") and key not in OPTIONAL]
+    required += [name for name in sections(schema) if name in schema["required"]]
+    check_all(missing, [(key, key) for key in required])
 
 
 def test_an_unknown_key_is_reported_in_every_section():
     def unknown(section, extra):
         key = f"{section}.{extra}" if section else str(extra)
-        config = copy.deepcopy(GOOD)
+        config = good()
         place, _ = holder(config, f"{section}.x" if section else "x")
         place[extra] = 1
         assert "no such key" in faults_of(config)[key].allowed
@@ -191,7 +188,7 @@ def test_every_section_is_a_mapping():
 
 
 def test_all_faults_are_reported_at_once():
-    config = copy.deepcopy(GOOD)
+    config = good()
     keys = (
         "funnel.seeds",
         "simulation.gravity_m_s2",
@@ -208,7 +205,7 @@ def test_all_faults_are_reported_at_once():
 
 
 def test_all_contradictions_are_reported_at_once():
-    config = copy.deepcopy(GOOD)
+    config = good()
     config["funnel"] |= {"outlet_diameter_mm": 150.0, "rest_window_s": 18.0}
     config["miga"]["tournament"] = 900
     config["network"]["split"] = [0.5, 0.1, 0.1]

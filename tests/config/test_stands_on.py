@@ -3,7 +3,7 @@
 import copy
 from pathlib import Path
 
-import pytest
+from shared import check_all
 
 from repose.apparatus import bench, names
 from repose.config import stands_on
@@ -11,47 +11,59 @@ from repose.config.models import named_files
 from repose.config.study import Study
 
 ROOT = Path(__file__).parents[2]
-USED = [name for name in names() if name in Study.load(ROOT / "config/config.yaml").config]
 
 
-@pytest.mark.parametrize("name", USED)
-def test_what_only_the_measurement_reads_makes_no_run_again(name, monkeypatch):
-    monkeypatch.chdir(ROOT)
+def check_used(check):
+    """Call `check` with the configuration and the name of each bench test that it has, in the checkout."""
     config = Study.load("config/config.yaml").config
-    keys = [f"measure.{key}" for key in config["measure"]]
-    keys += [f"{name}.{key}" for key in bench(name).measured_by]
-    for dotted in keys:
-        section, key = dotted.split(".")
-        changed = copy.deepcopy(config)
-        changed[section][key] = "another"
-        assert stands_on.pouring(changed, name) == stands_on.pouring(config, name)
-        assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
-        assert stands_on.settings_of(changed, "next") != stands_on.settings_of(config, "next"), dotted
+    check_all(check, [(name, config, name) for name in names() if name in config])
 
 
-@pytest.mark.parametrize("name", USED)
-def test_whatever_else_a_run_reads_makes_it_again(name, monkeypatch):
+def test_what_only_the_measurement_reads_makes_no_run_again(monkeypatch):
     monkeypatch.chdir(ROOT)
-    config = Study.load("config/config.yaml").config
-    own = [(name, key) for key in config[name] if key not in ("seeds", *bench(name).measured_by)]
-    shared = [(section, key) for section in ("wall", "simulation") for key in config[section]]
-    for section, key in (*own, *shared, ("design", "seed")):
-        changed = copy.deepcopy(config)
-        changed[section][key] = "another"
-        assert stands_on.pouring(changed, name) != stands_on.pouring(config, name), (section, key)
+
+    def check(config, name):
+        keys = [f"measure.{key}" for key in config["measure"]]
+        keys += [f"{name}.{key}" for key in bench(name).measured_by]
+        for dotted in keys:
+            section, key = dotted.split(".")
+            changed = copy.deepcopy(config)
+            changed[section][key] = "another"
+            assert stands_on.pouring(changed, name) == stands_on.pouring(config, name)
+            assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
+            assert stands_on.settings_of(changed, "next") != stands_on.settings_of(config, "next"), dotted
+
+    check_used(check)
 
 
-@pytest.mark.parametrize("name", USED)
-def test_another_order_of_the_keys_is_the_same_text(name, monkeypatch):
+def test_whatever_else_a_run_reads_makes_it_again(monkeypatch):
+    monkeypatch.chdir(ROOT)
+
+    def check(config, name):
+        own = [(name, key) for key in config[name] if key not in ("seeds", *bench(name).measured_by)]
+        shared = [(section, key) for section in ("wall", "simulation") for key in config[section]]
+        for section, key in (*own, *shared, ("design", "seed")):
+            changed = copy.deepcopy(config)
+            changed[section][key] = "another"
+            assert stands_on.pouring(changed, name) != stands_on.pouring(config, name), (section, key)
+
+    check_used(check)
+
+
+def test_another_order_of_the_keys_is_the_same_text(monkeypatch):
     def turned(value):
         return {key: turned(value[key]) for key in reversed(value)} if isinstance(value, dict) else value
 
     monkeypatch.chdir(ROOT)
-    config = Study.load("config/config.yaml").config
-    other = turned(config)
-    for what in (stands_on.pouring, stands_on.measuring):
-        assert str(what(other, name)) == str(what(config, name))
-    assert str(stands_on.sections(other, "berry", "miga")) == str(stands_on.sections(config, "berry", "miga"))
+
+    def check(config, name):
+        other = turned(config)
+        for what in (stands_on.pouring, stands_on.measuring):
+            assert str(what(other, name)) == str(what(config, name))
+        sections = [str(stands_on.sections(one, "berry", "miga")) for one in (config, other)]
+        assert sections[0] == sections[1]
+
+    check_used(check)
 
 
 def test_keys_of_a_bench_test_define_what_its_targets_are(monkeypatch):

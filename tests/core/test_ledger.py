@@ -1,11 +1,12 @@
 """What the program remembers of the files that it wrote."""
 
+import ast
 import errno
 import os
 
 import pytest
 
-from repose.core import files, ledger
+from repose.core import files, ledger, places
 from repose.core.errors import InputError
 
 
@@ -64,3 +65,35 @@ def test_a_full_disk_is_reported_with_the_file_that_did_not_fit(folder):
 
 def test_nobody_may_run_a_ledger(folder):
     assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
+
+
+# Calls that write, rename or remove; what stands in these two files is tested in tests/core and tests/faults.
+WRITERS = {"core/ledger.py", "core/lock.py", "dem/io/whole.py"}
+BARE = {"rmtree", "unlink", "rmdir", "replace_file", "remove", "removedirs", "rename", "renames", "copyfile"}
+BARE |= {"copy", "copytree", "move", "write_bytes", "truncate", "imwrite", "imsave", "tofile", "savez"}
+
+
+def test_no_other_code_of_the_program_writes_or_removes_a_file():
+    modules = ("os", "shutil", "cv2", "np", "path", "Path")  # np.copy copies an array, not a file
+    found = []
+    for path in places.PACKAGE.rglob("*.py"):
+        name = path.relative_to(places.PACKAGE).as_posix()
+        if name in WRITERS:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.Call):
+                continue
+            function = node.func
+            called = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+            owner = getattr(getattr(function, "value", None), "id", "")
+            texts = [
+                argument.value
+                for argument in node.args
+                if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
+            ]
+            opens = called == "open" and any(
+                set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts
+            )
+            if opens or (called in BARE and owner in modules and (owner, called) != ("np", "copy")):
+                found.append(f"{name}:{node.lineno} {called}")
+    assert not found

@@ -409,6 +409,7 @@ def lifted_pile(gamma, seed):
     return s.positions[:, 2].mean() / np.hypot(*s.positions[:, :2].T).mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["smooth", "clump"])
 def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
     """Such places belong to a body of their own, which stays where it is: it is the walls' side of contacts, too."""

@@ -122,6 +122,7 @@ def test_the_limit_of_friction_is_the_force_above_the_adhesion():
     assert limit == pytest.approx(0.0, abs=1e-9 * K1 * DEEP**1.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plasticity", [0.3, 0.8])
 def test_a_hit_returns_the_restitution_of_its_plasticity(plasticity):
     """Head-on, without dashpot; with a dashpot it returns less than either alone."""

@@ -10,17 +10,17 @@ from dem.test_epsd import GRAVITY, RADIUS, STIFF, lost_in_a_meeting, on_floor, s
 from repose.dem import Contact, Shape
 from repose.dem.laws.epsd import HERTZ_TWIST
 
+pytestmark = pytest.mark.slow
+
 LAWS = ["constant_torque", "epsd2"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_bodies_that_spin_and_meet_keep_their_angular_momentum(law):
     rng, berry = np.random.default_rng(7), Shape.ellipsoid(BERRY[0], DENSITY, "body")
     assert max(lost_in_a_meeting(berry, law, rng) for _ in range(4)) < 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_a_sphere_that_spins_on_a_smooth_floor_is_slowed_by_the_rolling_friction(law):
     """omega_0 - 5 mu_r g t / (2 R): the torque mu_r m g R over the moment 0.4 m R^2."""
@@ -31,7 +31,6 @@ def test_a_sphere_that_spins_on_a_smooth_floor_is_slowed_by_the_rolling_friction
     assert s.angular_velocities[0, 0] == pytest.approx(expected, rel=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_spin_about_the_normal_is_slowed_by_the_twisting_friction(law):
     """By mu_t m g a over 0.4 m R^2, as long as the sphere spins on."""
@@ -53,7 +52,6 @@ def test_spin_about_the_normal_is_slowed_by_the_twisting_friction(law):
     assert twisting != HERTZ_TWIST * 0.4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_a_sphere_rolls_down_a_slope_above_the_rolling_friction_and_below_it_is_held(law):
     rolling = 0.1

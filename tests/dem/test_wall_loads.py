@@ -17,8 +17,9 @@ STEEP = {"floor": Plane((0, 0, 0), (0, 0, 1), "wall"), "right": Plane((0.03, 0, 
 def poured(walls, contact, count, lattice, **keywords):
     """Berries that fall from places of a lattice."""
     s = simulation(
-        BERRY, contact, walls=walls, gravity_m_s2=(0, 0, -GRAVITY), dt=2e-4, capacity=count, **keywords
-    )
+        BERRY, contact, walls=walls, gravity_m_s2=(0, 0, -GRAVITY), dt=2e-4, capacity=count,
+        contact_law="hertz_mindlin_rescaled", **keywords,
+    )  # fmt: skip
     rng = np.random.default_rng(2)
     for place in itertools.islice(lattice, count):
         s.add(np.array(place) + 5e-4 * rng.random(3), random_quaternion(rng))

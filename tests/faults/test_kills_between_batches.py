@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 # What is there when the workflow is killed: part of the start, the proposal after it, part of the first batch.
 MOMENTS = ("batch_0/heaps/003.json", "batch_1/samples.csv", "batch_1/heaps/*.json")
 SECTION = {"start_samples": 6, "seeds": 2, "batch": 2, "most_pours": 20, "probability": 0.99, "checks": 2}
@@ -19,7 +21,6 @@ TARGET |= {"range": [37.0, 39.0], "weight": 1.0}
 PATIENCE_S = 600
 
 
-@pytest.mark.slow
 def test_a_kill_within_or_between_batches_loses_nothing(tmp_path):
     done = subprocess.run([sys.executable, __file__, tmp_path], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

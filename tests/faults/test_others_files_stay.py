@@ -1,6 +1,5 @@
 """No verb removes or overwrites a file that the program did not write, whatever its arguments are."""
 
-import ast
 import io
 import json
 import os
@@ -15,11 +14,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from repose import verification
-from repose.apparatus import Run, bench, bench_test, drum, job, warm_up
+from repose.apparatus import Run, bench_test, drum, warm_up
 from repose.cli import VERBS, main
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.files import write_text
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 # Left out is `run`, which passes its words on to snakemake, whose jobs are the other verbs, and writes nothing. All
@@ -166,7 +167,6 @@ def calls(draw):
     return words
 
 
-@pytest.mark.slow
 @settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(words=calls())
 def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
@@ -183,7 +183,6 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
         path.unlink()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
@@ -215,7 +214,6 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox
         path.unlink()
 
 
-@pytest.mark.slow
 @settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(label=st.text(max_size=70), folder=st.one_of(OUT, st.text(max_size=30)))
 def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folder):
@@ -235,42 +233,3 @@ def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folde
         assert not Path.cwd().is_relative_to(place)
         assert not any(place.is_relative_to(Path(own).resolve()) for own in (".git", ".snakemake", "src"))
     assert tree(sandbox) == before
-
-
-def test_a_pour_into_somebodys_file_is_refused_before_it_is_poured(tmp_path):
-    (tmp_path / "heap.npz").write_text("mine")
-    with pytest.raises(InputError, match=r"heap\.npz: file is 'there already'"):
-        job.pour_job(bench("funnel"), {}, "heap", {}, [1], None, {}, tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["heap.npz"]
-
-
-# Calls that write, rename or remove; what stands in these two files is tested above and in tests/core.
-WRITERS = {"core/ledger.py", "core/lock.py", "dem/io/whole.py"}
-BARE = {"rmtree", "unlink", "rmdir", "replace_file", "remove", "removedirs", "rename", "renames", "copyfile"}
-BARE |= {"copy", "copytree", "move", "write_bytes", "truncate", "imwrite", "imsave", "tofile", "savez"}
-
-
-def test_no_other_code_of_the_program_writes_or_removes_a_file():
-    modules = ("os", "shutil", "cv2", "np", "path", "Path")  # np.copy copies an array, not a file
-    found = []
-    for path in (ROOT / "src/repose").rglob("*.py"):
-        name = path.relative_to(ROOT / "src/repose").as_posix()
-        if name in WRITERS:
-            continue
-        for node in ast.walk(ast.parse(path.read_text())):
-            if not isinstance(node, ast.Call):
-                continue
-            function = node.func
-            called = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
-            owner = getattr(getattr(function, "value", None), "id", "")
-            texts = [
-                argument.value
-                for argument in node.args
-                if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
-            ]
-            opens = called == "open" and any(
-                set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts
-            )
-            if opens or (called in BARE and owner in modules and (owner, called) != ("np", "copy")):
-                found.append(f"{name}:{node.lineno} {called}")
-    assert not found

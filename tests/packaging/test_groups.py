@@ -8,49 +8,35 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 TESTS = Path(__file__).parents[1]
 FILES = (
     "apparatus/test_a",
-    "apparatus/test_bounds",
     "cli/test_c",
     "dem/test_b",
-    "dem/test_clumps_c",
-    "dem/test_restitution",
     "core/test_e",
     "core/test_f",
+    "measure/test_g",
+    "measure/test_h",
 )
 
 
-@pytest.mark.slow
 def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
     for name in FILES:
         path = tmp_path / "tests" / f"{name}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("import time\n\n" + "".join(f"def test_{k}(): time.sleep(0.05)\n" for k in range(6)))
     shutil.copy(TESTS / "conftest.py", tmp_path / "tests")
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-v",
-        "-n",
-        "2",
-        "--dist",
-        "loadscope",
-        "-p",
-        "no:cacheprovider",
-    ]
-    done = subprocess.run([*command, "--rootdir", "."], cwd=tmp_path, capture_output=True, text=True)
+    words = ["-v", "-n", "2", "--dist", "loadscope", "-p", "no:cacheprovider", "--rootdir", "."]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *words], cwd=tmp_path, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     workers = {}
     for worker, name in re.findall(r"^\[(gw\d)\].* tests/(\S+)\.py::", done.stdout, re.MULTILINE):
         workers.setdefault(name, set()).add(worker)
     assert set(workers) == set(FILES)
     assert all(len(found) == 1 for found in workers.values())
-    for first, second in (
-        ("apparatus/test_a", "cli/test_c"),
-        ("apparatus/test_bounds", "dem/test_b"),
-        ("dem/test_clumps_c", "dem/test_restitution"),
-    ):
-        assert workers[first] == workers[second]
-    assert workers["apparatus/test_a"] != workers["dem/test_b"]
+    assert workers["apparatus/test_a"] == workers["cli/test_c"] == workers["dem/test_b"]
+    assert workers["dem/test_b"] != workers["measure/test_g"] == workers["measure/test_h"]

@@ -1,6 +1,8 @@
 """What stands in several files about the program, in step."""
 
+import ast
 import re
+import sys
 import tomllib
 from importlib import metadata
 from pathlib import Path
@@ -10,11 +12,41 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+DEPENDENCIES = PROJECT["project"]["dependencies"]
+EXTRAS = PROJECT["project"]["optional-dependencies"]
+TESTED = [*DEPENDENCIES, *EXTRAS["workflow"], *EXTRAS["research"], *EXTRAS["test"]]
+PINS = [
+    line for line in (ROOT / "environment.txt").read_text().splitlines() if not line.startswith(("#", "-e"))
+]
+LOCK = re.sub(r"^#.*\n", "", (ROOT / "environment.lock").read_text(), flags=re.MULTILINE)
+RUN = {"run.py", "run_display.py"}  # of cli: `repose run`, which the extra `workflow` is for
 
 
 def names(requirements):
-    """Names of distributions in a list of requirements."""
-    return {re.match(r"[\w.-]+", line).group().lower() for line in requirements}
+    """Names of distributions in a list of requirements, without the package's own extras."""
+    return {re.match(r"[\w.-]+", line).group().lower() for line in requirements} - {"repose-dem"}
+
+
+def imported(paths):
+    """Distributions that files import, inside functions too."""
+    found = set()
+    for path in paths:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                found.add(node.module.partition(".")[0])
+    homes = metadata.packages_distributions()
+    theirs = found - sys.stdlib_module_names - {path.name for path in (ROOT / "src").iterdir()}
+    return {name.lower().replace("_", "-") for module in theirs for name in homes[module]}
+
+
+def test_the_package_imports_what_it_declares_and_declares_what_it_imports():
+    files = {*(ROOT / "src").rglob("*.py")}
+    of_run = {path for path in files if path.parent.name == "cli" and path.name in RUN}
+    needed = imported(files - of_run)
+    assert needed == names(DEPENDENCIES)
+    assert imported(of_run) - needed == names(EXTRAS["workflow"])
 
 
 def test_the_version_stands_in_the_package():
@@ -23,24 +55,19 @@ def test_the_version_stands_in_the_package():
 
 
 def test_every_dependency_has_a_range_and_is_pinned_for_the_project():
-    extras = PROJECT["project"]["optional-dependencies"]
-    wanted = [*PROJECT["project"]["dependencies"], *extras["workflow"], *extras["docs"], *extras["dev"]]
-    assert all(re.search("[<>]", line) for line in PROJECT["project"]["dependencies"])
-    lines = (ROOT / "environment.txt").read_text().splitlines()
-    pins = [line for line in lines if not line.startswith(("#", "-e"))]
-    assert all("==" in line for line in pins)
-    assert names(wanted) - {"repose-dem"} == names(pins)
+    assert all(re.search("[<>]", line) for line in DEPENDENCIES)
+    assert all("==" in line for line in PINS)
+    assert names(TESTED) == names(PINS)
 
 
-def test_the_lock_file_holds_every_pin_with_hashes_and_no_address():
-    text = (ROOT / "environment.lock").read_text()
-    entries = re.split(r"\n(?=[\w.-]+==)", re.sub(r"^#.*\n", "", text, flags=re.MULTILINE))
+def test_the_lock_file_holds_every_pin_and_tool_with_hashes_and_no_address():
+    entries = re.split(r"\n(?=[\w.-]+==)", LOCK)
     locked = {entry.split()[0].lower() for entry in entries}
-    lines = (ROOT / "environment.txt").read_text().splitlines()
-    assert {line.lower() for line in lines if not line.startswith(("#", "-e"))} <= locked
-    assert names(PROJECT["build-system"]["requires"]) <= {entry.split("==")[0] for entry in locked}
+    assert {line.lower() for line in PINS} <= locked
+    tools = [*PROJECT["build-system"]["requires"], *EXTRAS["docs"], *EXTRAS["dev"]]
+    assert names(tools) <= {entry.split("==")[0] for entry in locked}
     assert all(re.search(r"--hash=sha256:[0-9a-f]{64}\b", entry) for entry in entries)
-    assert "://" not in text
+    assert "://" not in LOCK
 
 
 def test_the_wheel_holds_what_a_study_reads():
@@ -82,22 +109,23 @@ def test_hosted_checks_run_each_python_of_the_classifiers():
 
 
 def test_the_conda_recipe_needs_what_the_package_needs():
-    others = {"matplotlib-base": "matplotlib", "py-opencv": "opencv-python-headless"}
+    others = {
+        "matplotlib-base": "matplotlib",
+        "py-opencv": "opencv-python-headless",
+        "snakemake-minimal": "snakemake",
+    }
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
 
     def ranges(lines):
         found = [Requirement(line) for line in lines if not line.startswith("__")]
         return {others.get(one.name, one.name).lower(): one.specifier for one in found}
 
-    extras = PROJECT["project"]["optional-dependencies"]
     python = f"python {PROJECT['project']['requires-python']}"
-    assert ranges(recipe["requirements"]["run"]) == ranges([python, *PROJECT["project"]["dependencies"]])
+    assert ranges(recipe["requirements"]["run"]) == ranges([python, *DEPENDENCIES])
     assert ranges(recipe["requirements"]["host"]) == ranges(
         [python, "pip", *PROJECT["build-system"]["requires"]]
     )
-    assert [line.replace("-minimal ", "") for line in recipe["requirements"]["run_constraints"]] == extras[
-        "workflow"
-    ]
+    assert ranges(recipe["requirements"]["run_constraints"]) == ranges(EXTRAS["workflow"])
     assert recipe["build"]["python"]["entry_points"] == [
         f"{name} = {place}" for name, place in PROJECT["project"]["scripts"].items()
     ]
@@ -108,6 +136,6 @@ def test_the_conda_recipe_needs_what_the_package_needs():
 
 
 def test_the_pins_lie_in_the_ranges_of_the_wheel():
-    for line in PROJECT["project"]["dependencies"]:
+    for line in (line for line in TESTED if not line.startswith("repose-dem")):
         requirement = Requirement(line)
         assert metadata.version(requirement.name) in requirement.specifier

@@ -15,7 +15,8 @@ from repose.particle import build
 from repose.pictures import figures
 
 MEASURE = every_bench_test()["measure"] | {"views": 2, "mm_per_pixel": 0.5, "response": "flank"}
-CONFIG = every_bench_test() | {"measure": MEASURE, "small_run": False}
+BERRY = every_bench_test()["berry"] | {"spheres": 14}  # the fewest are searched for long
+CONFIG = every_bench_test() | {"measure": MEASURE, "berry": BERRY, "small_run": False}
 PUBLISHED = ("aor_deg", "height_mm")
 DOT = """digraph snakemake_dag {
     graph[bgcolor=white, margin=0];

@@ -75,11 +75,11 @@ def test_a_correlation_of_more_responses_than_repeated_runs_is_refused_unless_it
         inferred(targets, slopes, runs=few)
     drum = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, drum_slip_deg=30.0, drum_rest_deg=30.0)
     one_each = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg", "e_gp")]
-    assert inferred(
-        drum, one_each, runs=few.assign(drum_slip_deg=few["height_mm"], drum_rest_deg=few["base_radius_mm"])
-    )
-    assert inferred(targets, slopes, runs=few, measured_correlation=0.0).summary["correlation"]
-    assert inferred(targets, slopes, runs=runs_of(targets, seeds=2, samples=5)).summary["correlation"]
+    drums = few.assign(drum_slip_deg=few["height_mm"], drum_rest_deg=few["base_radius_mm"])
+    short = {"walkers": 14, "steps": 60}  # what is drawn is not asked for
+    assert inferred(drum, one_each, runs=drums, **short)
+    for runs, changes in ((few, {"measured_correlation": 0.0}), (runs_of(targets, seeds=2, samples=5), {})):
+        assert inferred(targets, slopes, runs=runs, **changes, **short).summary["correlation"]
 
 
 def test_one_target_determines_the_one_parameter_that_moves_it():

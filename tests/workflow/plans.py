@@ -1,5 +1,6 @@
 """Snakemake called by the tests of the workflow: what it would do, and what it did."""
 
+import importlib
 import json
 import os
 import re
@@ -9,9 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import NamedTuple
 
-from snakemake import cli
-
-import repose.strategies.refined.refine  # noqa: F401  loaded here, once, for every fork
 from repose.core import ledger
 
 ROOT = Path(__file__).parents[2]
@@ -39,6 +37,8 @@ def as_ours(folder):
 
 def snakemake(project, *words):
     """Run snakemake in project, in a fork of this process: what it imports is loaded once for all calls."""
+    for module in ("snakemake.cli", "repose.strategies.refined.refine"):
+        importlib.import_module(module)
     began_s = time.perf_counter()
     with TemporaryFile() as out, TemporaryFile() as err:
         child = os.fork()
@@ -66,6 +66,8 @@ def in_this_process(project, words, out, err):
     os.environ["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
     os.chdir(project)
     sys.argv = ["snakemake", "--nocolor", *words]
+    from snakemake import cli
+
     try:
         cli.main(sys.argv[1:])
     except SystemExit as end:
