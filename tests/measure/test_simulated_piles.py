@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile, silhouette
+from repose.measure.segmentation import of_silhouette, segment
+from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE
 
 MM = 0.25
 
@@ -76,6 +78,19 @@ def test_silhouette_of_a_ball_has_its_area_and_stands_on_the_plate():
         areas.append((image < 128).sum() * MM**2)
         assert (image[-2] < 128).any()
     assert np.mean(areas) == pytest.approx(math.pi * 100, rel=4e-3)
+
+
+@pytest.mark.parametrize("largest_only", [True, False])
+def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(largest_only):
+    centres, q = cone_of_berries(30, np.random.default_rng(3), 250)
+    centres[::10, 0] += 0.12  # berries beside the pile, and gaps in it
+    image = silhouette(centres, q, BERRY, mm_per_pixel=MM)
+    known = of_silhouette(image, PILE_TONE, BACKGROUND_TONE, largest_only)
+    found = segment(image, largest_only, base_row=image.shape[0] - 0.5)
+    assert (known.level, known.base_row, known.pile_is) == (found.level, found.base_row, found.pile_is)
+    for name in ("grey", "contrast", "mask"):
+        assert getattr(known, name).dtype == getattr(found, name).dtype
+        np.testing.assert_array_equal(getattr(known, name), getattr(found, name))
 
 
 def test_a_view_turns_with_the_pile_and_its_opposite_is_its_mirror():

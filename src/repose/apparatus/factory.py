@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from repose.dem.rotations import random_quaternion, rotation_matrix
 
@@ -84,7 +83,7 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
         return place
     before = rng.bit_generator.state
     numbers = rng.random((PLACES_TRIED - 1, 2))
-    away = cdist(factory.places(numbers), others, "sqeuclidean").min(axis=1)
+    away = np.sum((factory.places(numbers)[:, None, :] - others) ** 2, axis=2).min(axis=1)
     for k in np.flatnonzero(away > ALMOST * reach * reach).tolist():
         place = np.array(factory.place(*numbers[k].tolist()))
         if is_free(place):

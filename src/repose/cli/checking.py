@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from repose.cli.registry import Option, load_with_inputs, verb
 from repose.core.errors import InputError, InputErrors
-from repose.core.section import MOST_BERRIES
 
 if TYPE_CHECKING:
     from repose.config.study import Study
@@ -46,6 +45,7 @@ def _propose(path: str, grains: int) -> None:
     """Print a smaller scene for more grains than a study may have, if nothing else is wrong with it."""
     from repose.apparatus import funnel, scene_size
     from repose.config.study import Study
+    from repose.core.section import MOST_BERRIES
 
     if grains <= MOST_BERRIES:
         return
@@ -66,7 +66,7 @@ def check(args: argparse.Namespace, study: "Study") -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
     from repose.config import computed, cost, loader
-    from repose.config.reading import get
+    from repose.config.keys import get
     from repose.strategies import cost as strategies
 
     config, berry, particle = study.config, study.grain, study.particle

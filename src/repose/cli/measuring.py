@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import BERRY, JSON
 from repose.cli.registry import Option, load, verb
-from repose.config.reading import section
+from repose.config.keys import section
 from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
 

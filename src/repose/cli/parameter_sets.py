@@ -9,7 +9,6 @@ from repose.cli.registry import Option
 from repose.core import seeds as streams
 from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
-from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, check_value, named
 
 MOST_SEEDS = 10_000  # runs of a parameter set; a study has at most 1000
@@ -62,6 +61,8 @@ def parameters(
         if name not in named(section):
             known = ", ".join(f"{key} ({LABELS[key]})" for key in named(section))
             raise InputError("command line", f"--set {name}", value, f"a parameter of {known}")
+    from repose.core.parameter_space import ParameterSpace
+
     values = {name: check_value(name, value, "command line") for name, value in chosen.items()}
     return ParameterSpace.of(section).centre | values
 

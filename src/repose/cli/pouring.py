@@ -8,7 +8,7 @@ from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
 from repose.cli.registry import Option, verb
-from repose.config.reading import section
+from repose.config.keys import section
 from repose.core.errors import InputError
 from repose.core.files import json_text
 

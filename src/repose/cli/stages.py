@@ -35,10 +35,9 @@ def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") 
 def note_built_in_crop(*files: str) -> None:
     """Print on stderr if the built-in crop stands in for a configuration that the folder lacks."""
     from repose.config import loader
-    from repose.config.reading import read
 
     own = loader.own_crop_under(*files)
-    if own is not None and not any("simulator" in read(places.find(path)) for path in files):
+    if own is not None and not any("simulator" in loader.read(places.find(path)) for path in files):
         print(
             f"repose: note: this folder has no config.yaml; missing settings were taken from "
             f"the built-in goji example, {own}",

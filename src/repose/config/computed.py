@@ -12,7 +12,6 @@ from repose.core.parameter_space import range_of
 from repose.core.parameters import PARAMETERS, named
 from repose.core.published import published_sets
 from repose.core.section import AUTO
-from repose.surrogate import kind_of
 
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
@@ -147,6 +146,8 @@ def split(config: Config, _berry: Any = None, _particle: Any = None) -> list[flo
 
 def split_of(surrogate: str) -> list[float]:
     """The shares for a surrogate."""
+    from repose.surrogate import kind_of
+
     return list(SPLIT_OF_NETWORK if kind_of(surrogate).is_network else SPLIT)
 
 

@@ -11,8 +11,6 @@ from repose.apparatus.bench_test import BenchTest
 from repose.apparatus.settings import SimulationSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
-from repose.surrogate import kind_of
-from repose.surrogate import names as surrogates
 
 Pairs = Iterator[tuple[str, str]]
 
@@ -48,6 +46,9 @@ def used_tests(config: Mapping[str, Any]) -> list[BenchTest]:
 
 def _of_the_surrogate(config):
     """Fewer samples for training than the surrogate needs."""
+    from repose.surrogate import kind_of
+    from repose.surrogate import names as surrogates
+
     free = ParameterSpace.of(config["parameters"]).dimensions
     training = int(config["network"]["split"][0] * config["design"]["samples"] + 1e-9)
     least = kind_of(config["surrogate"]).least_samples(free)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
+from repose.config.keys import Origin, origin_of, owner_of
 from repose.config.models import Settings, settings_type
-from repose.config.reading import Origin, origin_of, owner_of
 from repose.core.errors import InputError, YamlError
 from repose.core.section import AUTO, CONTRADICTION, Section
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from repose.config.reading import Origin, parse, read
+from repose.config.keys import Origin
 from repose.core import ledger, places
 from repose.core.files import write_text
 from repose.core.parameters import FURTHER, PARAMETERS
@@ -19,6 +19,13 @@ Read = Callable[[str | os.PathLike], dict[str, Any]]
 RESOLVED = "config.json"  # in the folder of results
 # Replaced, not merged: a fixed parameter has no prior of another file.
 WHOLE = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
+
+
+def read(path: str | os.PathLike) -> dict[str, Any]:
+    """As `repose.config.reading.read`; a job, which reads no YAML, does not load it."""
+    from repose.config import reading
+
+    return reading.read(path)
 
 
 def read_layers(
@@ -118,6 +125,8 @@ def is_resolved(*files: str | os.PathLike) -> bool:
 
 def _values(value):
     """Overrides with their text read as YAML: the command line gives 2 and [1, 2] as text."""
+    from repose.config.reading import parse
+
     if isinstance(value, dict):
         return {key: _values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from repose.apparatus.settings import SimulationSettings
 from repose.config import computed, results_folder
 from repose.config.contradictions import BEFORE_NUMBERS, Rule, rules, used_tests
-from repose.config.reading import Origin, get, owner_of
+from repose.config.keys import Origin, get, owner_of
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published, read_stored
 from repose.core.targets import Targets, completed

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
+from repose.config.keys import get
 from repose.config.models import (
     Design,
     Miga,
@@ -19,7 +20,7 @@ from repose.config.models import (
     far_priors,
 )
 from repose.config.profiles import expanded_own
-from repose.config.reading import get, read
+from repose.config.reading import read
 from repose.core import places
 from repose.core.errors import YamlError, raise_together
 from repose.core.profiles import OfProfile, Profile

@@ -8,25 +8,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from threadpoolctl import threadpool_limits
-
-from repose.apparatus import bench_tests
 from repose.config import loader
-from repose.config.making import Making
-from repose.config.reading import read
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, read_json, write_json
-from repose.core.parameter_space import ParameterSpace
 from repose.core.published import beside
 from repose.core.responses import Definitions
-from repose.core.targets import Targets
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from repose.config.making import Making
     from repose.config.models import Settings
     from repose.config.record import Record
+    from repose.core.parameter_space import ParameterSpace
+    from repose.core.targets import Targets
     from repose.particle.particle import Particle
     from repose.strategies.base import Answer, Batch
     from repose.studies.calibration import Calibration
@@ -70,7 +66,7 @@ class Study:
     """
 
     config: dict[str, Any]
-    _making: Making | None  # None: a simulator of the user's own
+    _source: Any  # names the file of a key in messages; None: a simulator of the user's own
     _file: Path | None
 
     def __init__(
@@ -101,9 +97,9 @@ class Study:
             _keep_settings(given, file)
         self._make(config, None, file)
 
-    def _make(self, config, making, file=None):
+    def _make(self, config, source, file=None):
         """Set the attributes, once."""
-        for name, value in (("config", config), ("_making", making), ("_file", file)):
+        for name, value in (("config", config), ("_source", source), ("_file", file)):
             object.__setattr__(self, name, value)
         return self
 
@@ -112,9 +108,9 @@ class Study:
         return f"<Study {self.config['label']}: {free} by {targets}, strategy {self.config['strategy']}>"
 
     @classmethod
-    def _of(cls, config, making, file=None):
+    def _of(cls, config, source, file=None):
         """A study without the arguments of `Study(...)`."""
-        return cls.__new__(cls)._make(config, making, file)
+        return cls.__new__(cls)._make(config, source, file)
 
     @classmethod
     def resume(cls, file: str | os.PathLike) -> "Study":
@@ -159,6 +155,7 @@ class Study:
             As `Study(...)`.
         """
         from repose.config.own import completed
+        from repose.config.reading import read
 
         if isinstance(content, Mapping):
             return cls._of(completed(content), None, file)
@@ -222,9 +219,13 @@ class Study:
         InputError
             As in `load`.
         """
+        from repose.config.making import Making
+
         making = Making(dict(config), source)
         making.complete(inputs)
-        return cls._of(making.config, making)
+        study = cls._of(making.config, source)
+        study.__dict__["_making"] = making
+        return study
 
     @classmethod
     def of_results(cls, path: str | os.PathLike) -> "Study":
@@ -246,7 +247,14 @@ class Study:
         """
         config = read_json(path, what="the configuration of a folder of results")
         provenance.note_config(config)
-        return cls._of(config, Making(config, str(path)))
+        return cls._of(config, str(path))
+
+    @cached_property
+    def _making(self) -> "Making":
+        """The making of the study; of one that was checked before it is loaded where a check is asked for."""
+        from repose.config.making import Making
+
+        return Making(self.config, self._source)
 
     @cached_property
     def settings(self) -> "Settings":
@@ -256,18 +264,23 @@ class Study:
         return settings_type().model_validate(self.config)
 
     @cached_property
-    def parameters(self) -> ParameterSpace:
+    def parameters(self) -> "ParameterSpace":
         """Ranges of the free parameters, fixed values, prior knowledge."""
+        from repose.core.parameter_space import ParameterSpace
+
         section = self.config["parameters"]
-        return ParameterSpace.of(section, names=tuple(section) if self._making is None else None)
+        return ParameterSpace.of(section, names=tuple(section) if self._source is None else None)
 
     @cached_property
-    def targets(self) -> Targets:
+    def targets(self) -> "Targets":
         """The measured responses."""
-        if self._making is None:
+        if self._source is None:
             from repose.config.own import targets_of
 
             return targets_of(self.config["targets"])
+        import repose.apparatus  # noqa: F401  registers the responses
+        from repose.core.targets import Targets
+
         return Targets.of(self.config["targets"])
 
     @cached_property
@@ -276,8 +289,10 @@ class Study:
 
         Other bench tests are left out: the study's files do not change with them.
         """
-        if self._making is None:
+        if self._source is None:
             return {}
+        from repose.apparatus import bench_tests
+
         found = {
             response.name: response.settings(self.config)
             for test in bench_tests()
@@ -324,9 +339,9 @@ class Study:
         """
         self._checked()
 
-    def _checked(self) -> Making:
+    def _checked(self) -> "Making":
         """The making of a study with our simulator, its files checked."""
-        if self._making is None:
+        if self._source is None:
             raise InputError("study", "grain", None, "a study of our own simulator; this one has the user's")
         self._making.check_inputs()
         return self._making
@@ -415,6 +430,7 @@ class Study:
 def _one_thread():
     """Small matrices are slower on several threads, and end in other bits than the command line's."""
     import scipy.linalg  # noqa: F401  brings matrices of its own, which only a library that is loaded limits
+    from threadpoolctl import threadpool_limits
 
     return threadpool_limits(limits=1, user_api="blas")
 
@@ -442,6 +458,8 @@ def _settings_of(file):
 
 def _keep_settings(given, file):
     """Write the settings beside the file of runs; InputError if there are others."""
+    from repose.config.reading import read
+
     path = _settings_of(file)
     if not path.exists():
         write_json(path, given)

@@ -7,7 +7,6 @@ file systems of clusters have none: there nothing is held, and nothing is refuse
 import errno
 import fcntl
 import os
-import socket
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,7 +39,7 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
             print(message, file=sys.stderr, flush=True)
             fcntl.flock(jobs, fcntl.LOCK_EX)
     mine.truncate(0)
-    mine.write(f"process {os.getpid()} on {socket.gethostname()}")
+    mine.write(f"process {os.getpid()} on {os.uname().nodename}")
     mine.flush()
     return mine
 

@@ -98,10 +98,8 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
     least = max(MIN_LEVELS, math.ceil(smallest * count))
     if count < least:
         raise NoFlankError(WALL)
-    places = np.unique(np.linspace(0, count, min(count, WINDOW_STEPS) + 1).round().astype(int))
-    first, last = (ends.ravel() for ends in np.meshgrid(places, places, indexing="ij"))
-    long_enough = last - first >= least
-    first, last = first[long_enough], last[long_enough]
+    places = np.linspace(0, count, min(count, WINDOW_STEPS) + 1).round().astype(int)
+    first, last = (places[ends] for ends in np.nonzero(places - places[:, None] >= least))
     correlation = window_correlations(distance, height, first, last)
     if np.isnan(correlation).all():
         raise NoFlankError(WALL)
@@ -118,7 +116,7 @@ def window_correlations(
     """Correlation (windows,) of distance and height of points first to last - 1, by running sums; NaN for a wall."""
     x, z = distance - distance.mean(), height - height.mean()
     sums = np.concatenate([np.zeros((5, 1)), np.cumsum([x, z, x * x, z * z, x * z], axis=1)], axis=1)
-    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums[:, last] - sums[:, first]
+    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
     n = last - first
     spread_x, spread_z = sum_xx - sum_x * sum_x / n, sum_zz - sum_z * sum_z / n
     usable = (spread_x >= n * WALL_SD**2) & (spread_z > 0)
@@ -137,7 +135,7 @@ def window_slopes(
     sums = np.concatenate(
         [np.zeros((5, 1)), np.cumsum([np.ones_like(x), x, z, x * x, x * z], axis=1)], axis=1
     )
-    n, sum_x, sum_z, sum_xx, sum_xz = sums[:, last] - sums[:, first]
+    n, sum_x, sum_z, sum_xx, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
     n = np.maximum(n, 1)
     spread = sum_xx - sum_x * sum_x / n
     usable = (n >= MIN_LEVELS) & (spread >= n * WALL_SD**2)

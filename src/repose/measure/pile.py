@@ -21,9 +21,18 @@ from repose.core.errors import InputError, NoFlankError
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.profile_points import FLANK_RULES
 from repose.measure.results import Angle, Measurement, PileResult
-from repose.measure.segmentation import SMALLEST, Segmentation, require_upright, segment, upper_edge
+from repose.measure.segmentation import (
+    SMALLEST,
+    Segmentation,
+    of_silhouette,
+    require_upright,
+    segment,
+    upper_edge,
+)
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import (
+    BACKGROUND_TONE,
+    PILE_TONE,
     ConvexBody,
     frame,
     outlines,
@@ -84,17 +93,7 @@ def profile_of(pile: Segmentation) -> tuple[np.ndarray, int]:
 def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurement:
     """Measurement of a picture that is split into pile and background; its response may be missing."""
     profile, crest = profile_of(pile)
-    scale = settings.mm_per_pixel
-    berry = None if settings.berry_height_mm is None else settings.berry_height_mm / scale
-    measured, reasons = measure_sides(
-        profile,
-        crest,
-        settings.fit_from,
-        settings.fit_to,
-        berry,
-        settings.flank,
-        settings.smallest_window,
-    )
+    measured, reasons = _sides(profile, crest, settings)
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
         lines = (
@@ -107,11 +106,25 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
         response=settings.response,
         angles=angles,
         reasons=reasons,
-        height_mm=float(profile[crest]) * scale,
+        height_mm=float(profile[crest]) * settings.mm_per_pixel,
         base_row=pile.base_row,
         top=(float(crest), pile.base_row - float(profile[crest])),
         contour=np.concatenate(contours)[:, 0, :],
         pile_is=pile.pile_is,
+    )
+
+
+def _sides(profile, crest, settings):
+    """`measure_sides` by the settings."""
+    berry = None if settings.berry_height_mm is None else settings.berry_height_mm / settings.mm_per_pixel
+    return measure_sides(
+        profile,
+        crest,
+        settings.fit_from,
+        settings.fit_to,
+        berry,
+        settings.flank,
+        settings.smallest_window,
     )
 
 
@@ -154,11 +167,12 @@ def measure_pile(
     height = np.full(settings.views, np.nan)
     reasons: dict[str, str] = {}
     for view, pile in enumerate(views):
-        seen = measure_segmented(pile, settings)
-        height[view] = seen.height_mm
-        for name, angle in seen.angles.items():
-            aor[name][view] = angle.aor_deg
-        reasons = seen.reasons | reasons
+        profile, crest = profile_of(pile)
+        height[view] = profile[crest] * settings.mm_per_pixel
+        measured, missing = _sides(profile, crest, settings)
+        for name, (aor_deg, _, _) in measured.items():
+            aor[name][view] = aor_deg
+        reasons = missing | reasons
     return PileResult(settings.response, 1e3 * height_m, height, aor, reasons)
 
 
@@ -193,7 +207,7 @@ def pile_views(
             if min(image.shape) < SMALLEST:
                 size = f"{image.shape[1]} by {image.shape[0]} pixels of {scale:g} mm (measure.mm_per_pixel)"
                 raise NoFlankError(f"the pile's picture has {size}; a flank needs {SMALLEST} by {SMALLEST}")
-            yield segment(image, settings.largest_pile_only, base_row=image.shape[0] - 0.5)
+            yield of_silhouette(image, PILE_TONE, BACKGROUND_TONE, settings.largest_pile_only)
 
     return height_m, views()
 

@@ -68,6 +68,18 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
     return Segmentation(grey, contrast, level, mask, float(base_row), pile_is, beside)
 
 
+def of_silhouette(picture: np.ndarray, pile_tone: int, background: int, largest_only: bool) -> Segmentation:
+    """What `segment` gives for a simulated pile's picture (H, W): its two tones and its base are known."""
+    seen = (picture == pile_tone).view(np.uint8)
+    contrast = seen * np.float32(abs(background - pile_tone))
+    count = cv2.countNonZero(seen)
+    # half-way as `threshold` has it, to the last bit: OpenCV's mean is the sum times 1 / count
+    level = 0.5 * (255.0 * count * (1.0 / count)) * float(contrast.max()) / 255.0
+    mask = pile_component(seen, largest_only)
+    pile_is = "darker" if pile_tone < background else "brighter"
+    return Segmentation(picture, contrast, level, mask, picture.shape[0] - 0.5, pile_is)
+
+
 def checked(image: np.ndarray) -> np.ndarray:
     """The picture as contiguous bytes, of one channel if its three are the same; InputError if it is unusable."""
     image = np.asarray(image)
@@ -199,7 +211,7 @@ def require_upright(mask: np.ndarray) -> None:
 
 def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
     """Upper row of the pile in each column (W,), between pixels by linear interpolation; NaN without pile."""
-    top = mask.argmax(axis=0)
+    top = cv2.transpose(mask).view(bool).argmax(axis=1)  # in contiguous memory three times as fast
     column = np.arange(mask.shape[1])
     inner = contrast[top, column]
     outer = np.where(top > 0, contrast[np.maximum(top - 1, 0), column], 0.0)

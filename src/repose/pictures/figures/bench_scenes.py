@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from repose.config.reading import section
+from repose.config.keys import section
 from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import outlines
 from repose.particle.particle import Particle
