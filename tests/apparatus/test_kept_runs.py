@@ -1,5 +1,8 @@
 """Runs that are kept one by one: a further seed runs that seed only. No engine runs here."""
 
+import errno
+import shutil
+from contextlib import suppress
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +13,7 @@ from repose.apparatus.bench_test import Run
 from repose.apparatus.job import pour_job
 from repose.config import stands_on
 from repose.config.study import Study
-from repose.core import places, provenance
+from repose.core import ledger, places, provenance
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 
@@ -18,22 +21,31 @@ CONFIG = Study.load(places.root() / "config/quick.yaml").config
 SET = dict.fromkeys(PARAMETERS, 0.3)
 
 
+class Stopped(Exception):
+    """The end of a job before its runs are complete."""
+
+
 @pytest.fixture
 def pours():
     """A function that pours with a bench test of no cost, and returns the seeds that it ran."""
 
-    def pour(folder, seeds, config=CONFIG, parameters=SET, keeps_runs=True):
+    def pour(folder, seeds, config=CONFIG, parameters=SET, keeps_runs=True, stops=None):
         ran = []
 
         def run(config, parameters, seed, *_):
+            if seed == stops:
+                raise Stopped
             ran.append(seed)
             numbers = np.random.default_rng(seed).normal(size=(4, 3)).astype(np.float32)
             record = {"seed": seed, "status": "ok", "reason": "", "discharge_s": 0.1 * seed, "off": None}
             return Run(record, {"position": numbers, "in_pile": numbers[:, 0] > 0})
 
+        for path in folder.glob("001*.*"):  # as snakemake removes outputs
+            path.unlink()
         test = SimpleNamespace(name="funnel", run=run)
-        with provenance.stage(
-            "pour", (), lambda one, _: stands_on.settings_of(one, "pour"), "funnel", "made"
+        with (
+            provenance.stage("pour", (), lambda one, _: stands_on.settings_of(one, "pour"), "funnel", "made"),
+            suppress(Stopped),
         ):
             provenance.note_config(config)
             pour_job(test, config, "001", parameters, seeds, None, {}, folder, keeps_runs=keeps_runs)
@@ -52,12 +64,31 @@ def test_a_further_seed_runs_that_seed_only_and_gives_the_same_bytes(pours, tmp_
     assert not (tmp_path / "fresh" / "runs").exists()
 
 
+def test_fewer_seeds_lose_none_of_the_kept_runs(pours, tmp_path):
+    assert pours(tmp_path, [1, 2, 3]) == [1, 2, 3]
+    assert pours(tmp_path, [1]) == []
+    assert pours(tmp_path, [1, 2, 3, 4]) == [4]
+
+
 def test_a_job_that_was_killed_goes_on(pours, tmp_path):
-    pours(tmp_path, [1, 2])
-    (tmp_path / "001.npz").unlink()
-    (tmp_path / "001.pours.json").unlink()
-    assert pours(tmp_path, [1, 2]) == []
+    assert pours(tmp_path, [1, 2, 3], stops=3) == [1, 2]
+    assert not (tmp_path / "001.npz").exists()
+    assert pours(tmp_path, [1, 2, 3]) == [3]
     assert (tmp_path / "001.npz").exists()
+
+
+def test_a_pile_of_a_complete_job_lies_once_on_the_disk(pours, tmp_path, monkeypatch):
+    pours(tmp_path, [1, 2])
+    assert {path.name for path in (tmp_path / "runs").iterdir()} == {".repose", "001.npz", "001.pours.json"}
+    assert (tmp_path / "runs/001.npz").samefile(tmp_path / "001.npz")
+
+    def refuse(*_):
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(ledger.os, "link", refuse)  # a file system without second names
+    assert pours(tmp_path / "copied", [1, 2]) == [1, 2]
+    assert (tmp_path / "copied/runs/001_2.npz").exists()
+    assert pours(tmp_path / "copied", [1, 2]) == []
 
 
 def test_a_run_of_other_settings_parameters_or_engine_is_made_again(pours, tmp_path, monkeypatch):
@@ -69,32 +100,36 @@ def test_a_run_of_other_settings_parameters_or_engine_is_made_again(pours, tmp_p
     assert pours(tmp_path, [1], other, SET | {"mus_gg": 0.4}) == [1]
 
 
-def test_a_damaged_run_never_reaches_a_result(pours, tmp_path):
-    pours(tmp_path, [1])
-    path, result = tmp_path / "runs" / "001_1.npz", tmp_path / "001.npz"
-    whole, right = path.read_bytes(), result.read_bytes()
-    for damaged in (whole[: len(whole) // 2], b""):
-        path.write_bytes(damaged)
-        assert pours(tmp_path, [1]) == [1]
-        assert result.read_bytes() == right
-    for at in range(0, len(whole), 41):
-        path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
-        pours(tmp_path, [1])
-        assert result.read_bytes() == right, at
+@pytest.mark.parametrize("kept", ["001_1.npz", "001.npz", "001.pours.json"])
+def test_a_damaged_run_never_reaches_a_result(pours, tmp_path, kept):
+    pours(tmp_path / "kept", [1, 2], stops=2 if kept == "001_1.npz" else None)
+    pours(tmp_path / "right", [1, 2], keeps_runs=False)
+    whole = (tmp_path / "kept/runs" / kept).read_bytes()
+    damaged = [whole[: len(whole) // 2], b""]
+    damaged += [whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :] for at in range(0, len(whole), 41)]
+    for number, content in enumerate(damaged):
+        folder = tmp_path / str(number)
+        shutil.copytree(tmp_path / "kept/runs", folder / "runs")
+        (folder / "runs" / kept).write_bytes(content)
+        assert pours(folder, [1, 2]) == [1, 2]
+        for name in ("001.npz", "001.pours.json"):
+            assert (folder / name).read_bytes() == (tmp_path / "right" / name).read_bytes()
 
 
 def test_a_run_that_somebody_changed_or_copied_is_made_again(pours, tmp_path):
     """With its record, by which it would be the same run."""
-    pours(tmp_path, [1])
-    first, second, right = (tmp_path / name for name in ("runs/001_1.npz", "runs/001_2.npz", "001.npz"))
-    content = right.read_bytes()
+    pours(tmp_path, [1, 2], stops=2)
+    first, second, result = (tmp_path / name for name in ("runs/001_1.npz", "runs/001_2.npz", "001.npz"))
     second.write_bytes(first.read_bytes())
     assert pours(tmp_path, [1, 2]) == [2]
-    arrays = dict(np.load(first))
+    content = result.read_bytes()
+    arrays = dict(np.load(second))
+    (tmp_path / "runs/001.npz").unlink()
     for name, other in (("position", arrays["position"] + 1), (kept_runs.ABOUT, np.array("{"))):
-        np.savez(first, **{**arrays, name: other})
-        assert pours(tmp_path, [1]) == [1], name
-        assert right.read_bytes() == content
+        np.savez(second, **{**arrays, name: other})
+        assert 2 in pours(tmp_path, [1, 2]), name
+        assert result.read_bytes() == content
+        (tmp_path / "runs/001.npz").unlink()
 
 
 def test_without_a_stage_nothing_is_taken(pours, tmp_path):

@@ -9,6 +9,7 @@ from shared import one_run
 from repose.apparatus import bench
 from repose.chain import dataset
 from repose.core.errors import InputError
+from repose.core.parameter_sets import job_files
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 
@@ -184,6 +185,6 @@ def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
     (tmp_path / "heaps").mkdir()
     (tmp_path / "samples.csv").write_text("sample,e_gg\n1,0.3\n10000,0.3\n")
     words = [str(tmp_path / "heaps"), "other/001.json"]
-    names = [str(path) for path in dataset.job_files(words, tmp_path / "samples.csv")]
+    names = [str(path) for path in job_files(words, tmp_path / "samples.csv")]
     assert names == [f"{tmp_path}/heaps/001.json", f"{tmp_path}/heaps/10000.json", "other/001.json"]
-    assert [str(path) for path in dataset.job_files(["a.json"], "no/table.csv")] == ["a.json"]
+    assert [str(path) for path in job_files(["a.json"], "no/table.csv")] == ["a.json"]

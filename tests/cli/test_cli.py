@@ -14,6 +14,7 @@ import pytest
 from shared import check_all
 
 from repose.__main__ import main
+from repose.apparatus import job, kept_runs
 from repose.cli import GROUPS, STAGES, SUCCESSORS, TYPED, VERBS, checking, parser, registry
 from repose.config.study import Study
 from repose.core import provenance
@@ -239,6 +240,49 @@ def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, cap
     settings = [job.pop("provenance")["settings"] for job in (whole, steps)]
     assert len(set(settings)) == 2, "the one pours and measures, the other measures"
     assert steps == whole
+
+
+def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(short_config, tmp_path, monkeypatch):
+    samples = tmp_path / "samples.csv"
+    samples.write_text("sample," + ",".join(PARAMETERS) + "\n1,0.2,0.5,0.03,0.3,0.6,0.2\n")
+    inputs, folder = ["--samples", str(samples)], str(tmp_path / "heaps")
+    pour = [
+        "stage",
+        "pour",
+        *inputs,
+        "--sample",
+        "1",
+        "--seed",
+        "7",
+        "--config",
+        short_config,
+        "--out",
+        folder,
+    ]
+    assert main([*pour, "--keep-runs", "--measure"]) == 0
+    result, kept = tmp_path / "heaps/001.json", tmp_path / "heaps/runs/001.json"
+    assert not result.exists()
+
+    anew, measured = [], job.measured
+    monkeypatch.setattr(job, "measured", lambda *given: anew.append(given) or measured(*given))
+
+    def measure(*words, config=short_config):
+        anew.clear()
+        assert main(["stage", "measure_runs", folder, *inputs, "--config", config, *words]) == 0
+        return len(anew), result.read_bytes()
+
+    _, right = measure()
+    assert measure("--keep-runs") == (0, right), "as measured by the process that poured"
+    other = json.loads(Path(short_config).read_text())
+    other["measure"]["views"] = 4
+    (tmp_path / "other.json").write_text(json.dumps(other))
+    assert measure("--keep-runs", config=str(tmp_path / "other.json"))[0] == 1
+    assert measure("--keep-runs") == (1, right)
+    assert measure("--keep-runs") == (0, right)
+    monkeypatch.setattr(kept_runs, "_code", lambda: "edited")
+    assert measure("--keep-runs") == (1, right)
+    kept.write_text(kept.read_text().replace("7", "8", 1))
+    assert measure("--keep-runs") == (1, right), "somebody changed it"
 
 
 def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, tmp_path, capsys):

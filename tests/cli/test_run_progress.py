@@ -60,6 +60,17 @@ def test_a_job_counts_the_runs_that_it_has_kept_since_it_began(planned, tmp_path
     assert planned.pours_done == 1, "a run that was kept before is not poured again"
 
 
+def test_a_complete_job_counts_the_runs_that_it_has_timed(planned, tmp_path):
+    (tmp_path / "timings").mkdir()
+    for number, date_s in (("001", BEGAN_S + 50), ("002", BEGAN_S - 500)):
+        path = tmp_path / f"timings/{number}.json"
+        path.write_text('{"wall_s": {"7": 3.1, "8": 2.9}}')
+        os.utime(path, (date_s, date_s))
+        planned.start(int(number), pour(number, tmp_path))
+        planned.finish(int(number), BEGAN_S + 60)
+    assert planned.pours_done == 2
+
+
 def test_jobs_that_a_checkpoint_adds_are_planned_when_they_begin(planned, tmp_path):
     for number in range(5):
         planned.start(number, pour(number, tmp_path))

@@ -68,10 +68,11 @@ def test_samples_are_run_in_every_bench_test_of_the_targets(project):
         (project / "mine.yaml").write_text(json.dumps(mine))
         words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "dataset")
         jobs = planned(project, *words)
-        assert (jobs["pour"], jobs["measure_runs"]) == (14 * len(folders), 14 * len(folders))
+        assert (jobs["pour"], jobs["measure_runs"]) == (14 * len(folders), len(folders))
         shown = snakemake(project, "-n", "-p", *words).stdout
         for folder in folders:
             assert f"results/quick/{folder}/014.json" in shown
+        assert shown.count(f"measure_runs results/quick/{folder} --samples ") == 1
         assert "--apparatus drum" in shown
 
 
@@ -171,7 +172,7 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
     jobs = before | behind
     made = {"dataset", "validate", "film", "total"} | ({"drum"} if "drum_run" in poured else set())
     assert set(jobs) - made == {*measured, *poured}
-    for rule, count in (("pour", 12), ("measure_runs", 12), ("measure_validation_runs", 3)):
+    for rule, count in (("pour", 12), ("measure_runs", 1), ("measure_validation_runs", 1)):
         assert jobs.get(rule, count) == count
 
 
@@ -197,7 +198,7 @@ def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
     none = ("validation={published_simulated: null}",)
     words = ("--configfile", "config/quick.yaml", "--config", "results_dir=results/other")
     jobs = planned(project, *words, *none, "--", "published_sets")
-    made = {"validation_pour": 7, "measure_validation_runs": 7, "published_solutions": 1, "published_sets": 1}
+    made = {"validation_pour": 7, "measure_published_runs": 1, "published_solutions": 1, "published_sets": 1}
     assert made.items() <= jobs.items()
     assert "pour" not in jobs
     jobs = planned(project, *words, *none)

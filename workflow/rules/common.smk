@@ -7,6 +7,9 @@ import shlex
 import sys
 import time
 
+# Before numpy is loaded, as in a verb: the matrices are small.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pandas
 import psutil
 
@@ -79,9 +82,13 @@ def as_typed(path):
 
 
 # The default, the folder's own, --configfile and --config, each over the one before, checked; a bad value ends here
-# with one message. A job of a cluster starts a snakemake of its own, after the first one has checked the inputs.
+# with one message. A job of a cluster, or that which draws the workflow, starts a snakemake of its own, after the first
+# one has checked the inputs.
+CHECKS_INPUTS = IS_MAIN and "--rulegraph" not in sys.argv
 STUDY = or_one_message(
-    lambda: Study.load(*map(as_typed, CONFIGURATIONS), overrides=VALUES, inputs=IS_MAIN)
+    lambda: Study.load(
+        *map(as_typed, CONFIGURATIONS), overrides=VALUES, inputs=CHECKS_INPUTS
+    )
 )
 config = STUDY.config
 RESULTS = config["results_dir"]
@@ -240,6 +247,18 @@ def folders_of_jobs(wildcards, input):
     return list(dict.fromkeys(map(os.path.dirname, input.jobs)))
 
 
+def for_each(samples, path):
+    """Paths of all samples; further wildcards stay."""
+    return expand(path, sample=samples, allow_missing=True)
+
+
+def jobs_to_measure(wildcards, input, output):
+    """Words for the verb that measures: the folder of a table's jobs, or the one job."""
+    if "samples" not in input.keys():
+        return input.pours
+    return [folder(wildcards, output), "--samples", input.samples]
+
+
 # Its change draws every figure again.
 RESOLUTION = {"figures.dpi": STUDY.settings.figures.dpi}
 Figure = collections.namedtuple("Figure", "label path category inputs depends")
@@ -290,8 +309,5 @@ def answer_jobs(wildcards):
     """Measured runs of the answer."""
     if not of_the_chain():
         return check_jobs(config["strategy"])
-    return expand(
-        rules.measure_validation_runs.output.result,
-        runs=folders_of_targets(),
-        sample=OWN_SOLUTIONS[0],
-    )
+    first = rules.measure_validation_runs.output.result[0]
+    return expand(first, runs=folders_of_targets())

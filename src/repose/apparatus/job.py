@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.apparatus import kept_runs
 from repose.apparatus.bench_test import BenchTest, Run, bench
+from repose.apparatus.kept_runs import KeptRuns, read_measurement, write_measurement
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_npz
@@ -23,6 +23,7 @@ from repose.core.ledger import check_replaceable
 from repose.core.parameters import named
 from repose.core.runs import summarise_runs
 from repose.core.seeds import UNNAMED
+from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_pours, saved_positions
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -71,12 +72,9 @@ def pour_job(
     """Run one parameter set with all its seeds, write the files of the job, NAME.pours.json last, and return its path.
 
     With `interval_s` also frames are written, this simulated time apart. `progress`, called with each seed, gives a
-    context manager that is called with the simulated time. With `keeps_runs` each run is also kept in
-    runs/NAME_SEED.npz, and taken from there where it is the same; so a further seed runs that seed only, and a job that
-    was killed goes on.
+    context manager that is called with the simulated time. With `keeps_runs` each run is also kept (`kept_runs`), and
+    taken from there where it is the same; so a further seed runs that seed only, and a job that was killed goes on.
     """
-    from repose.measure.saved_pours import POURS
-
     out = Path(out_dir)
     seeds = list(seeds)
     films = [f"{name}_trajectory_{seed}.npz" for seed in seeds if interval_s is not None]
@@ -86,16 +84,16 @@ def pour_job(
     saved: dict[str, np.ndarray] = {}
     took_s: dict[str, float] = {}
     about = about_job(test, config, name, parameters)
+    kept = KeptRuns(out, name, about) if keeps_runs else None
     for seed in seeds:
-        own = out / "runs" / f"{name}_{seed}.npz"
-        run = kept_runs.read(own, about) if keeps_runs and interval_s is None else None
+        run = kept.read(seed) if kept and interval_s is None else None
         if run is None:
             began = time.perf_counter()
             with progress(seed) if progress else nullcontext() as report:
                 run = test.run(config, parameters, seed, particle, berry, interval_s, report)
             took_s[str(seed)] = round(time.perf_counter() - began, 3)
-            if keeps_runs:
-                kept_runs.write(own, about, run)
+            if kept:
+                kept.write(run)
         records.append(run.record)
         saved |= {f"{key}_{seed}": values for key, values in run.arrays.items()}
         if run.frames is not None:
@@ -105,6 +103,8 @@ def pour_job(
     write_npz(out / f"{name}.npz", saved)
     path = out / f"{name}{POURS}"
     write_json(path, about | {"pours": records})
+    if kept:
+        kept.join(seeds)
     return path
 
 
@@ -119,11 +119,27 @@ def measure_job(
     particle: "Particle",
     berry: Mapping[str, Any],
     out_dir: str | PathLike | None = None,
+    keeps_runs: bool = False,
 ) -> dict[str, Any]:
-    """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content."""
-    from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_pours, saved_positions
+    """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content.
 
+    With `keeps_runs` a kept measurement is taken where it is the same.
+    """
     path = Path(pours_json)
+    result = read_measurement(path) if keeps_runs else None
+    if result is None:
+        result = measured(config, path, particle, berry)
+        if keeps_runs:
+            write_measurement(path, result)
+    out = path.parent if out_dir is None else Path(out_dir)
+    write_json(out / f"{path.name.removesuffix(POURS)}.json", result)
+    return result
+
+
+def measured(
+    config: Mapping[str, Any], path: Path, particle: "Particle", berry: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The description of a saved job, its measured runs, and their summary."""
     job = read_pours(path)
     test = bench(job.get("apparatus", UNNAMED), path)
     pours = job.pop("pours")
@@ -136,7 +152,4 @@ def measure_job(
         needed = test.kept if pour["status"] == "ok" else ()  # the arrays of a spoiled run may hold anything
         kept = pour_arrays(arrays, pour["seed"], path, needed)
         runs.append(test.measure(pour, kept, config, particle, berry))
-    result = job | {"summary": summarise_runs(runs, test.recorded_for(config)), "runs": runs}
-    out = path.parent if out_dir is None else Path(out_dir)
-    write_json(out / f"{path.name.removesuffix(POURS)}.json", result)
-    return result
+    return job | {"summary": summarise_runs(runs, test.recorded_for(config)), "runs": runs}

@@ -15,7 +15,7 @@ import pandas as pd
 
 from repose.apparatus import bench
 from repose.core.errors import InputError
-from repose.core.files import read_json, read_rows, write_json, write_table
+from repose.core.files import read_json, write_json, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameters import named
 from repose.core.responses import Definitions
@@ -80,14 +80,6 @@ def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
         "runs_by_status": {status: int(n) for status, n in Counter(runs["status"]).most_common()},
         "text": text,
     }
-
-
-def job_files(words: Iterable[str], samples_csv: str | os.PathLike) -> list[Path]:
-    """Paths of job files; a folder stands for the files of all samples of the design in it."""
-    paths = [Path(word) for word in words]
-    samples = read_rows(samples_csv, ("sample",)) if any(path.is_dir() for path in paths) else []
-    names = [f"{row['sample'].zfill(3)}.json" for row in samples]
-    return [file for path in paths for file in ([path / name for name in names] if path.is_dir() else [path])]
 
 
 def run(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
 from repose.cli.registry import Option, verb
 from repose.core.errors import InputError
+from repose.core.parameter_sets import job_files
 
 if TYPE_CHECKING:
     from repose.config.study import Study
@@ -30,7 +31,7 @@ def dataset(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import dataset
 
     targets, definitions = study.targets, study.definitions
-    jobs = dataset.job_files(args.jobs, args.samples)
+    jobs = job_files(args.jobs, args.samples)
     dataset.run(args.samples, jobs, targets, definitions, args.out, args.prefix)
 
 

@@ -5,12 +5,15 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
-from repose.cli.options import JSON
+from repose.cli.options import JSON, SAMPLES
 from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
 from repose.cli.registry import Option, verb
+from repose.cli.stages import recorded
 from repose.config.keys import section
+from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text
+from repose.core.parameter_sets import job_files
 
 if TYPE_CHECKING:
     from repose.apparatus.bench_test import BenchTest
@@ -29,6 +32,9 @@ KEEP = Option(
     "--keep-runs",
     action="store_true",
     help="keep each run in OUT/runs; a kept run with the same settings is not run again",
+)
+MEASURE = Option(
+    "--measure", action="store_true", help="also measure the runs, and keep that for measure_runs --keep-runs"
 )
 
 
@@ -69,13 +75,22 @@ def warm_up(args: argparse.Namespace, study: "Study") -> None:
     "run a bench test with one parameter set and one or more seeds; save the runs for measure_runs",
     example="--apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try",
     out="results/try",
-    options=[APPARATUS, *POUR, KEEP],
+    options=[APPARATUS, *POUR, KEEP, MEASURE],
     runs="made",
 )
 def pour(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus.job import pour_job
+    from repose.apparatus import kept_runs
+    from repose.apparatus.job import measured, pour_job
 
-    print(pour_job(**_job(args, study, args.apparatus)._asdict(), keeps_runs=args.keep_runs))
+    job = _job(args, study, args.apparatus)
+    pours = pour_job(**job._asdict(), keeps_runs=args.keep_runs)
+    print(pours)
+    if args.measure:
+        as_measured = argparse.Namespace(**(vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}))
+        with recorded(as_measured, "measured"):
+            provenance.note_config(study.config)
+            if kept_runs.read_measurement(pours) is None:
+                kept_runs.write_measurement(pours, measured(job.config, pours, job.particle, job.berry))
 
 
 @verb(
@@ -133,9 +148,15 @@ def _flat(result):
     "measure the saved runs of any bench test, without running it again",
     example="results/try/heap.pours.json --out results/try",
     options=[
-        Option("pours", nargs="+", help="NAME.pours.json files of pour or heap, NAME.npz beside them"),
+        Option(
+            "pours",
+            nargs="+",
+            help="NAME.pours.json files of pour or heap, NAME.npz beside them; or a folder, of all --samples",
+        ),
+        SAMPLES.but(help="the samples of a folder"),
         Option("--out", help="folder for NAME.json (the folder of the pours)", recorded=False),
         *BERRY_AND_PARTICLE,
+        KEEP.but(help="keep each measurement beside its runs, and take a kept one that is the same"),
     ],
     runs="measured",
 )
@@ -143,10 +164,11 @@ def measure_runs(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import bench
     from repose.apparatus.job import measure_job
     from repose.core.seeds import UNNAMED
+    from repose.measure.saved_pours import POURS
 
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
-    for path in args.pours:
-        result = measure_job(study.config, path, particle, berry_of, args.out)
+    for path in job_files(args.pours, args.samples, POURS):
+        result = measure_job(study.config, path, particle, berry_of, args.out, args.keep_runs)
         template = bench(result.get("apparatus", UNNAMED)).in_words
         for run in result["runs"]:
             print(f"{path}: {describe(run, template)}")

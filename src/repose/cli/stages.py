@@ -3,18 +3,32 @@
 import argparse
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
 from repose.cli.registry import VERBS
 from repose.core import places, provenance
 from repose.core.lock import joined_folder
+from repose.core.parameter_sets import job_files
+
+# Options whose words may be folders, which stand for the files of this ending of all samples in them.
+FOLDERS = {("dataset", "jobs"): ".json", ("measure_runs", "pours"): ".pours.json"}
 
 
 @contextmanager
 def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> Iterator[None]:
     """Run a verb as a stage; where its configuration lies in a folder of results, hold the folder meanwhile."""
+    with joined_folder(Path(getattr(args, "config", None) or "").parent), recorded(args, runs):
+        yield
+    if getattr(args, "config", None) is not None:
+        note_built_in_crop(args.config)
+
+
+def recorded(
+    args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
+) -> AbstractContextManager[None]:
+    """The record of a verb with its options in every file that is written meanwhile."""
     strategy = getattr(args, "strategy", None)
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
@@ -23,13 +37,8 @@ def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") 
         berry_is_made = hasattr(args, "particle") and args.particle is None
         return stands_on.settings_of(config, args.verb, apparatus, berry_is_made, strategy)
 
-    folder = Path(getattr(args, "config", None) or "").parent
     apparatus = getattr(args, "apparatus", None)
-    stage_of = provenance.stage(args.verb, files_of(args), settings_of, apparatus, runs, strategy)
-    with joined_folder(folder), stage_of:
-        yield
-    if getattr(args, "config", None) is not None:
-        note_built_in_crop(args.config)
+    return provenance.stage(args.verb, files_of(args), settings_of, apparatus, runs, strategy)
 
 
 def note_built_in_crop(*files: str) -> None:
@@ -49,10 +58,8 @@ def files_of(args: argparse.Namespace) -> Iterator[Path]:
     """Files that the recorded options of a verb name; of a folder its dataset, if it has one."""
     for option in (option.attribute for option in VERBS[args.verb].options if option.recorded):
         value = getattr(args, option)
-        if (args.verb, option) == ("dataset", "jobs"):  # a folder of them may be given
-            from repose.chain.dataset import job_files
-
-            value = list(map(str, job_files(value, args.samples)))
+        if (args.verb, option) in FOLDERS:
+            value = list(map(str, job_files(value, args.samples, FOLDERS[args.verb, option])))
         for item in value if isinstance(value, list) else [value]:
             if isinstance(item, str):
                 path = Path(item.partition("=")[2] if option == "input" else item)

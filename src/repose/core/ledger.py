@@ -39,6 +39,23 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
         raise
 
 
+def link(path: str | os.PathLike, other: str | os.PathLike) -> bool:
+    """Give a file of ours a second name; False where a foreign file has it, or the file system has no such names."""
+    path, other = Path(path), Path(other)
+    part = other.with_name(f"{other.name}.{os.getpid()}.part")
+    try:
+        check_replaceable(other)
+        other.parent.mkdir(exist_ok=True)
+        os.link(path, part)
+        _note(other, _hash(path))
+        os.replace(part, other)
+    except (OSError, InputError):
+        return False
+    finally:
+        part.unlink(missing_ok=True)  # it stays where both are the same file already
+    return True
+
+
 def check_replaceable(path: str | os.PathLike) -> None:
     """Raise InputError if a path holds a folder, a link, a device or a file that this program did not write."""
     path = Path(path)

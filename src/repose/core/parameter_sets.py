@@ -1,6 +1,8 @@
 """Tables of parameter sets, as the verb design writes them: a number `sample` and the parameters."""
 
 import os
+from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.core.errors import InputError
@@ -20,6 +22,14 @@ def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
     if len(twice):
         raise InputError(path, "sample", int(twice.iloc[0]), "each sample once")
     return samples
+
+
+def job_files(words: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json") -> list[Path]:
+    """Paths of job files; a folder stands for the files of this ending of all samples of the design in it."""
+    paths = [Path(word) for word in words]
+    samples = read_rows(samples_csv, ("sample",)) if any(path.is_dir() for path in paths) else []
+    names = [f"{row['sample'].zfill(3)}{ending}" for row in samples]
+    return [file for path in paths for file in ([path / name for name in names] if path.is_dir() else [path])]
 
 
 def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:

@@ -1,9 +1,7 @@
 rule dataset:
     input:
         samples=rules.design.output.samples,
-        jobs=expand(
-            rules.measure_runs.output.result, runs=folders_of_targets(), sample=SAMPLES
-        ),
+        jobs=expand(rules.measure_runs.output.result, runs=folders_of_targets()),
     output:
         dataset=f"{RESULTS}/dataset.csv",
         runs=f"{RESULTS}/runs.csv",

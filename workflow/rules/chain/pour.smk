@@ -1,5 +1,7 @@
 # Runs of the bench tests; runs of the funnel are heaps. A run that fails is a result with a status; only a crash ends
 # with an error and is tried once more. They and what waits for them have priority over figures, for which nothing waits.
+# The process that pours a sample measures it, too, and keeps that beside the runs. One job then writes the measurements
+# of all samples: it takes a kept one that is the same, and measures the pile itself where the settings have changed.
 SAMPLES = [f"{number:03d}" for number in range(1, config["design"]["samples"] + 1)]
 
 
@@ -28,7 +30,7 @@ rule pour:
         purpose="design",
         sample=lambda wildcards: wildcards.sample,
         seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
-        more=["--keep-runs"],
+        more=["--keep-runs", "--measure"],
         depends=pouring,
     message:
         "Pouring sample {wildcards.sample}"
@@ -41,21 +43,23 @@ rule pour:
 rule measure_runs:
     input:
         **GRAIN,
-        pours=rules.pour.output.pours,
-        berries=rules.pour.output.berries,
+        pours=for_each(SAMPLES, rules.pour.output.pours),
+        berries=for_each(SAMPLES, rules.pour.output.berries),
+        samples=rules.design.output.samples,
     output:
-        result=f"{RESULTS}/{{runs}}/{{sample}}.json",
+        result=for_each(SAMPLES, f"{RESULTS}/{{runs}}/{{sample}}.json"),
     log:
-        f"{RESULTS}/logs/{{runs}}/{{sample}}_measured.log",
+        f"{RESULTS}/logs/{{runs}}_measured.log",
     priority: 1
     resources:
         **needs(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         folder=folder,
+        jobs=jobs_to_measure,
         depends=measuring,
     message:
-        "Measuring the runs of sample {wildcards.sample}"
+        "Measuring the runs in {params.folder}"
     shell:
-        "python -m repose stage measure_runs {input.pours:q} --config {params.config:q} --berry {input.berry:q}"
-        " --particle {input.particle:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m repose stage measure_runs {params.jobs:q} --config {params.config:q} --berry {input.berry:q}"
+        " --particle {input.particle:q} --keep-runs --out {params.folder:q} > {log:q} 2>&1"

@@ -77,23 +77,36 @@ use rule pour as validation_pour with:
 use rule measure_runs as measure_validation_runs with:
     input:
         **GRAIN,
-        pours=rules.validation_pour.output.pours,
-        berries=rules.validation_pour.output.berries,
+        pours=for_each(OWN_SOLUTIONS, rules.validation_pour.output.pours),
+        berries=for_each(OWN_SOLUTIONS, rules.validation_pour.output.berries),
+        samples=rules.solutions.output.solutions,
     output:
-        result=f"{RESULTS}/validation/{{runs}}/{{sample}}.json",
+        result=for_each(OWN_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"),
     log:
-        f"{RESULTS}/logs/validation/{{runs}}/{{sample}}_measured.log",
-    message:
-        "Measuring the runs of solution {wildcards.sample}"
+        f"{RESULTS}/logs/validation/{{runs}}_measured.log",
+
+
+if PUBLISHED_SOLUTIONS:
+
+    use rule measure_runs as measure_published_runs with:
+        input:
+            **GRAIN,
+            pours=for_each(PUBLISHED_SOLUTIONS, rules.validation_pour.output.pours),
+            berries=for_each(PUBLISHED_SOLUTIONS, rules.validation_pour.output.berries),
+            samples=rules.published_solutions.output.solutions,
+        output:
+            result=for_each(
+                PUBLISHED_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"
+            ),
+        log:
+            f"{RESULTS}/logs/validation/{{runs}}_published_measured.log",
 
 
 rule validate:
     input:
         solutions=rules.solutions.output.solutions,
         jobs=expand(
-            rules.measure_validation_runs.output.result,
-            runs=folders_of_targets(),
-            sample=OWN_SOLUTIONS,
+            rules.measure_validation_runs.output.result, runs=folders_of_targets()
         ),
         published=STORED or [],
         dataset=rules.dataset.output.dataset,
@@ -117,10 +130,12 @@ rule validate:
 rule published_sets:
     input:
         published=rules.published_solutions.input.published,
-        jobs=expand(
-            rules.measure_validation_runs.output.result,
-            runs=folders_of_targets(),
-            sample=PUBLISHED_SOLUTIONS,
+        jobs=(
+            expand(
+                rules.measure_published_runs.output.result, runs=folders_of_targets()
+            )
+            if PUBLISHED_SOLUTIONS
+            else []
         ),
     output:
         table=f"{RESULTS}/published_sets.csv",

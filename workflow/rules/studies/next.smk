@@ -32,6 +32,7 @@ use rule pour as next_pour with:
     params:
         purpose="next",
         seeds=next_measurement.SEEDS,
+        more=["--keep-runs"],
     message:
         "Plausible set {wildcards.sample}, {wildcards.runs}"
 
