@@ -25,8 +25,8 @@ STAGES = (
         "measure_validation_runs",
         "validate",
     ),
-    *("measure", "film", "draw_convergence", "posterior_tables", "page"),
-    *("drum_run", "drum", "drum_film", "draw_drum"),
+    *("measure", "draw_convergence", "posterior_tables", "page"),
+    *("drum_run", "drum", "draw_drum"),
     *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
 )
 
@@ -242,7 +242,6 @@ def test_a_study_of_the_drum_alone_draws_no_funnel(project):
             "draw_definitions",
             "measure",
             "trajectory",
-            "film",
         ),
         "draw_plane",  # one target
         "draw_figure10",  # a Gaussian process has no nodes

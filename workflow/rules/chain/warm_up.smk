@@ -19,7 +19,7 @@ rule warm_up:
         "Compiling the engine"
     shell:
         "python -m repose stage warm_up --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q}"
-        " --cores {threads} > {log:q} 2>&1"
+        " --cores {threads:q} > {log:q} 2>&1"
 
 
 # Inputs of every simulation besides its samples.

@@ -34,6 +34,7 @@ rule posterior_tables:
         summary=f"{RESULTS}/posterior/posterior.json",
     log:
         f"{RESULTS}/logs/posterior.log",
+    priority: 1
     resources:
         **needs(300, minutes=30),
     params:
