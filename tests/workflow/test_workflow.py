@@ -92,8 +92,8 @@ def test_the_small_run_has_the_same_rules(project):
         ),
         (
             ["--config", "simulation={time_step_s: 2e-3}"],
-            "repose: error: command line (--config): simulation.time_step_s is 0.002; allowed: at most 0.000346, "
-            "1/15 of the contact time of two bodies that meet at 2 m/s",
+            "repose: error: command line (--config): simulation.time_step_s is 0.002; allowed: at most 0.00062, "
+            "the stable step of a body between two of berry (restitution 0.1)",
         ),
         (
             ["--configfile", "mine.yaml"],
