@@ -53,11 +53,17 @@ def noisy(tmp_path_factory):
     return folder, campaign(folder, 0.5)
 
 
-def test_without_noise_the_optimum_is_the_target(tmp_path):
+@pytest.mark.parametrize("name", ["box_behnken", "rotatable"])
+def test_without_noise_the_optimum_is_the_target_and_a_fixed_parameter_is_no_factor(name, tmp_path):
     # a surface of second order is the simulator itself inside its design
-    check = campaign(tmp_path, 0.0)
+    space = ParameterSpace.of(RANGES | {"e_gg": {"fixed": 0.25}})
+    check = campaign(tmp_path, 0.0, SECTION | {"surface": name, "most_factors": 3}, space)
     assert check["deviation_percent"].abs().max() < 1e-3
     assert json.loads((tmp_path / "optimum.json").read_text())["met"]
+    for step in ("screening", "ascent", "surface", "check"):
+        table = pd.read_csv(tmp_path / step / "samples.csv")
+        assert (table["e_gg"] == 0.25).all()
+        assert "coded_e_gg" not in table
 
 
 def test_the_screening_finds_the_parameters_that_matter(noisy):
@@ -131,24 +137,15 @@ def test_the_interval_of_the_check_holds_what_it_says():
     assert np.mean(inside) == pytest.approx(0.95, abs=0.021)
 
 
-@pytest.mark.parametrize(("name", "runs"), [("rotatable", 14), ("face_centred", 14)])
-def test_central_composite_surfaces(name, runs, tmp_path):
-    check = campaign(tmp_path, 0.0, SECTION | {"surface": name, "most_factors": 3})
-    table = pd.read_csv(tmp_path / "surface/samples.csv")
-    assert len(table) == runs + SECTION["centres"]
+@pytest.mark.parametrize("name", ["rotatable", "face_centred"])
+def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
+    points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
+    points = points.assign(**SPACE.centre, **{f"coded_{factor}": 0.0 for factor in sorted(MATTER)})
+    table = surface.design(points, SPACE, SECTION | {"surface": name})
+    assert len(table) == 14 + SECTION["centres"]
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     k = SPACE.free.index(factors_of(table)[0])
-    assert np.ptp(unit[:, k]) == pytest.approx(2 * SECTION["reach"]), "the axial runs lie at the reach"
-    assert check["deviation_percent"].abs().max() < 1e-3
-
-
-def test_a_fixed_parameter_is_no_factor(tmp_path):
-    space = ParameterSpace.of(RANGES | {"e_gg": {"fixed": 0.25}})
-    campaign(tmp_path, 0.2, space=space)
-    for name in ("screening", "ascent", "surface", "check"):
-        table = pd.read_csv(tmp_path / name / "samples.csv")
-        assert (table["e_gg"] == 0.25).all()
-        assert "coded_e_gg" not in table
+    assert np.ptp(unit[:, k]) == pytest.approx(2 * SECTION["reach"])
 
 
 def test_at_least_as_many_factors_as_the_surface_needs_and_no_more_than_allowed():
