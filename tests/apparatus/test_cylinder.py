@@ -126,9 +126,12 @@ def test_a_tap_lifts_a_berry_by_its_height():
 
 def test_a_tapped_cylinder_holds_more():
     own = config(**SMALL, taps=6)
+    records = [run_once(bench("cylinder"), own, SET, seed, PARTICLE, BERRY)[0] for seed in (2, 3, 4)]
     record, run = run_once(bench("cylinder"), own, SET, 1, PARTICLE, BERRY)
-    assert record["status"] == "ok"
-    assert record["tapped_density_kg_m3"] > 1.02 * record["bulk_density_kg_m3"]
+    records.append(record)
+    assert {one["status"] for one in records} == {"ok"}
+    tapped, bulk = (sum(one[f"{name}_density_kg_m3"] for one in records) for name in ("tapped", "bulk"))
+    assert tapped > 1.02 * bulk
     poured, _ = run_once(bench("cylinder"), config(**SMALL), SET, 1, PARTICLE, BERRY)
     assert poured["bulk_density_kg_m3"] == record["bulk_density_kg_m3"]
     assert poured["tapped_density_kg_m3"] is None

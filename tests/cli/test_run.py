@@ -11,7 +11,7 @@ from repose.core import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
 PROFILE = [
-    *("--workflow-profile", "none", "--logger", "repose"),
+    *("--workflow-profile", "none", "--scheduler", "greedy", "--logger", "repose"),
     *("--rerun-incomplete", "--show-failed-logs", "--nolock"),
 ]
 OWN = [*SNAKEFILE, *PROFILE]

@@ -68,7 +68,7 @@ def test_nobody_may_run_a_ledger(folder):
 
 
 # Calls that write, rename or remove; what stands in these two files is tested in tests/core and tests/faults.
-WRITERS = {"core/ledger.py", "core/lock.py", "dem/io/whole.py"}
+WRITERS = {"core/ledger.py", "core/lock.py", "dem/io/whole.py", "dem/cache.py", "apparatus/kept_runs.py"}
 BARE = {"rmtree", "unlink", "rmdir", "replace_file", "remove", "removedirs", "rename", "renames", "copyfile"}
 BARE |= {"copy", "copytree", "move", "write_bytes", "truncate", "imwrite", "imsave", "tofile", "savez"}
 

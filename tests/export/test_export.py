@@ -129,7 +129,8 @@ def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
     round_grain = replace(SMOOTH, kind="ellipsoid", semi_axes_m=np.full((1, 3), 5 * MM))
     of_clump, of_sphere, of_ellipsoid = (job_of(config, body) for body in (THREE, BALL, round_grain))
     step = config["simulation"]["time_step_s"]
-    assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (0.5 * step, step, step)
+    half = float(f"{0.5 * step:.2g}")
+    assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (half, step, step)
     assert of_sphere.spheres_m == pytest.approx(np.array([[0.0, 0.0, 0.0, 5 * MM]]))
     volume = 4 / 3 * math.pi * (5 * MM) ** 3
     assert of_sphere.density_kg_m3 * volume == pytest.approx(of_sphere.mass_kg) == BALL.mass_kg

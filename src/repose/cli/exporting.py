@@ -6,6 +6,7 @@ from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Option, load, verb
 from repose.core import provenance
 from repose.core.errors import InputError
+from repose.core.section import AUTO
 from repose.export import PROGRAMS, write
 
 # Spheres of a clump: the default, and the most that fill a mesh here.
@@ -56,7 +57,13 @@ def export(args: argparse.Namespace) -> None:
     spheres = args.spheres or (None if particle.is_clump or is_sphere(particle) else SPHERES)
     if spheres is not None and spheres > 1:
         filled = {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
-        study = Study.of(study.config | {"berry": study.config["berry"] | filled}, args.config)
+        # spheres at one place add up in stiffness, so their step may have to be shorter than that of a smooth body
+        step_s = study.config["simulation"]["time_step_s"]
+        automatic = study.config["simulation"] | {"time_step_s": AUTO}
+        changed = {"berry": study.config["berry"] | filled, "simulation": automatic}
+        study = Study.of(study.config | changed, args.config)
+        automatic["time_step_s"] = min(step_s, study.config["simulation"]["time_step_s"])
+        study = Study.of(study.config | {"simulation": automatic}, args.config)
         provenance.note_config(study.config)
         berry, particle = berry_and_particle(study)
     config = study.config

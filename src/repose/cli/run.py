@@ -246,7 +246,8 @@ def _as_words(profile):
     from repose.config.reading import read
 
     chosen = read(profile / "config.yaml")
-    lists = [word for key, value in chosen.items() if value is not True for word in (f"--{key}", *value)]
+    valued = {key: [value] if isinstance(value, str) else value for key, value in chosen.items()}
+    lists = [word for key, value in valued.items() if value is not True for word in (f"--{key}", *value)]
     flags = [f"--{key}" for key, value in chosen.items() if value is True]
     return [
         "--workflow-profile",
