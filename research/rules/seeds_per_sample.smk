@@ -29,7 +29,7 @@ rule seeds_per_sample:
     message:
         "Choosing the seeds of a sample"
     shell:
-        "(set -e; step() {{ python -m research.answers.seeds_per_sample \"$@\" --config {params.config:q}; }};"
+        '(set -e; step() {{ python -m research.answers.seeds_per_sample "$@" --config {params.config:q}; }};'
         " at={params.folder:q};"
         " step pour_pool --design {input.design:q} --pool-seeds {params.few[0]:q} --processes {threads:q} --out $at/pool.csv;"
         " step pour_fresh --fresh-seeds {params.few[2]:q} --processes {threads:q} --out $at/fresh.csv;"
