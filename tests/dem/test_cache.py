@@ -11,10 +11,12 @@ import pytest
 import repose
 from repose.dem.kernels.jit import JIT_OFF
 
-pytestmark = pytest.mark.skipif(JIT_OFF, reason="there is no compiled code")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(JIT_OFF, reason="there is no compiled code")]
 
-# Calls a kernel that calls another; prints how often code of both was found, and how often it was not.
+# Calls a kernel that calls another; prints how often code of both was found, how often it was not, and whether what
+# numba needs to compile was loaded.
 SCRIPT = """
+import sys
 import numpy as np
 from repose.dem.kernels import frames
 
@@ -22,7 +24,8 @@ values = np.arange(3.0)
 frames.rotate_to_world(np.arange(12.0), values, 0)
 assert values.tolist() == [14.0, 23.0, 32.0], values
 called = (frames.rotate_to_world.from_python, frames.out_of_frame.from_kernels)
-print(*(sum(d.stats.cache_hits.values()) for d in called), *(sum(d.stats.cache_misses.values()) for d in called))
+found, missed = ([sum(getattr(one.stats, name).values()) for one in called] for name in ("cache_hits", "cache_misses"))
+print(*found, *missed, "numba.np.npyimpl" in sys.modules)
 """
 # A process that goes on after a kernel could not be compiled.
 FAILING = """
@@ -40,7 +43,7 @@ except TypingError:
     print("failed", flush=True)
 sys.stdin.read()
 """
-COMPILED, FOUND = "0 0 1 1", "1 0 0 0"  # of found code no other kernel is needed
+COMPILED, FOUND = "0 0 1 1 True", "1 0 0 0 False"  # of found code no other kernel is needed
 
 
 @pytest.fixture
@@ -119,7 +122,7 @@ def test_a_part_of_a_file_is_compiled_anew(copied, run, tmp_path):
     run(package, cache)
     (path,) = cache.glob("*/*rotate_to_world*")
     path.write_bytes(path.read_bytes()[:1000])
-    assert run(package, cache) == ("0 1 1 0", "")
+    assert run(package, cache) == ("0 1 1 0 True", "")
     assert run(package, cache) == (FOUND, "")
 
 
