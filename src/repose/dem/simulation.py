@@ -179,7 +179,7 @@ class Simulation(Observables):
         self.walls = self._wall_arrays()
         surfaces = self.wall_set.of(Mesh)
         slide = max(shape.slide for shape in self.shapes.values())
-        self.meshes = features.join([mesh.part for mesh in surfaces], slide)
+        self.meshes: Any = features.join([mesh.part for mesh in surfaces], slide) if surfaces else ()
         n_walls = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings), len(surfaces)
         self._most_spheres = most_spheres(self.shapes.values())
         self.pairs = contact_lists.new_pairs(self.capacity, self._most_spheres, self._n_state)

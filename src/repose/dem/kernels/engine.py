@@ -1,6 +1,7 @@
 """One time step: find the contacts, add up their forces, move the bodies.
 
-`clumps` is empty in a simulation of smooth bodies, see `forces`.
+`clumps` is empty in a simulation of smooth bodies, see `forces`, and `meshes` where no wall is one: their code is then
+not compiled.
 """
 
 from . import state as st
@@ -43,15 +44,14 @@ def wall_contacts_and_forces(
     """Find the contacts with walls and add their forces."""
     out, other, local = scratch.out, scratch.other, scratch.local
     parts = physics.parts
-    has_meshes = meshes.box.shape[0] > 0
     update_walls(bodies, flat, curved, clumps, walls, counts, parts, physics.curved_walls_above, scratch)
-    if has_meshes:
+    if len(meshes) > 0:
         update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
     still_wall(t)
     fill_laws(t, physics, 0, physics.law_constants.shape[0] - 1)
     plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost)
     curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local, ghost)
-    if has_meshes:
+    if len(meshes) > 0:
         mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, other, local, ghost)
 
 
