@@ -160,7 +160,7 @@ class BayesianBP(Surrogate):
         Y = Y[:, 0] if self.one_output_ else Y
         if not return_std:
             return Y
-        variance = (weight_roots([self], X)[0] ** 2).sum(axis=2) * self._stretch() ** 2
+        variance = (weight_roots([self], X, self._weights()[None])[0] ** 2).sum(axis=2) * self._stretch() ** 2
         std = np.sqrt(variance + noise * self.noise_std_**2)
         return Y, std[:, 0] if self.one_output_ else std
 
@@ -279,23 +279,30 @@ class BayesianBP(Surrogate):
         return width(self.output_min_, self.output_max_) / (high - low)
 
 
-def covariances(networks: Sequence[BayesianBP], X: ArrayLike) -> np.ndarray:
-    """`BayesianBP.covariance` of networks that share their scalings, (networks, samples, outputs, outputs)."""
+def covariances(
+    networks: Sequence[BayesianBP], X: ArrayLike, weights: np.ndarray | None = None
+) -> np.ndarray:
+    """`BayesianBP.covariance` of networks that share their scalings, (networks, samples, outputs, outputs).
+
+    `weights` (networks, N) are theirs, if they are at hand.
+    """
+    if weights is None:
+        weights = np.array([network._weights() for network in networks])
     X, stretch = np.asarray(X, dtype=float), networks[0]._stretch()[:, None]
     parts = []
     for part in np.array_split(X, 1 + len(X) // AT_ONCE):
-        roots = weight_roots(networks, part) * stretch
+        roots = weight_roots(networks, part, weights) * stretch
         parts.append(roots @ roots.swapaxes(-1, -2))
     return np.concatenate(parts, axis=1)
 
 
-def weight_roots(networks: Sequence[BayesianBP], X: np.ndarray) -> np.ndarray:
+def weight_roots(networks: Sequence[BayesianBP], X: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """dy/dw times the root of the weights' covariance, (networks, samples, outputs, N), outputs scaled."""
     if not all(network.knows_its_errors for network in networks):
         raise ValueError("the network was saved without its training data; it predicts without errors")
     first = networks[0]
     x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
-    J = jacobian(np.array([network._weights() for network in networks]), x, len(first.b2_))[1]
+    J = jacobian(weights, x, len(first.b2_))[1]
     for own, network in zip(J, networks, strict=True):
         rows = own.reshape(-1, own.shape[-1])
         rows[:] = rows @ network.posterior_root_  # one large product

@@ -10,7 +10,8 @@ covariance of their means. Nothing more is trained than for the best network alo
 """
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from operator import attrgetter
 from typing import Any, Self
 
 import numpy as np
@@ -35,6 +36,16 @@ class NetworkEnsemble(Surrogate):
         self.members_ = [network]
 
     is_network = True
+
+    @property
+    def members_(self) -> list[BayesianBP]:
+        """The networks, the best first."""
+        return self._members
+
+    @members_.setter
+    def members_(self, networks: Iterable[BayesianBP]) -> None:
+        self._members = list(networks)
+        self._kept: dict[str, Any] = {}  # arrays of all networks, and the last points with their means
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
@@ -74,7 +85,7 @@ class NetworkEnsemble(Surrogate):
         """Covariance of the mixture's means, without noise (LPB17)."""
         means = self._means(X)
         off = means - means.mean(axis=0)
-        own = covariances(self.members_, X).mean(axis=0)
+        own = covariances(self.members_, X, self._stacked("all weights")).mean(axis=0)
         return own + np.einsum("mni,mnj->nij", off, off) / len(self.members_)
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -103,25 +114,34 @@ class NetworkEnsemble(Surrogate):
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """The networks of a `to_dict`."""
-        model = cls(BayesianBP.from_dict(content))
-        for other in content["others"]:
-            whole = {**content, **other, "training": content["training"] | other["training"]}
-            model.members_.append(BayesianBP.from_dict(whole))
+        model, training = cls(BayesianBP.from_dict(content)), content["training"]
+        others = ({**content, **other, "training": training | other["training"]} for other in content["others"])
+        model.members_ = [*model.members_, *map(BayesianBP.from_dict, others)]
         return model
 
     def _means(self, X):
-        """Means (members, n, k) of all networks, in one pass through their hidden layers."""
+        """Means (members, n, k) of all networks, in one pass through their hidden layers.
+
+        The last ones are kept: a sampler asks for the mean and the covariance at the same points.
+        """
         first = self.members_[0]
         X = checked_points(X, len(first.input_min_))
+        if "points" in self._kept and np.array_equal(X, self._kept["points"]):
+            return self._kept["means"]
         x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
         a = np.tanh(np.einsum("ni,mhi->mnh", x, self._stacked("W1")) + self._stacked("b1")[:, None])
         y = np.einsum("mnh,mkh->mnk", a, self._stacked("W2")) + self._stacked("b2")[:, None]
         low, high = first.scaled_range
-        return first.output_min_ + (y - low) / (high - low) * width(first.output_min_, first.output_max_)
+        means = first.output_min_ + (y - low) / (high - low) * width(first.output_min_, first.output_max_)
+        self._kept |= {"points": X.copy(), "means": means}
+        return means
 
     def _stacked(self, key):
-        """One of the arrays of `OF_EACH` for all networks (members, ...)."""
-        return np.array([getattr(member, f"{key}_") for member in self.members_])
+        """One of the arrays of `OF_EACH`, or all weights, for all networks (members, ...)."""
+        if key not in self._kept:
+            of_one = BayesianBP._weights if key == "all weights" else attrgetter(f"{key}_")
+            self._kept[key] = np.array([of_one(member) for member in self.members_])
+        return self._kept[key]
 
     def _as_one(self):
         """Arrays of the network that has the neurons of all members."""
