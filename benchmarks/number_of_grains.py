@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import bench, scene_size
+from repose.apparatus import Scene, bench, scene_size
 from repose.apparatus import funnel as funnel_test
 from repose.apparatus.job import run_once
 from repose.config.study import Study
@@ -33,7 +33,9 @@ def row(study, grains, pours):
     scale = (grains / study.config["funnel"]["berries"]) ** (1 / 3)
     began = time.process_time()
     records = [
-        run_once(bench("funnel"), config, study.parameters.centre, seed, study.particle, study.grain)[0]
+        run_once(
+            bench("funnel"), Scene.of(config, study.parameters.centre, study.grain, study.particle, seed)
+        )[0]
         for seed in range(1, pours + 1)
     ]
     cost = (time.process_time() - began) / pours

@@ -28,7 +28,8 @@ from peers import write_section
 from scipy.spatial import cKDTree
 
 from repose import export
-from repose.apparatus import funnel, scene
+from repose.apparatus import Scene, funnel, scene
+from repose.apparatus.settings import SceneSettings
 from repose.config.study import Study
 from repose.core.places import configs
 from repose.dem.rotations import rotation_matrices
@@ -118,9 +119,9 @@ def pour_ours(name, set_name, seed):
     laws = {"friction_limit": limit, "contact_law": law, "rolling_law": rolling}
     config = config | {"simulation": config["simulation"] | laws}
     values = their_rolling(set_name, job) if rolling == "spring" else SETS[set_name]
-    poured = funnel.pour(config, values, seed, particle, berry)
+    poured = funnel.FunnelTest().pour(Scene.of(config, values, berry, particle, seed))
     turned = np.einsum("nij,mj->nmi", rotation_matrices(poured.quaternions), particle.spheres_m[:, :3])
-    status = funnel.status_of(poured, config)[0]
+    status = funnel.FunnelTest().status_of(poured, SceneSettings(config))[0]
     if status == "not_at_rest" and poured.kinetic_energy_j < REST_J * GRAINS[set_name]:
         status = "ok"
     return poured.centres_m[:, None] + turned, status

@@ -16,7 +16,7 @@ import time
 import numpy as np
 from scipy.stats import chi2
 
-from repose.apparatus import funnel
+from repose.apparatus import Scene, funnel
 from repose.config.study import Study
 from repose.core import published
 from repose.core.parameter_space import ParameterSpace
@@ -52,7 +52,7 @@ def one(job):
     """A pour: its status, its processor time and its final state."""
     parameters, seed, config, particle, grain = job
     began = time.process_time()
-    run = funnel.run(config, parameters, seed, particle, grain)
+    run = funnel.FunnelTest().run(Scene.of(config, parameters, grain, particle, seed))
     return run.record["status"], time.process_time() - began, [run.arrays[name] for name in KEPT]
 
 

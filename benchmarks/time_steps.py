@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from repose.apparatus import bench
+from repose.apparatus import Scene, bench
 from repose.apparatus.job import run_once
 from repose.apparatus.settings import SimulationSettings
 from repose.config.study import Study
@@ -95,7 +95,7 @@ def runs_of(step_s, study, seeds):
     changed = {**study.config, "simulation": {**study.config["simulation"], "time_step_s": step_s}}
     parameters = published.representative(study.config["validation"]["published"])
     records = [
-        run_once(bench(name), changed, parameters, seed, study.particle, study.grain)[0]
+        run_once(bench(name), Scene.of(changed, parameters, study.grain, study.particle, seed))[0]
         for name in Targets.of(study.config["targets"]).apparatus
         for seed in range(1, seeds + 1)
     ]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from repose.apparatus import bench
+from repose.apparatus import Scene, bench
 from repose.apparatus.drum import Drum
 from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
@@ -36,13 +36,13 @@ def main(name, out="results/examples", pictures=48, width=420):
     test, config = bench(name), study.config
     values = ParameterSpace.of(config["parameters"]).centre
     elevation, azimuth, interval_s = VIEWS[name]
-    run = test.run(config, values, 1, study.particle, study.grain, interval_s)
-    measured = test.measure(run.record, run.arrays, config, study.particle, study.grain)
+    run = test.run(Scene.of(config, values, study.grain, study.particle, 1), interval_s)
+    measured = test.measure(run.record, run.arrays, Scene.of(config, {}, study.grain, study.particle))
     print(test.in_words.format(**measured) if measured["status"] == "ok" else measured)
     out = Path(out)
     figures.draw(name, {}, out / f"{name}.png", config)
     frames = run.frames | {"shape": np.zeros(len(run.frames["scale"]), int)}
-    scene = test.build(config, values, study.particle, study.grain)
+    scene = test.build(Scene.of(config, values, study.grain, study.particle))
     if name == "turning":  # its caps are endless planes; the picture has discs
         scene.walls.planes[:, 6] = Drum.of(config[name]).radius_m
     view = {"elevation_deg": elevation, "azimuth_deg": azimuth, "width": width, "colour": config["colour"]}

@@ -11,7 +11,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
-from repose.apparatus import bench, drum
+from repose.apparatus import Scene, bench, drum
 from repose.config.study import Study
 from repose.core.files import read_json, write_json
 from repose.core.runs import mean_and_error
@@ -98,8 +98,8 @@ def ran(study: Study, name: str, of: str, seed: int) -> dict:
     if not path.exists():
         test, config = bench(shown.test), study.config | {"lifted_cylinder": LIFTED, "turning": TURNING}
         began = time.process_time()
-        run = test.run(config, PAIRS[of].values(shown.wall), seed, study.particle, study.grain)
-        measured = test.measure(run.record, run.arrays, config, study.particle, study.grain)
+        run = test.run(Scene.of(config, PAIRS[of].values(shown.wall), study.grain, study.particle, seed))
+        measured = test.measure(run.record, run.arrays, Scene.of(config, {}, study.grain, study.particle))
         took = {"cpu_s": time.process_time() - began}
         if shown.test == "turning":  # whether the flow is steady
             frames = (run.arrays[key] for key in ("position", "quaternion", "scale"))

@@ -14,6 +14,7 @@ from typing import Any
 
 import pandas as pd
 
+from repose.apparatus import Scene
 from repose.core import provenance
 from repose.core.errors import NoFlankError
 from repose.core.files import read_json, read_table, write_json, write_table
@@ -82,12 +83,12 @@ def _one_pour(config, kind, parameters, seed, particle, berry, path):
     test = bench(CYLINDER if kind == "bulk" else BENCH)
     run = _kept_run(test, config, parameters, seed, particle, berry, path)
     if kind == "bulk":
-        return test.measure(run.record, run.arrays, config, particle, berry)
+        return test.measure(run.record, run.arrays, Scene.of(config, {}, berry, particle))
     if run.record["status"] != "ok":
         return run.record
     measured = {}
     if {target.name for target in compared_targets(config)} - {CALIBRATED_ANGLE, "height_mm"}:
-        measured = test.measure(run.record, run.arrays, config, particle, berry)
+        measured = test.measure(run.record, run.arrays, Scene.of(config, {}, berry, particle))
     try:
         settings = MeasureSettings.of(config["measure"], berry)
         return run.record | measured | shape_piles.measured(run.arrays, particle, settings)
@@ -103,7 +104,7 @@ def _kept_run(test, config, parameters, seed, particle, berry, path):
     about = about_job(test, config, path.stem if path else "", parameters)
     run = kept_runs.read(path, about) if path else None
     if run is None:
-        run = test.run(config, parameters, seed, particle, berry)
+        run = test.run(Scene.of(config, parameters, berry, particle, seed))
         if path:
             kept_runs.write(path, about, run)
     return run

@@ -1,7 +1,6 @@
 """A bench test of one's own, as the example shows it: registered, configured, poured and measured."""
 
 import copy
-import dataclasses
 import importlib.util
 import json
 from pathlib import Path
@@ -11,8 +10,9 @@ import pytest
 from goji import recommended
 from refusals import not_refused
 
-from repose.apparatus import bench, bench_tests, names, register
+from repose.apparatus import Scene, bench, bench_tests, names, register
 from repose.apparatus.job import measure_job, pour_job
+from repose.apparatus.settings import SceneSettings
 from repose.config.study import Study
 from repose.core import responses
 from repose.core.errors import InputError
@@ -36,7 +36,7 @@ def drop():
     spec = importlib.util.spec_from_file_location("bench_test", ROOT / "examples" / "bench_test.py")
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
-    yield example.DROP
+    yield bench("drop")
     registry = importlib.import_module("repose.apparatus.bench_test")
     del registry._REGISTRY["drop"], responses._REGISTRY["spread_mm"]
 
@@ -61,7 +61,7 @@ def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
 
 def test_a_name_is_given_once(drop):
     with pytest.raises(ValueError, match="registered already"):
-        register(dataclasses.replace(drop))
+        register("drop")(type(drop))
 
 
 def test_its_section_is_part_of_the_configuration(config):
@@ -112,18 +112,18 @@ def test_a_bench_test_that_cannot_run_is_refused():
 )
 def test_a_berry_has_to_fit(name, keys):
     axes_mm = (21.1, 11.4, 9.9)
-    too_small = [key for key, _ in bench(name).misfits(recommended(name, **keys), axes_mm)]
+    too_small = [key for key, _ in bench(name).misfits(SceneSettings(recommended(name, **keys)), axes_mm)]
     assert too_small == [f"{name}.{key}" for key in keys]
-    assert not list(bench(name).misfits(recommended(name), axes_mm))
+    assert not list(bench(name).misfits(SceneSettings(recommended(name)), axes_mm))
 
 
 def test_the_job_pours_and_measures_it(drop, config, tmp_path):
-    pours = pour_job(drop, config, "007", SET, [3, 4], PARTICLE, BERRY, tmp_path, interval_s=0.1)
+    pours = pour_job(drop, Scene.of(config, SET, BERRY, PARTICLE), "007", [3, 4], tmp_path, interval_s=0.1)
     saved = json.loads(pours.read_text())
     assert (saved["sample"], saved["apparatus"], len(saved["pours"])) == (7, "drop", 2)
     with np.load(tmp_path / "007_trajectory_3.npz") as frames:
         assert frames["position"].shape == (6, 5, 3)
-    result = measure_job(config, pours, PARTICLE, BERRY)
+    result = measure_job(Scene.of(config, {}, BERRY, PARTICLE), pours)
     assert json.loads((tmp_path / "007.json").read_text()) == result
     spread = [run["spread_mm"] for run in result["runs"]]
     with np.load(tmp_path / "007.npz") as arrays:
@@ -141,7 +141,7 @@ def test_a_job_that_is_no_run_of_its_bench_test_is_refused(drop, config, tmp_pat
     ):
         path.write_text(json.dumps({"apparatus": name, "pours": [{"seed": 1, "status": status}]}))
         with pytest.raises(InputError, match=message):
-            measure_job(config, path, PARTICLE, BERRY)
+            measure_job(Scene.of(config, {}, BERRY, PARTICLE), path)
 
 
 def test_seeds_are_stable_and_every_bench_test_and_purpose_has_its_own(drop):

@@ -13,6 +13,8 @@ from goji import example, recommended
 
 from repose.apparatus import drawdown, photographs
 from repose.apparatus.drum import Drum
+from repose.apparatus.settings import SceneSettings
+from repose.apparatus.turning import TurningSettings
 from repose.cli import main
 from repose.config.study import Study
 from repose.core.errors import InputError
@@ -57,8 +59,9 @@ def drum_picture(filled, radius_px=420, size=(1200, 1500), centre=(730, 610)):
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_drum_gives_the_angle_and_the_surface_of_the_simulation(tmp_path, mirrored):
     config = recommended("turning")
-    radius_m = Drum.of(config["turning"]).radius_m
-    grain, share = Shape.sphere(1e-3, 1500.0, "grain"), config["turning"]["fit_share"]
+    section = SceneSettings(config).section("turning", TurningSettings)
+    radius_m = Drum.of(section).radius_m
+    grain, share = Shape.sphere(1e-3, 1500.0, "grain"), section.fit_share
     frame = grains(31.0, radius_m)
     pixel = 2e3 * radius_m / 840
     true = bed.measure_surface(*frame, grain, radius_m, pixel, share)
@@ -68,10 +71,10 @@ def test_a_drum_gives_the_angle_and_the_surface_of_the_simulation(tmp_path, mirr
         picture = np.ascontiguousarray(picture[:, ::-1])
         points[::2] = [picture.shape[1] - 1 - x for x in points[::2]]
     write_image(tmp_path / "drum.png", picture)
-    (seen,) = photographs.measure_all([tmp_path / "drum.png"], points, config, "turning", HOW)
+    (seen,) = photographs.measure_all([tmp_path / "drum.png"], points, SceneSettings(config), "turning", HOW)
     assert not seen.refused
     assert seen.values["turning_deg"] == pytest.approx(true.angle_deg, abs=0.15)
-    surface = photographs.profile([seen], config["turning"])
+    surface = photographs.profile([seen], section)
     middle = surface[surface["x_mm"].abs() < 0.6e3 * radius_m]
     heights = 1e3 * bed.surface_heights(occupied, 0.5, 1e-3 * middle["x_mm"], radius_m, pixel)
     assert np.abs(middle["z_mm"] - heights).max() < 2.5 * pixel
@@ -79,7 +82,7 @@ def test_a_drum_gives_the_angle_and_the_surface_of_the_simulation(tmp_path, mirr
 
 def box_picture(section, above_deg, below_deg, level_deg=0.0, scale=0.4, size=(1000, 1400)):
     """A box with two wedges above and a pile below, and its lower inner corners; `scale` in mm a pixel."""
-    box = drawdown.Box.of(section)
+    box = drawdown.Box.of(drawdown.DrawdownSettings(**section))
     picture = np.full((*size, 3), EMPTY, np.uint8)
     middle, floor = np.array([700.0, 850.0]), 1e3 / scale
 
@@ -111,7 +114,7 @@ def test_a_box_gives_both_slopes(tmp_path, level_deg):
     config = example("drawdown")
     picture, corners = box_picture(config["drawdown"], 33.0, 24.0, level_deg)
     write_image(tmp_path / "box.png", picture)
-    (seen,) = photographs.measure_all([tmp_path / "box.png"], corners, config, "drawdown", HOW)
+    (seen,) = photographs.measure_all([tmp_path / "box.png"], corners, SceneSettings(config), "drawdown", HOW)
     assert not seen.refused
     assert seen.values["drawdown_above_deg"] == pytest.approx(33.0, abs=0.5)
     assert seen.values["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
@@ -127,7 +130,7 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
         ([730.0, 610.0, 785.0, 610.0, 757.0, 662.0], "pixels wide"),
     ]
     for points, words in cases:
-        (seen,) = photographs.measure_all([file], points, config, "turning", HOW)
+        (seen,) = photographs.measure_all([file], points, SceneSettings(config), "turning", HOW)
         assert words in seen.refused, points
     for points, words in (
         (inside[:4], "three points of the drum's inner rim"),
@@ -136,9 +139,9 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
         ([*inside[:5], math.nan], "three points of the drum's inner rim"),
     ):
         with pytest.raises(InputError, match=words):
-            photographs.measure_all([file], points, config, "turning", HOW)
+            photographs.measure_all([file], points, SceneSettings(config), "turning", HOW)
     with pytest.raises(InputError, match="left and of the right lower inner corner"):
-        photographs.measure_all([file], [900, 0, 100, 0], example("drawdown"), "drawdown", HOW)
+        photographs.measure_all([file], [900, 0, 100, 0], SceneSettings(example("drawdown")), "drawdown", HOW)
 
 
 def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, capsys):

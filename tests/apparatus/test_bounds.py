@@ -7,7 +7,7 @@ import pytest
 from goji import AXES_MM, BERRY, PARTICLE, ROOT
 
 from repose import dem
-from repose.apparatus import bench, scene
+from repose.apparatus import Scene, bench, scene
 from repose.apparatus.bounds import EVERY, Bounded, Unstable
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
@@ -151,11 +151,11 @@ def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
     monkeypatch.setattr(scene, "longest_time_step", lambda *_: time_steps.Limit(1.0, ""))
     monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
     whole = config(3e-3)
-    run = bench(name).run(whole, SET, 1, PARTICLE, BERRY)
+    run = bench(name).run(Scene.of(whole, SET, BERRY, PARTICLE, 1))
     assert run.record["status"] == "unstable"
     assert "after" in run.record["reason"]
     assert "a shorter simulation.time_step_s than 0.003" in run.record["reason"]
-    measured = bench(name).measure(run.record, run.arrays, whole, PARTICLE, BERRY)
+    measured = bench(name).measure(run.record, run.arrays, Scene.of(whole, {}, BERRY, PARTICLE))
     assert measured["status"] == "unstable"
 
 
@@ -163,7 +163,7 @@ def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
 def test_looking_moves_no_bit(name, monkeypatch):
     def final(every):
         monkeypatch.setattr("repose.apparatus.bounds.EVERY", every)
-        run = bench(name).run(config(), SET, 1, PARTICLE, BERRY)
+        run = bench(name).run(Scene.of(config(), SET, BERRY, PARTICLE, 1))
         assert run.record["status"] != "unstable"
         return run.arrays
 

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from goji import BERRY, PARTICLE, ROOT, named, recommended
 
-from repose.apparatus import bench, cylinder
+from repose.apparatus import Scene, bench, cylinder
 from repose.apparatus.bounds import Unstable
 from repose.apparatus.job import run_once
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.particle.build import ellipsoid_mesh, fit_particle
+
+TEST = cylinder.CylinderTest()
 
 SET = named((0.25, 0.5, 0.03, 0.3, 0.6, 0.2))
 SMALL = {"berries": 90, "rate_per_s": 150.0, "duration_s": 1.6, "diameter_mm": 60.0, "height_mm": 30.0}
@@ -37,7 +39,7 @@ def lattice(spacing_m, top_m):
 def test_density_of_a_lattice_is_mass_over_cell(margin_m):
     centres = lattice(2e-3, 0.3)
     masses = np.full(len(centres), 4.8e-6)
-    vessel = cylinder.Vessel.of(config()["cylinder"])
+    vessel = cylinder.Vessel.of(TEST.section(SceneSettings(config())))
     counted = vessel.inside(centres, margin_m)
     assert vessel.density_kg_m3(masses, counted, margin_m) == pytest.approx(600.0, rel=0.01)
     assert centres[counted, 2].max() < 0.228 - margin_m
@@ -51,13 +53,13 @@ def test_sizes_count_by_their_mass():
         "scale": scales,
         "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)),
     }
-    found = cylinder.measure({"status": "ok"}, arrays, config(), PARTICLE, BERRY)
+    found = TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
     mass = PARTICLE.mass_kg * (1.0 + 1.2**3 + 0.8**3)
     assert found["bulk_density_kg_m3"] == pytest.approx(mass / (math.pi * 0.0835**2 * 0.228))
     assert found["berries_in_cylinder"] == 3
     core = PARTICLE.mass_kg * (1.2**3 + 0.8**3) / (math.pi * 0.0585**2 * 0.178)
     assert found["core_density_kg_m3"] == pytest.approx(core)
-    nothing = cylinder.measure({"status": "not_full"}, arrays, config(), PARTICLE, BERRY)
+    nothing = TEST.measure({"status": "not_full"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
     assert nothing["bulk_density_kg_m3"] is None
 
 
@@ -96,20 +98,23 @@ def test_the_core_counts_the_volume_of_layers_that_its_ends_cut(kind):
 
 def test_a_filling_is_judged():
     full, low = lattice(5e-3, 0.26), lattice(5e-3, 0.24)
-    assert cylinder.status_of(full, 1e-12, config(), 0.021)[0] == "ok"
+    assert TEST.status_of(full, 1e-12, SceneSettings(config()), 0.021)[0] == "ok"
     # 12 mm above the rim are less than the length of a berry
-    status, reason = cylinder.status_of(low, 1e-12, config(), 0.021)
+    status, reason = TEST.status_of(low, 1e-12, SceneSettings(config()), 0.021)
     assert status == "not_full"
     assert "above it" in reason
-    assert cylinder.status_of(full, 1e-6, config(), 0.021)[0] == "not_at_rest"
-    assert cylinder.status_of(full + np.array([0.02, 0, 0]), 1e-12, config(), 0.021)[0] == "lost"
-    assert cylinder.status_of(full, 1e-12, config(), 0.021, "why") == ("unstable", "why")
+    assert TEST.status_of(full, 1e-6, SceneSettings(config()), 0.021)[0] == "not_at_rest"
+    assert TEST.status_of(full + np.array([0.02, 0, 0]), 1e-12, SceneSettings(config()), 0.021)[0] == "lost"
+    assert TEST.status_of(full, 1e-12, SceneSettings(config()), 0.021, "why") == (
+        "unstable",
+        "why",
+    )
 
 
 def test_a_tap_lifts_a_berry_by_its_height():
     own = config(**SMALL)
     settings = SimulationSettings.of(own)
-    simulation = cylinder.build(own, SET, PARTICLE, BERRY)
+    simulation = TEST.build(Scene.of(own, SET, BERRY, PARTICLE))
     simulation.add("berry", (0.0, 0.0, 0.011))
     simulation.run(1.0, False)
     low, tops = simulation.positions[0, 2], []
@@ -126,13 +131,15 @@ def test_a_tap_lifts_a_berry_by_its_height():
 
 def test_a_tapped_cylinder_holds_more():
     own = config(**SMALL, taps=6)
-    records = [run_once(bench("cylinder"), own, SET, seed, PARTICLE, BERRY)[0] for seed in (2, 3, 4)]
-    record, run = run_once(bench("cylinder"), own, SET, 1, PARTICLE, BERRY)
+    records = [
+        run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, seed))[0] for seed in (2, 3, 4)
+    ]
+    record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
     records.append(record)
     assert {one["status"] for one in records} == {"ok"}
     tapped, bulk = (sum(one[f"{name}_density_kg_m3"] for one in records) for name in ("tapped", "bulk"))
     assert tapped > 1.02 * bulk
-    poured, _ = run_once(bench("cylinder"), config(**SMALL), SET, 1, PARTICLE, BERRY)
+    poured, _ = run_once(bench("cylinder"), Scene.of(config(**SMALL), SET, BERRY, PARTICLE, 1))
     assert poured["bulk_density_kg_m3"] == record["bulk_density_kg_m3"]
     assert poured["tapped_density_kg_m3"] is None
     assert run.arrays["tapped"].shape == run.arrays["position"].shape
@@ -144,20 +151,20 @@ def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
         raise Unstable("a berry is too fast")
 
     monkeypatch.setattr(cylinder, "fill", broken)
-    record, _ = run_once(bench("cylinder"), config(**SMALL, taps=2), SET, 1, PARTICLE, BERRY)
+    record, _ = run_once(bench("cylinder"), Scene.of(config(**SMALL, taps=2), SET, BERRY, PARTICLE, 1))
     assert (record["status"], record["reason"]) == ("unstable", "a berry is too fast")
 
 
 def test_taps_take_their_time():
     own, tapped = config(**SMALL), config(**SMALL, taps=100, tap_mm=20.0)
-    longer = cylinder.duration_s(tapped) - cylinder.duration_s(own)
+    longer = TEST.duration_s(SceneSettings(tapped)) - TEST.duration_s(SceneSettings(own))
     assert longer == pytest.approx(100 * (2 * math.sqrt(2 * 0.02 / 9.81) + 0.4))
 
 
 def test_a_tapped_density_needs_taps():
     own = config(**SMALL)
     own["targets"] = [own["targets"][0] | {"response": "tapped_density_kg_m3", "apparatus": "cylinder"}]
-    assert dict(cylinder.contradictions(own)) == {
+    assert dict(TEST.contradictions(SceneSettings(own))) == {
         "cylinder.taps": "1 or more, for tapped_density_kg_m3 is a target"
     }
 
@@ -175,16 +182,16 @@ def test_a_study_may_leave_out_the_taps():
 
 def test_a_small_filling():
     own = config(**SMALL)
-    record, run = run_once(bench("cylinder"), own, SET, 1, PARTICLE, BERRY)
+    record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
     assert (record["status"], record["berries_poured"]) == ("ok", 90)
-    vessel = cylinder.Vessel.of(own["cylinder"])
+    vessel = cylinder.Vessel.of(TEST.section(SceneSettings(own)))
     centres = run.arrays["position"]
     assert (np.hypot(*centres[:, :2].T) < vessel.radius_m).all()
     assert 0.45 < record["bulk_density_kg_m3"] / 840.47 < 0.72
-    again, _ = run_once(bench("cylinder"), own, SET, 1, PARTICLE, BERRY)
+    again, _ = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
     assert again["bulk_density_kg_m3"] == record["bulk_density_kg_m3"]
     few = copy.deepcopy(own)
     few["cylinder"]["berries"] = 30
-    short, _ = run_once(bench("cylinder"), few, SET, 1, PARTICLE, BERRY)
+    short, _ = run_once(bench("cylinder"), Scene.of(few, SET, BERRY, PARTICLE, 1))
     assert short["status"] == "not_full"
     assert short["bulk_density_kg_m3"] is None

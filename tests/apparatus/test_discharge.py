@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from goji import BERRY, PARTICLE, named, particle, recommended
 
-from repose.apparatus import bench, discharge
+from repose.apparatus import Scene, bench, discharge
 from repose.apparatus.job import run_once
+from repose.apparatus.settings import SceneSettings
+
+TEST = discharge.DischargeTest()
 
 SPHERE_MM = 12.0
 SPHERE = particle((SPHERE_MM, SPHERE_MM, SPHERE_MM))
@@ -23,7 +26,7 @@ config = partial(recommended, "discharge")
 def measured(exit_s, scale):
     """A run whose berries left at these times, measured."""
     arrays = {"exit_s": np.asarray(exit_s, float), "scale": np.asarray(scale, float)}
-    return discharge.measure({"status": "ok"}, arrays, config(), PARTICLE, BERRY)
+    return TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
 
 
 def test_an_even_flow_has_its_rate():
@@ -41,7 +44,7 @@ def test_the_rate_is_that_of_the_middle_and_counts_mass():
 
 
 def test_a_run_that_did_not_empty_has_no_numbers():
-    found = discharge.measure({"status": "jammed"}, {}, config(), PARTICLE, BERRY)
+    found = TEST.measure({"status": "jammed"}, {}, Scene.of(config(), {}, BERRY, PARTICLE))
     assert (found["emptying_s"], found["flow_g_s"]) == (None, None)
 
 
@@ -49,7 +52,7 @@ def test_a_run_is_judged():
     good = {"filled": 500, "rest_energy_j": 1e-12, "early": 0, "late": 500}
 
     def status(**changes):
-        return discharge.status_of(discharge.Discharge(**(good | changes)), config())[0]
+        return TEST.status_of(discharge.Discharge(**(good | changes)), SceneSettings(config()))[0]
 
     assert status() == "ok"
     assert status(unstable="why") == "unstable"
@@ -60,7 +63,7 @@ def test_a_run_is_judged():
 
 
 def test_what_is_filled_in_comes_out():
-    record, run = run_once(bench("discharge"), config(**SMALL), SET, 1, PARTICLE, BERRY)
+    record, run = run_once(bench("discharge"), Scene.of(config(**SMALL), SET, BERRY, PARTICLE, 1))
     assert (record["status"], record["berries_out"]) == ("ok", 40)
     assert (run.arrays["exit_s"] > 0.0).all()  # nothing leaves the closed funnel
     assert (run.arrays["position"][:, 2] > 0.0).all()
@@ -71,7 +74,7 @@ def test_what_is_filled_in_comes_out():
 
 def test_a_narrow_outlet_jams():
     narrow = config(**SMALL | {"outlet_diameter_mm": 22.0, "longest_s": 1.0})
-    record, _ = run_once(bench("discharge"), narrow, SET, 1, PARTICLE, BERRY)
+    record, _ = run_once(bench("discharge"), Scene.of(narrow, SET, BERRY, PARTICLE, 1))
     assert record["status"] == "jammed"
     assert record["flow_g_s"] is None
 
@@ -80,7 +83,7 @@ def flow_g_s(seed=1, **keys):
     """Rate of spheres from a funnel with a flat cone."""
     own = {"berries": 700, "inlet_diameter_mm": 130.0, "cone_angle_deg": 20.0, "collar_mm": 200.0}
     own |= {"rate_per_s": 700.0, "open_from_s": 1.5, "longest_s": 4.0}
-    record, _ = run_once(bench("discharge"), config(**own | keys), SPHERES, seed, SPHERE, BERRY)
+    record, _ = run_once(bench("discharge"), Scene.of(config(**own | keys), SPHERES, BERRY, SPHERE, seed))
     assert record["status"] == "ok", record["reason"]
     return record["flow_g_s"]
 

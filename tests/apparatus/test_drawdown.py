@@ -9,10 +9,13 @@ import pytest
 from goji import BEAD, SPHERE, example, named
 from refusals import not_refused
 
-from repose.apparatus import bench, drawdown
+from repose.apparatus import Scene, bench, drawdown
 from repose.apparatus.job import run_once
+from repose.apparatus.settings import SceneSettings
 from repose.config.study import Study
 from repose.core.errors import InputError
+
+TEST = drawdown.DrawdownTest()
 
 SET = named((0.3, 0.4, 0.05, 0.3, 0.4, 0.05))
 SMALL = {"berries": 550, "rate_per_s": 600.0, "open_from_s": 1.5, "longest_s": 4.0, "width_mm": 160.0}
@@ -25,7 +28,7 @@ config = partial(example, "drawdown")
 
 def test_a_run_is_judged():
     def status(**changes):
-        return drawdown.status_of(dataclasses.replace(GOOD, **changes), config())[0]
+        return TEST.status_of(dataclasses.replace(GOOD, **changes), SceneSettings(config()))[0]
 
     assert status() == "ok"
     assert status(unstable="why") == "unstable"
@@ -48,15 +51,15 @@ def test_a_box_that_cannot_be_built_is_refused():
 
 
 def test_a_berry_has_to_fit():
-    found = dict(drawdown.misfits(config(depth_mm=20.0, slot_mm=9.0), (21.1, 11.4, 9.9)))
+    found = dict(TEST.misfits(SceneSettings(config(depth_mm=20.0, slot_mm=9.0)), (21.1, 11.4, 9.9)))
     assert list(found) == ["drawdown.slot_mm", "drawdown.depth_mm"]
-    assert not list(drawdown.misfits(config(), (21.1, 11.4, 9.9)))
+    assert not list(TEST.misfits(SceneSettings(config()), (21.1, 11.4, 9.9)))
 
 
 def slopes(above_deg, below_deg):
     """Centres of small spheres that fill two wedges above and a pile below, of these slopes, 0.5 mm apart."""
     own = config()["drawdown"]
-    box = drawdown.Box.of(own)
+    box = drawdown.Box.of(TEST.section(SceneSettings(config())))
     x, z = np.meshgrid(np.arange(-0.13, 0.13, 5e-4), np.arange(5e-4, 0.1, 5e-4), indexing="ij")
     x, z = x.ravel(), z.ravel()
     wedge = (np.abs(x) > box.half_slot) & (
@@ -79,7 +82,7 @@ def slopes(above_deg, below_deg):
 def test_both_slopes_are_measured():
     arrays = slopes(33.0, 24.0)
     berry = BEAD | {"long_mm": 1.0, "major_mm": 1.0, "minor_mm": 1.0}
-    found = drawdown.measure({"status": "ok"}, arrays, config(), SPHERE, berry)
+    found = TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, berry, SPHERE))
     assert found["drawdown_above_deg"] == pytest.approx(33.0, abs=0.5)
     assert found["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
     below = int(arrays["in_pile"].sum())
@@ -89,7 +92,10 @@ def test_both_slopes_are_measured():
 @pytest.mark.slow
 def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
     """An ensemble of four fillings; what drained and what stayed are all that was filled in."""
-    runs = [run_once(bench("drawdown"), config(**SMALL), SET, seed, SPHERE, BEAD) for seed in (1, 2, 3, 4)]
+    runs = [
+        run_once(bench("drawdown"), Scene.of(config(**SMALL), SET, BEAD, SPHERE, seed))
+        for seed in (1, 2, 3, 4)
+    ]
     for record, run in runs:
         assert record["status"] == "ok", record["reason"]
         stays = ~np.isfinite(run.arrays["exit_s"])
@@ -107,6 +113,8 @@ def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
 
 @pytest.mark.slow
 def test_a_narrow_slot_jams():
-    record, _ = run_once(bench("drawdown"), config(**SMALL | {"slot_mm": 18.0}), SET, 1, SPHERE, BEAD)
+    record, _ = run_once(
+        bench("drawdown"), Scene.of(config(**SMALL | {"slot_mm": 18.0}), SET, BEAD, SPHERE, 1)
+    )
     assert record["status"] == "jammed"
     assert record["drawdown_mass_g"] is None

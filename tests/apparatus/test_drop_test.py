@@ -8,11 +8,13 @@ import pytest
 from goji import BEAD, PARTICLE, SPHERE, example, named
 from refusals import not_refused
 
-from repose.apparatus import bench, drop_test
+from repose.apparatus import Scene, bench, drop_test
 from repose.apparatus.job import run_once
 from repose.apparatus.scene import longest_time_step
 from repose.config.study import Study
 from repose.core.errors import InputError
+
+TEST = drop_test.DropTest()
 
 STIFF = BEAD | {"shear_modulus_pa": 1e10}
 
@@ -24,9 +26,9 @@ def dropped(e_wall, e_berry=0.5, particle=SPHERE, berry=STIFF, step_share=0.25, 
     """A drop with a share of the longest time step."""
     own = config(**keys)
     values = named((e_berry, 0.5, 0.1, e_wall, 0.5, 0.1))
-    longest = longest_time_step(own, values, particle, berry)
+    longest = longest_time_step(Scene.of(own, values, berry, particle))
     own["simulation"]["time_step_s"] = step_share * longest.time_step_s
-    return run_once(bench("drop_test"), own, values, seed, particle, berry)
+    return run_once(bench("drop_test"), Scene.of(own, values, berry, particle, seed))
 
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.9])
@@ -45,12 +47,12 @@ def test_a_flight_of_known_height_and_duration():
     time_s = np.linspace(0.0, 0.1, 201)
     heights = 0.005 + 0.5 * 9.81 * time_s * (0.1 - time_s)
     arrays = {"time_s": time_s, "height_m": heights, "drop_m": np.array([0.05])}
-    found = drop_test.measure({"status": "ok"}, arrays, config(), SPHERE, STIFF)
+    found = TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, STIFF, SPHERE))
     asked = 0.5 * 9.81 * 0.1 / math.sqrt(2.0 * 9.81 * 0.05)
     assert found["height_restitution"] == pytest.approx(asked, rel=1e-6)
     assert found["sound_restitution"] == pytest.approx(asked, rel=1e-6)
     assert found["rebound_height_mm"] == pytest.approx(1e3 * 9.81 * 0.1**2 / 8)
-    failed = drop_test.measure({"status": "no_rebound"}, arrays, config(), SPHERE, STIFF)
+    failed = TEST.measure({"status": "no_rebound"}, arrays, Scene.of(config(), {}, STIFF, SPHERE))
     assert failed["height_restitution"] is None
 
 
@@ -74,7 +76,9 @@ def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(mo
     own = config(height_mm=20.0)
     own["simulation"] |= {"contact_law": "jkr", "time_step_s": 1e-5}
     values = named((0.5, 0.5, 0.1, 0.05, 0.5, 0.1)) | {"gamma_gg": 0.0, "gamma_gp": 5.0}
-    record, _ = run_once(bench("drop_test"), own, values, 1, SPHERE, STIFF | {"shear_modulus_pa": 1e6})
+    record, _ = run_once(
+        bench("drop_test"), Scene.of(own, values, STIFF | {"shear_modulus_pa": 1e6}, SPHERE, 1)
+    )
     assert record["status"] == "no_rebound"
     assert record["height_restitution"] is None
     # 100,000 time steps touch the plate

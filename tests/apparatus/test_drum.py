@@ -10,11 +10,14 @@ import pytest
 from goji import BERRY, PARTICLE, named, recommended
 from PIL import Image
 
-from repose.apparatus import drum, drum_tables
+from repose.apparatus import Scene, bench, drum, drum_tables
 from repose.apparatus.job import measure_job, pour_job
+from repose.apparatus.settings import SceneSettings
 from repose.core.errors import InputError
 from repose.measure import bed
 from repose.pictures import film
+
+TEST = drum.DrumTest()
 
 REPRESENTATIVE = named((0.203, 0.642, 0.037, 0.244, 0.483, 0.185))
 RADIUS_M = 0.095
@@ -43,7 +46,7 @@ def turned(centres, angle_rad):
 
 
 def test_the_drum_has_the_dimensions_asked_for():
-    whole = drum.Drum.of(config()["drum"])
+    whole = drum.Drum.of(TEST.section(SceneSettings(config())))
     assert (whole.radius_m, whole.length_m) == (pytest.approx(0.095), pytest.approx(0.34))
     walls = whole.walls("wall")
     assert tuple(walls) == drum.WALLS
@@ -136,7 +139,7 @@ def test_the_motion_of_a_known_layer_is_found_by_depth():
 
 @pytest.fixture(scope="module")
 def small_rotation():
-    return drum.rotate(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
+    return TEST.rotate(Scene.of(config(**SMALL), REPRESENTATIVE, BERRY, PARTICLE, 3))
 
 
 def test_a_slip_with_no_berry_under_the_surface_has_no_profile():
@@ -147,11 +150,11 @@ def test_a_slip_with_no_berry_under_the_surface_has_no_profile():
 def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
     """Small berries under coarse pixels: the slip is found, its angles are not."""
     slipped = dataclasses.replace(small_rotation, slip=bed.Slip(0, 0, 1))
-    assert drum.status_of(slipped, config(**SMALL)) == ("ok", "")
-    monkeypatch.setattr(drum, "rotate", lambda *_: slipped)
-    run = drum.run(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
+    assert TEST.status_of(slipped, SceneSettings(config(**SMALL))) == ("ok", "")
+    monkeypatch.setattr(drum.DrumTest, "rotate", lambda *_: slipped)
+    run = TEST.run(Scene.of(config(**SMALL), REPRESENTATIVE, BERRY, PARTICLE, 3))
     measured = [
-        drum.measure(run.record, run.arrays, seen, PARTICLE, BERRY)
+        TEST.measure(run.record, run.arrays, Scene.of(seen, {}, BERRY, PARTICLE))
         for seen in (config(**SMALL), config(**SMALL) | {"measure": {"mm_per_pixel": 50.0}})
     ]
     assert [value["status"] for value in measured] == ["ok", "no_surface"]
@@ -161,8 +164,8 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
 
 
 def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_rotation):
-    record, whole = small_rotation.record, drum.Drum.of(config(**SMALL)["drum"])
-    assert drum.status_of(small_rotation, config(**SMALL))[0] == "no_slip"
+    record, whole = small_rotation.record, drum.Drum.of(TEST.section(SceneSettings(config(**SMALL))))
+    assert TEST.status_of(small_rotation, SceneSettings(config(**SMALL)))[0] == "no_slip"
     assert small_rotation.rest_energy_j < 1e-9
     assert record["time_s"][-1] == pytest.approx(1.0, abs=2e-3)  # ten intervals of whole steps
     assert record["turned_deg"][-1] == pytest.approx(math.degrees(0.0873 * record["time_s"][-1]), rel=1e-6)
@@ -194,14 +197,16 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
         "longest_rotation_s": 2.0,
         "settle_s": 1.0,
     }
-    results = drum_tables.run_job(config(**keys), REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path)
+    results = drum_tables.run_job(Scene.of(config(**keys), REPRESENTATIVE, BERRY, PARTICLE), [3], tmp_path)
     run = results[0]["run"]
     kept = json.loads((tmp_path / "drum_3.json").read_text())["run"]
     assert kept == {key: run[key] for key in kept}
     assert not any("surface" in key for key in kept)
     # the job of all bench tests gives the same, and its responses
-    pours = pour_job(drum.BENCH, config(**keys), "004", REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path)
-    job = measure_job(config(**keys), pours, PARTICLE, BERRY)
+    pours = pour_job(
+        bench("drum"), Scene.of(config(**keys), REPRESENTATIVE, BERRY, PARTICLE), "004", [3], tmp_path
+    )
+    job = measure_job(Scene.of(config(**keys), {}, BERRY, PARTICLE), pours)
     (measured,) = job["runs"]
     assert measured == run
     assert (measured["drum_slip_deg"], measured["drum_rest_deg"]) == (

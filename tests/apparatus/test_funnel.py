@@ -14,12 +14,15 @@ import pytest
 from goji import AXES_MM, BERRY, ROOT, named, particle
 from numba import typeof
 
-from repose.apparatus import funnel, scene
+from repose.apparatus import Scene, bench, funnel, scene
 from repose.apparatus.job import measure_job, pour_job, run_once
+from repose.apparatus.settings import SceneSettings
 from repose.config.study import Study
 from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
 from repose.measure import pile
+
+TEST = funnel.FunnelTest()
 
 REPRESENTATIVE = (0.203, 0.642, 0.037, 0.244, 0.483, 0.185)
 CENTRE = (0.25, 0.55, 0.045, 0.35, 0.60, 0.20)
@@ -56,7 +59,9 @@ def one_run(task):
     axes = np.full(3, np.prod(AXES_MM) ** (1.0 / 3.0)) if name == "spheres" else AXES_MM
     whole = config()
     whole["simulation"]["friction_limit"] = "total"  # as the other implementation limits it
-    record, _ = run_once(funnel.BENCH, whole, named(REFERENCES[name][0]), seed, particle(axes), BERRY)
+    record, _ = run_once(
+        bench("funnel"), Scene.of(whole, named(REFERENCES[name][0]), BERRY, particle(axes), seed)
+    )
     return name, record
 
 
@@ -132,7 +137,7 @@ def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypat
         return advance(*arguments)
 
     monkeypatch.setattr(engine, "advance", noting)
-    here = digest(funnel.pour(small(), named(CENTRE), 5, particle(), BERRY))
+    here = digest(TEST.pour(Scene.of(small(), named(CENTRE), BERRY, particle(), 5)))
     assert in_a_new_process() == (here, 0)
     # this process has compiled the kernel itself where its cache was empty
     if not signatures <= set(advance.stats.cache_misses):
@@ -143,18 +148,18 @@ def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypat
 def test_a_study_may_choose_the_linear_spring():
     whole = small()
     whole["simulation"]["contact_law"] = "linear_spring"
-    poured = funnel.pour(whole, named(CENTRE), 5, particle(), BERRY)
+    poured = TEST.pour(Scene.of(whole, named(CENTRE), BERRY, particle(), 5))
     assert not poured.unstable
     assert poured.on_plate.sum() == 60
     assert poured.kinetic_energy_j / 60 < 1e-12
-    assert digest(poured) != digest(funnel.pour(small(), named(CENTRE), 5, particle(), BERRY))
+    assert digest(poured) != digest(TEST.pour(Scene.of(small(), named(CENTRE), BERRY, particle(), 5)))
 
 
 @pytest.fixture(scope="module")
 def plain():
     """A small pour, which leaves its configuration as it was."""
     whole = small()
-    poured = funnel.pour(whole, named(CENTRE), 5, particle(), BERRY)
+    poured = TEST.pour(Scene.of(whole, named(CENTRE), BERRY, particle(), 5))
     assert whole == small()
     return poured
 
@@ -162,12 +167,12 @@ def plain():
 @pytest.fixture(scope="module")
 def filmed():
     """The same, with its frames."""
-    return funnel.pour(small(), named(CENTRE), 5, particle(), BERRY, interval_s=0.01)
+    return TEST.pour(Scene.of(small(), named(CENTRE), BERRY, particle(), 5), interval_s=0.01)
 
 
 def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(plain, filmed):
     assert digest(plain) == digest(filmed)
-    assert digest(plain) != digest(funnel.pour(small(), named(CENTRE), 6, particle(), BERRY))
+    assert digest(plain) != digest(TEST.pour(Scene.of(small(), named(CENTRE), BERRY, particle(), 6)))
     assert 100 < len(filmed.frames["time_s"]) <= 300  # a pour ends when its pile rests
     assert np.allclose(np.diff(filmed.frames["time_s"]), 0.01)
     assert np.isnan(filmed.frames["position"][0]).any()
@@ -175,9 +180,8 @@ def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(p
 
 
 def test_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
-    """`funnel.rest_motion_mm` that nothing is below keeps the pour from ending."""
-    longest = small(rest_motion_mm=-1.0)
-    went_on = funnel.pour(longest, named(CENTRE), 5, particle(), BERRY, interval_s=0.01)
+    scene = Scene.of(small(), named(CENTRE), BERRY, particle(), 5)
+    went_on = TEST.pour(scene, interval_s=0.01, until_rest=False)
     assert len(filmed.frames["time_s"]) < len(went_on.frames["time_s"]) == 300
     assert np.abs(filmed.centres_m - went_on.centres_m).max() < 2e-5
     assert filmed.largest_motion_m <= 1e-3 * small()["funnel"]["rest_motion_mm"]
@@ -192,7 +196,7 @@ def test_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
     ],
 )
 def test_a_run_without_a_pile_has_a_status_and_a_reason(keys, status, reason):
-    record, _ = run_once(funnel.BENCH, small(**keys), named(CENTRE), 5, particle(), BERRY)
+    record, _ = run_once(bench("funnel"), Scene.of(small(**keys), named(CENTRE), BERRY, particle(), 5))
     assert record["status"] == status
     assert reason in record["reason"]
     assert record["aor_deg"] is None
@@ -200,7 +204,7 @@ def test_a_run_without_a_pile_has_a_status_and_a_reason(keys, status, reason):
 
 
 def test_a_pile_without_a_flank_says_so():
-    record, _ = run_once(funnel.BENCH, small(berries=4), named(CENTRE), 5, particle(), BERRY)
+    record, _ = run_once(bench("funnel"), Scene.of(small(berries=4), named(CENTRE), BERRY, particle(), 5))
     assert record["status"] == "no_flank"
     assert record["reason"]
 
@@ -232,20 +236,22 @@ def test_a_pour_is_judged_by_its_last_positions():
 def test_a_tenth_of_the_grains_may_leave_the_plate():
     for lost, status in ((6, "ok"), (7, "left_plate")):
         poured = of_last_positions([0.01] * (60 - lost) + [-1.0] * lost, [1.0] * 60)
-        assert funnel.status_of(poured, small())[0] == status, lost
+        assert TEST.status_of(poured, SceneSettings(small()))[0] == status, lost
 
 
 @pytest.mark.parametrize(("in_pile", "on_plate"), [(3, 57), (2, 15), (1, 1), (9, 9), (28, 57), (0, 60)])
 def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
     apart = replace(plain, in_pile=np.arange(60) < in_pile, on_plate=np.arange(60) < on_plate)
-    status, reason = funnel.status_of(apart, small())
+    status, reason = TEST.status_of(apart, SceneSettings(small()))
     assert status == "no_flank"
     assert f"{in_pile} of {on_plate} berries touch each other" in reason
 
 
 def test_a_job_writes_what_it_returns(tmp_path):
-    pours = pour_job(funnel.BENCH, small(), "007", named(CENTRE), [5, 6], particle(), BERRY, tmp_path)
-    result = measure_job(small(), pours, particle(), BERRY)
+    pours = pour_job(
+        bench("funnel"), Scene.of(small(), named(CENTRE), BERRY, particle()), "007", [5, 6], tmp_path
+    )
+    result = measure_job(Scene.of(small(), {}, BERRY, particle()), pours)
     assert result["sample"] == 7
     assert [run["seed"] for run in result["runs"]] == [5, 6]
     arrays = np.load(tmp_path / "007.npz")
@@ -262,7 +268,7 @@ def test_largest_cluster_is_found():
 
 
 def test_the_pile_is_at_rest_and_on_the_plate_and_measured_by_the_pile_module():
-    record, run = run_once(funnel.BENCH, heap(), named(CENTRE), 5, particle(), BERRY)
+    record, run = run_once(bench("funnel"), Scene.of(heap(), named(CENTRE), BERRY, particle(), 5))
     assert (record["status"], record["reason"]) == ("ok", "")
     assert record["kinetic_energy_J"] / record["berries_in_pile"] < 1e-12
     assert record["berries_on_plate"] == 120
@@ -277,7 +283,7 @@ def test_berries_of_measured_sizes_keep_them(plain):
     settings = small()
     settings["berry"] = settings["berry"] | {"size_distribution": "measured"}
     berry = BERRY | {"scale_sd": 0.083, "scale_low": 0.78, "scale_high": 1.16}
-    poured = funnel.pour(settings, named(CENTRE), 3, particle(), berry)
+    poured = TEST.pour(Scene.of(settings, named(CENTRE), berry, particle(), 3))
     assert len(poured.scales) == len(poured.centres_m)
     assert 0.05 < poured.scales.std() < 0.11
     assert np.all(plain.scales == 1.0)

@@ -8,10 +8,12 @@ import pytest
 from goji import BEAD, PARTICLE, SPHERE, example, named
 from refusals import not_refused
 
-from repose.apparatus import bench, inclined_plane
+from repose.apparatus import Scene, bench, inclined_plane
 from repose.apparatus.job import run_once
 from repose.config.study import Study
 from repose.core.errors import InputError
+
+TEST = inclined_plane.InclinedPlaneTest()
 
 ROLLS = {
     "response": "roll_deg",
@@ -29,7 +31,7 @@ config = partial(example, "inclined_plane", steepest_deg=45.0)
 def on_plane(friction, rolling, particle=SPHERE, own=None):
     """A sled and a body on a wall with these coefficients, or on a plate of their own material."""
     values = named((0.3, friction, rolling, 0.3, friction, rolling))
-    return run_once(bench("inclined_plane"), own or config(), values, 1, particle, BEAD)[0]
+    return run_once(bench("inclined_plane"), Scene.of(own or config(), values, BEAD, particle, 1))[0]
 
 
 @pytest.mark.parametrize(("friction", "rolling"), [(0.2, 0.05), (0.5, 0.2), (0.8, 0.4)])
@@ -65,7 +67,7 @@ def test_a_sphere_that_cannot_roll_slides_or_stays():
 def test_the_other_surface_is_of_the_berries_own_material():
     values = named((0.3, 0.3, 0.1, 0.3, 0.6, 0.3))
     own = config(surface="berry", tilting_deg_s=2.0)
-    found = run_once(bench("inclined_plane"), own, values, 1, SPHERE, BEAD)[0]
+    found = run_once(bench("inclined_plane"), Scene.of(own, values, BEAD, SPHERE, 1))[0]
     assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.3)), abs=0.1)
     assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.1)), abs=0.1)
 
@@ -76,7 +78,7 @@ def test_a_sphere_leaves_its_pocket_in_a_glued_layer_over_the_saddle(friction, m
     monkeypatch.setattr(inclined_plane, "azimuth_of", lambda seed: math.radians(90.0))
     values = named((0.2, friction, 0.0, 0.2, 0.9, 0.9))
     own = config(surface="glued", tilting_deg_s=2.0)
-    found = run_once(bench("inclined_plane"), own, values, 1, SPHERE, BEAD)[0]
+    found = run_once(bench("inclined_plane"), Scene.of(own, values, BEAD, SPHERE, 1))[0]
     known = 19.4712 + math.degrees(math.atan(2.0 * friction / math.sqrt(3.0)))
     assert found["slip_deg"] == pytest.approx(known, abs=0.3)
 
@@ -91,7 +93,7 @@ def test_a_glued_layer_touches_and_does_not_overlap():
         assert apart[0] == pytest.approx(wide * 1.0001 if particle is SPHERE else apart[0])
         own = config(surface="glued")
         values = named((0.2, 0.3, 0.0, 0.2, 0.9, 0.9))
-        simulation = inclined_plane.build(own, values, particle, BEAD, azimuth=0.4)
+        simulation = TEST._plane(Scene.of(own, values, BEAD, particle), 1.0, azimuth=0.4)
         simulation.run_steps(50)
         assert len(simulation.contacts()) == 0
         assert np.ptp(simulation.positions[:, 2]) == 0.0 == np.abs(simulation.velocities).max()
@@ -130,7 +132,7 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
     arrays |= {f"{inclined_plane.SLED}_speed_m_s": slides, f"{inclined_plane.SLED}_slide_m_s": slides}
     own = config()
     own["targets"].append(ROLLS)
-    found = inclined_plane.measure({"seed": 1, "status": "ok", "reason": ""}, arrays, own, SPHERE, BEAD)
+    found = TEST.measure({"seed": 1, "status": "ok", "reason": ""}, arrays, Scene.of(own, {}, BEAD, SPHERE))
     assert (found["status"], found["roll_deg"]) == ("no_roll", None)
     assert "moves and stops" in found["reason"]
     assert found["slip_deg"] == pytest.approx(10.0, abs=0.01)
@@ -139,7 +141,7 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
 def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
     values = named((0.3, 0.5, 0.3, 0.3, 0.5, 0.3))
     own = config(tilting_deg_s=10.0, steepest_deg=45.0)
-    frames = bench("inclined_plane").run(own, values, 1, SPHERE, BEAD, interval_s=0.05).frames
+    frames = bench("inclined_plane").run(Scene.of(own, values, BEAD, SPHERE, 1), interval_s=0.05).frames
     normal = -frames["planes"][:, 0, 3:6]
     above = (frames["position"][:, 0] * normal).sum(axis=1)
     assert np.ptp(above) < 1e-4

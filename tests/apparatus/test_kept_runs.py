@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from repose.apparatus import bench, kept_runs
+from repose.apparatus import Scene, bench, kept_runs
 from repose.apparatus.bench_test import Run
 from repose.apparatus.job import pour_job
 from repose.config import stands_on
@@ -32,7 +32,8 @@ def pours():
     def pour(folder, seeds, config=CONFIG, parameters=SET, keeps_runs=True, stops=None):
         ran = []
 
-        def run(config, parameters, seed, *_):
+        def run(scene, *_):
+            seed = scene.seed
             if seed == stops:
                 raise Stopped
             ran.append(seed)
@@ -48,7 +49,9 @@ def pours():
             suppress(Stopped),
         ):
             provenance.note_config(config)
-            pour_job(test, config, "001", parameters, seeds, None, {}, folder, keeps_runs=keeps_runs)
+            pour_job(
+                test, Scene.of(config, parameters, {}, None), "001", seeds, folder, keeps_runs=keeps_runs
+            )
         return ran
 
     return pour
@@ -140,5 +143,5 @@ def test_without_a_stage_nothing_is_taken(pours, tmp_path):
 def test_a_pour_into_somebodys_file_is_refused_before_it_is_poured(tmp_path):
     (tmp_path / "heap.npz").write_text("mine")
     with pytest.raises(InputError, match=r"heap\.npz: file is 'there already'"):
-        pour_job(bench("funnel"), {}, "heap", {}, [1], None, {}, tmp_path)
+        pour_job(bench("funnel"), Scene.of({}, {}, {}, None), "heap", [1], tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["heap.npz"]

@@ -10,8 +10,9 @@ import pytest
 from goji import BEAD, BERRY, PARTICLE, SPHERE, example, named
 from refusals import not_refused
 
-from repose.apparatus import bench, funnel, lifted_cylinder
+from repose.apparatus import Scene, bench, funnel, lifted_cylinder
 from repose.apparatus.job import run_once
+from repose.apparatus.settings import SceneSettings
 from repose.chain import card
 from repose.config.study import Study
 from repose.core import published
@@ -27,6 +28,8 @@ GOOD = lifted_cylinder.Lifting(
     filled=300, filling_height_mm=90.0, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12
 )
 
+TEST = lifted_cylinder.LiftedCylinderTest()
+
 
 def config(**keys):
     """The example; a number of berries takes the place of its filling height."""
@@ -38,12 +41,14 @@ def config(**keys):
 
 def lifted(seed, **keys):
     """A small tube of spheres, run and measured once."""
-    return run_once(bench("lifted_cylinder"), config(**TUBE | keys), SET, seed, SPHERE, BEAD)
+    return run_once(bench("lifted_cylinder"), Scene.of(config(**TUBE | keys), SET, BEAD, SPHERE, seed))
 
 
 def test_a_run_is_judged():
     def status(**changes):
-        return lifted_cylinder.status_of(dataclasses.replace(GOOD, **changes), config(berries=300), 10.0)[0]
+        return TEST.status_of(dataclasses.replace(GOOD, **changes), SceneSettings(config(berries=300)), 10.0)[
+            0
+        ]
 
     assert status() == "ok"
     assert status(unstable="why") == "unstable"
@@ -53,7 +58,7 @@ def test_a_run_is_judged():
     assert status(energy_j=1e-6) == status(energy_j=float("nan")) == "not_at_rest"
     assert status(in_pile=149) == "no_flank"
     of_height = [
-        lifted_cylinder.status_of(dataclasses.replace(GOOD, filling_height_mm=mm), config(), 10.0)[0]
+        TEST.status_of(dataclasses.replace(GOOD, filling_height_mm=mm), SceneSettings(config()), 10.0)[0]
         for mm in (79.9, 80.1, 99.9, 100.1, float("nan"))
     ]
     assert of_height == ["not_filled", "ok", "ok", "not_filled", "not_filled"]
@@ -138,7 +143,7 @@ def test_the_bed_stands_as_high_as_was_asked_for_before_it_is_lifted(level_mm, m
     monkeypatch.setattr(lifted_cylinder, "_move", looked)
     own = {key: value for key, value in TUBE.items() if key != "berries"} | {"lifting_mm_s": 200.0}
     record, run = run_once(
-        bench("lifted_cylinder"), config(**own, filling_height_mm=level_mm), SET, 1, SPHERE, BEAD
+        bench("lifted_cylinder"), Scene.of(config(**own, filling_height_mm=level_mm), SET, BEAD, SPHERE, 1)
     )
     assert record["status"] == "ok", record["reason"]
     assert record["filling_height_mm"] == pytest.approx(level_mm, abs=3.0)
@@ -152,21 +157,21 @@ def test_the_bed_stands_as_high_as_was_asked_for_before_it_is_lifted(level_mm, m
 def test_a_bed_that_cannot_come_to_rest_in_time_is_not_filled():
     own = {key: value for key, value in TUBE.items() if key != "berries"} | {"lift_from_s": 0.3}
     record, _ = run_once(
-        bench("lifted_cylinder"), config(**own, filling_height_mm=90.0), SET, 1, SPHERE, BEAD
+        bench("lifted_cylinder"), Scene.of(config(**own, filling_height_mm=90.0), SET, BEAD, SPHERE, 1)
     )
     assert record["status"] == "not_filled"
     assert "not at 90 mm" in record["reason"]
 
 
 def test_the_plate_has_its_diameter():
-    tube = lifted_cylinder.build(config(**TUBE, plate_diameter_mm=300.0), SET, SPHERE, BEAD)
+    tube = TEST.build(Scene.of(config(**TUBE, plate_diameter_mm=300.0), SET, BEAD, SPHERE))
     assert tube.walls.planes[:, 6].tolist() == pytest.approx([0.15])
 
 
 def test_a_berry_has_to_fit():
-    found = dict(lifted_cylinder.misfits(config(diameter_mm=20.0, berries=9), (21.1, 11.4, 9.9)))
+    found = dict(TEST.misfits(SceneSettings(config(diameter_mm=20.0, berries=9)), (21.1, 11.4, 9.9)))
     assert list(found) == ["lifted_cylinder.diameter_mm"]
-    assert not list(lifted_cylinder.misfits(config(berries=9), (21.1, 11.4, 9.9)))
+    assert not list(TEST.misfits(SceneSettings(config(berries=9)), (21.1, 11.4, 9.9)))
 
 
 def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it():
@@ -174,7 +179,9 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     record, run = lifted(1, **own)
     assert (record["status"], record["berries_off_plate"]) == ("ok", 0)
     assert record["lifted_mm"] > record["lifted_height_mm"] - 10.0
-    of_funnel = funnel.measure({"seed": 1, "status": "ok", "reason": ""}, run.arrays, config(), SPHERE, BEAD)
+    of_funnel = funnel.FunnelTest().measure(
+        {"seed": 1, "status": "ok", "reason": ""}, run.arrays, Scene.of(config(), {}, BEAD, SPHERE)
+    )
     for name in ("aor_deg", "height_mm"):
         assert record[f"lifted_{name}"] == of_funnel[name]
     settings = MeasureSettings.of(config()["measure"], BEAD)
@@ -200,11 +207,13 @@ def test_a_tube_that_is_too_short_is_not_filled():
 def test_wide_berries_jam_in_a_rough_tube():
     record, _ = run_once(
         bench("lifted_cylinder"),
-        config(**TUBE | {"berries": 40, "diameter_mm": 14.0, "length_mm": 400.0, "lifting_mm_s": 400.0}),
-        SET | {"mus_gp": 2.0, "mur_gp": 2.0, "mus_gg": 2.0},
-        1,
-        SPHERE,
-        BEAD,
+        Scene.of(
+            config(**TUBE | {"berries": 40, "diameter_mm": 14.0, "length_mm": 400.0, "lifting_mm_s": 400.0}),
+            SET | {"mus_gp": 2.0, "mur_gp": 2.0, "mus_gg": 2.0},
+            BEAD,
+            SPHERE,
+            1,
+        ),
     )
     assert record["status"] == "jammed"
 
@@ -232,7 +241,7 @@ def test_a_hidden_surface_energy_is_found_again():
 
     def piles(energies):
         values = [known | {"gamma_gg": energy} for energy in energies]
-        runs = [run_once(test, whole, of, next(seeds), PARTICLE, BERRY)[0] for of in values]
+        runs = [run_once(test, Scene.of(whole, of, BERRY, PARTICLE, next(seeds)))[0] for of in values]
         return pd.DataFrame(runs)[["lifted_aor_deg", "lifted_height_mm"]].astype(float)
 
     measured = piles(32 * [hidden]).dropna()

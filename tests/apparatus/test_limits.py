@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from repose.apparatus import bench, names
+from repose.apparatus import Scene, bench, names
 from repose.apparatus.scene import longest_time_step
 from repose.config import making
 from repose.config.study import Study
@@ -66,7 +66,7 @@ def refused_by_pours(config, parameters, particle, berry):
     for name in names():
         if name in config:
             try:
-                bench(name).build(config, parameters, particle, berry)
+                bench(name).build(Scene.of(config, parameters, berry, particle))
                 refused.add("")
             except InputError as error:
                 refused.add(error.key)
@@ -81,13 +81,13 @@ def test_check_and_pour_and_engine_agree():
     for _ in range(300):
         config, berry, particle = case(rng, particles)
         lowest = {name: range_low(config, name) for name in PARAMETERS}
-        limit = longest_time_step(config, lowest, particle, berry).time_step_s
+        limit = longest_time_step(Scene.of(config, lowest, berry, particle)).time_step_s
         smallest = size_distribution.smallest(config["berry"]["size_distribution"], berry)
 
         config["simulation"]["time_step_s"] = 0.9999 * limit
         assert not refused_by_check(config, particle, berry)
         assert not refused_by_pours(config, lowest, particle, berry)
-        simulation = bench("funnel").build(config, lowest, particle, berry)
+        simulation = bench("funnel").build(Scene.of(config, lowest, berry, particle))
         simulation.add("berry", (0.0, 0.0, 0.0), scale=smallest)  # what a pour would do
         least_damped = lowest | {name: config["parameters"][name][1] for name in ("e_gg", "e_gp")}
         assert not refused_by_pours(config, least_damped, particle, berry)

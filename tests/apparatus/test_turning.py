@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from goji import BERRY, PARTICLE, named, recommended
 
-from repose.apparatus import bench, drum, turning
+from repose.apparatus import Scene, bench, turning
 from repose.apparatus.job import run_once
+from repose.apparatus.settings import SceneSettings
 from repose.core.responses import derived
 from repose.dem import Shape
 from repose.measure import bed as measure_bed
+
+TEST = turning.TurningTest()
 
 ROUGH = named((0.2, 0.6, 0.04, 0.25, 0.6, 0.2))
 SMOOTH = ROUGH | {"mus_gg": 0.0, "mur_gg": 0.0, "mus_gp": 0.0, "mur_gp": 0.0}
@@ -35,15 +38,20 @@ def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
     position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
     single = [
-        turning.measure({"status": "ok"}, arrays | part, config(), PARTICLE, BERRY)["turning_deg"]
+        TEST.measure({"status": "ok"}, arrays | part, Scene.of(config(), {}, BERRY, PARTICLE))["turning_deg"]
         for part in ({"position": position[[k]], "quaternion": quaternion[[k]]} for k in (0, 1))
     ]
     assert single == pytest.approx([20.0, 30.0], abs=3.0)
-    both = turning.measure({"status": "ok"}, arrays, config(), PARTICLE, BERRY)
+    both = TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
     assert both["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
-    assert turning.measure({"status": "lost"}, arrays, config(), PARTICLE, BERRY)["turning_deg"] is None
-    coarse = turning.measure(
-        {"status": "ok"}, arrays, config() | {"measure": {"mm_per_pixel": 60.0}}, PARTICLE, BERRY
+    assert (
+        TEST.measure({"status": "lost"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))["turning_deg"]
+        is None
+    )
+    coarse = TEST.measure(
+        {"status": "ok"},
+        arrays,
+        Scene.of(config() | {"measure": {"mm_per_pixel": 60.0}}, {}, BERRY, PARTICLE),
     )
     assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
     assert "60 mm a pixel" in coarse["reason"]
@@ -94,34 +102,36 @@ def test_each_speed_has_its_time_its_angle_and_its_profile():
     both = config(angular_velocity_rad_s=[0.8, 1.6]) | {
         "targets": [profile_target(name, 0.5) for name in names]
     }
-    found = turning.measure({"status": "ok"}, arrays | {"speed": np.array([0, 1, 1])}, both, PARTICLE, BERRY)
+    found = TEST.measure(
+        {"status": "ok"}, arrays | {"speed": np.array([0, 1, 1])}, Scene.of(both, {}, BERRY, PARTICLE)
+    )
     for name, score, k in (
         ("turning_deg", "turning_profile_2_mm", slice(0, 1)),
         ("turning_2_deg", "turning_2_profile_2_mm", slice(1, 3)),
     ):
         part = {"position": position[k], "quaternion": quaternion[k], "scale": np.ones(400)}
         alone = config() | {"targets": [profile_target("turning_profile_mm", 0.5)]}
-        once = turning.measure({"status": "ok"}, part, alone, PARTICLE, BERRY)
+        once = TEST.measure({"status": "ok"}, part, Scene.of(alone, {}, BERRY, PARTICLE))
         assert (found[name], found[score]) == (once["turning_deg"], once["turning_profile_2_mm"])
-    lost = turning.measure({"status": "lost"}, arrays, both, PARTICLE, BERRY)
+    lost = TEST.measure({"status": "lost"}, arrays, Scene.of(both, {}, BERRY, PARTICLE))
     assert {lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")} == {None}
 
 
 def test_speeds_and_times_belong_together():
     one = config(measure_from_s=2.5)
-    assert turning.speeds(one) == [(0.8, 2.5, 8.5)]
+    assert turning.speeds(TEST.section(SceneSettings(one))) == [(0.8, 2.5, 8.5)]
     two = config(angular_velocity_rad_s=[0.8, 1.6], measure_from_s=[2.0, 1.0], measure_until_s=3.0)
-    assert turning.speeds(two) == [(0.8, 2.0, 3.0), (1.6, 1.0, 3.0)]
-    assert bench("turning").duration_s(two) == pytest.approx(2.5 + 6.0)
+    assert turning.speeds(TEST.section(SceneSettings(two))) == [(0.8, 2.0, 3.0), (1.6, 1.0, 3.0)]
+    assert bench("turning").duration_s(SceneSettings(two)) == pytest.approx(2.5 + 6.0)
     three = config(measure_from_s=[1.0, 2.0, 3.0])
-    assert [key for key, _ in turning.contradictions(three)] == ["turning.measure_from_s"]
+    assert [key for key, _ in TEST.contradictions(SceneSettings(three))] == ["turning.measure_from_s"]
 
 
 def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
     """The first speed gives the same bits as it does alone."""
     short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
     once, twice = (
-        turning.run(config(**short, **more), ROUGH, 1, PARTICLE, BERRY)
+        TEST.run(Scene.of(config(**short, **more), ROUGH, BERRY, PARTICLE, 1))
         for more in ({}, {"angular_velocity_rad_s": [0.8, 3.2]})
     )
     assert (once.record["status"], twice.record["status"]) == ("ok", "ok")
@@ -144,7 +154,8 @@ def test_a_run_is_judged():
 
 def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():
     rough, level = (
-        run_once(bench("turning"), config(**SMALL), wall, 1, PARTICLE, BERRY)[0] for wall in (ROUGH, SMOOTH)
+        run_once(bench("turning"), Scene.of(config(**SMALL), wall, BERRY, PARTICLE, 1))[0]
+        for wall in (ROUGH, SMOOTH)
     )
     assert (rough["status"], level["status"]) == ("ok", "ok")
     assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy
@@ -153,7 +164,7 @@ def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():
 
 def test_a_tilted_drum_is_low_at_one_end_where_berries_without_friction_gather():
     tilted = config(**SMALL, tilt_deg=20.0)
-    simulation = drum.build(tilted, SMOOTH, PARTICLE, BERRY, section="turning")
+    simulation = TEST.build(Scene.of(tilted, SMOOTH, BERRY, PARTICLE))
     simulation.add("berry", (0.0, 0.0, 0.0))
     simulation.run(0.05, progress=False)
     fall = 9.81 * simulation.time_s
@@ -162,7 +173,8 @@ def test_a_tilted_drum_is_low_at_one_end_where_berries_without_friction_gather()
         [0.0, fall * np.sin(lean), -fall * np.cos(lean)], abs=1e-9
     )
     level, leaning = (
-        turning.run(each, SMOOTH, 1, PARTICLE, BERRY) for each in (config(**SMALL, tilt_deg=0.0), tilted)
+        TEST.run(Scene.of(each, SMOOTH, BERRY, PARTICLE, 1))
+        for each in (config(**SMALL, tilt_deg=0.0), tilted)
     )
     assert (level.record["status"], leaning.record["status"]) == ("ok", "ok")
     across = [run.arrays["position"][..., 1].mean() for run in (level, leaning)]

@@ -34,12 +34,12 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
     """Three pours; another program slowed two of them. None ends before its pile is timed."""
     took = iter([90.0, 50.0, 70.0])
 
-    def pour(small, *_):
-        assert small["funnel"]["rest_motion_mm"] < 0
+    def pour(self, small, until_rest):
+        assert not until_rest
         time.sleep(0.02)
         return SimpleNamespace(us_per_step=next(took))
 
-    monkeypatch.setattr("repose.apparatus.funnel.pour", pour)
+    monkeypatch.setattr("repose.apparatus.funnel.FunnelTest.pour", pour)
     monkeypatch.setattr(time, "process_time", time.perf_counter)  # all of the time is its own
     grains = cost.FEWEST_TIMED
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))

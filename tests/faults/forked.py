@@ -14,7 +14,6 @@ import socket
 import sys
 import time
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,18 +43,19 @@ def load_all():
 
 def make_up_pours():
     """Let the funnel give a cone of grains at once, and compile no engine: the files are of the same kinds."""
-    from repose.apparatus import bench, bench_test, warm_up
+    from repose.apparatus import bench_test, warm_up
 
-    bench_test._REGISTRY["funnel"] = replace(bench("funnel"), run=made_up_pour)
+    bench_test.bench("funnel").run = made_up_pour
     warm_up.warm_up = lambda *_: 0.0
 
 
-def made_up_pour(config, parameters, seed, particle, berry, interval_s=None, progress=None):
+def made_up_pour(scene, interval_s=None, progress=None):
     """A cone whose angle follows the parameters and the seed."""
     from repose.apparatus import Run
     from repose.core.parameters import PARAMETERS
 
     time.sleep(0.1)
+    parameters, seed = scene.parameters, scene.seed
     rng = np.random.default_rng(seed)
     slope = 0.2 + 0.4 * sum(parameters[name] for name in PARAMETERS) / len(PARAMETERS) + 0.01 * rng.normal()
     share, turn = rng.uniform(size=400) ** (1 / 3), rng.uniform(0.0, 2.0 * np.pi, 400)

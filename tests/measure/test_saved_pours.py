@@ -13,7 +13,7 @@ from shared import check_all
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
-from repose.apparatus import funnel
+from repose.apparatus import Scene, funnel
 from repose.apparatus.job import measure_job
 from repose.config.study import Study
 from repose.core.errors import InputError
@@ -55,7 +55,7 @@ def saved(tmp_path):
 
 
 def test_a_job_holds_every_response_of_every_run(saved):
-    result = measure_job(config(response="flank"), saved, PARTICLE, AXES)
+    result = measure_job(Scene.of(config(response="flank"), {}, AXES, PARTICLE), saved)
     assert json.loads(saved.with_name("007.json").read_text()) == result
     assert (result["sample"], result["time_step_s"]) == (7, 2e-4)
     assert "pours" not in result
@@ -76,8 +76,8 @@ def test_a_job_holds_every_response_of_every_run(saved):
 
 @pytest.mark.parametrize("name", DEFINITIONS)
 def test_another_response_measures_the_same_piles_again(saved, name):
-    before = measure_job(config(), saved, PARTICLE, AXES)["runs"][0]
-    after = measure_job(config(response=name), saved, PARTICLE, AXES)["runs"][0]
+    before = measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)["runs"][0]
+    after = measure_job(Scene.of(config(response=name), {}, AXES, PARTICLE), saved)["runs"][0]
     assert after["aor_deg"] == before[MEAN_KEYS[name]]
     assert {k: v for k, v in after.items() if k != "aor_deg"} == {
         k: v for k, v in before.items() if k != "aor_deg"
@@ -87,12 +87,12 @@ def test_another_response_measures_the_same_piles_again(saved, name):
 def test_a_definition_that_fails_fails_the_run_only_as_the_response(saved):
     tall = {"berry_height_mm": 30.0}  # the cone is some 55 mm high: berry to 60 % is too thin a band for half
     keys = {"fit_from": "berry", "fit_to": 0.6, **tall}
-    kept = measure_job(config(response="secant", **keys), saved, PARTICLE, AXES)["runs"][0]
+    kept = measure_job(Scene.of(config(response="secant", **keys), {}, AXES, PARTICLE), saved)["runs"][0]
     assert kept["status"] == "ok"
     assert kept["aor_steepest_deg"] is None
     assert kept["aor_steepest_view_deg"] is None
     assert kept["aor_deg"] == kept["aor_secant_deg"]
-    failed = measure_job(config(response="steepest", **keys), saved, PARTICLE, AXES)
+    failed = measure_job(Scene.of(config(response="steepest", **keys), {}, AXES, PARTICLE), saved)
     run = failed["runs"][0]
     assert (run["status"], run["aor_deg"]) == ("no_flank", None)
     assert "12 are needed" in run["reason"]
@@ -115,11 +115,11 @@ def targeted(*names):
 
 def test_further_responses_are_measured_where_they_are_targets(saved):
     whole_berry = fit_particle(ellipsoid_mesh(list(AXES.values())), 840.0)
-    without = measure_job(config(), saved, whole_berry, AXES)
+    without = measure_job(Scene.of(config(), {}, AXES, whole_berry), saved)
     assert not set(FURTHER) & set(without["runs"][0])
     assert not set(FURTHER) & set(without["summary"])
     whole = targeted("aor_deg", "height_mm", *FURTHER, "discharge_s")
-    result = measure_job(whole, saved, whole_berry, AXES)
+    result = measure_job(Scene.of(whole, {}, AXES, whole_berry), saved)
     settings = pile.MeasureSettings.of(whole["measure"], AXES)
     plate = whole["funnel"]["plate_diameter_mm"]
     expected = further_responses.of_pour(
@@ -140,10 +140,10 @@ def test_a_run_fails_where_a_target_of_its_own_cannot_be_measured_and_only_then(
     arrays = dict(np.load(path))
     arrays["position_1"][:, 2] = 0.005  # a layer and no pile
     np.savez(path, **arrays)
-    flat = measure_job(targeted("aor_deg"), saved, PARTICLE, AXES)["runs"][0]
+    flat = measure_job(Scene.of(targeted("aor_deg"), {}, AXES, PARTICLE), saved)["runs"][0]
     assert (flat["status"], flat["aor_deg"]) == ("no_flank", None)
     assert "mm high" in flat["reason"]
-    timed = measure_job(targeted("discharge_s"), saved, PARTICLE, AXES)["runs"][0]
+    timed = measure_job(Scene.of(targeted("discharge_s"), {}, AXES, PARTICLE), saved)["runs"][0]
     assert (timed["status"], timed["aor_deg"], timed["discharge_s"]) == ("ok", None, 16.0)
 
 
@@ -152,7 +152,9 @@ def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(saved, tmp_
     settings = pile.MeasureSettings.of(config(fit_from=fit_from)["measure"], AXES)
     assert settings.berry_height_mm == pytest.approx(BERRY_MM)
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
-    run = funnel.measure(one_pour(1), poured, config(fit_from=fit_from), PARTICLE, AXES)
+    run = funnel.FunnelTest().measure(
+        one_pour(1), poured, Scene.of(config(fit_from=fit_from), {}, AXES, PARTICLE)
+    )
     view = saved_piles.side_view(poured, PARTICLE, settings)
     on_plate = np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)])
     cv2.imwrite(str(tmp_path / "photo.png"), on_plate)
@@ -197,7 +199,7 @@ def test_files_that_are_no_pours_are_named(saved, name, content, message):
     if content is not None:
         path.write_text(content)
     with pytest.raises(InputError, match=message):
-        measure_job(config(), path, PARTICLE, AXES)
+        measure_job(Scene.of(config(), {}, AXES, PARTICLE), path)
 
 
 def of_grains(name, change):
@@ -232,12 +234,12 @@ def test_impossible_grains_are_refused_and_those_of_a_spoiled_run_are_not_read(s
     path = saved.with_name("007.npz")
     whole = dict(np.load(path))
     np.savez(path, **whole | {"position_3": np.nan * whole["position_3"]})  # the run that jammed
-    measure_job(config(), saved, PARTICLE, AXES)
+    measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
     def check(change, words):
         np.savez(path, **change(whole))
         with pytest.raises(InputError, match=words):
-            measure_job(config(), saved, PARTICLE, AXES)
+            measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
     check_all(check, IMPOSSIBLE)
 
@@ -250,7 +252,7 @@ def test_records_of_pours_hold_numbers_and_a_reason(saved):
 
     def measure(keys):
         change(**keys)
-        measure_job(config(), saved, PARTICLE, AXES)
+        measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
     cases = (
         ({"discharge_s": "long"}, "discharge_s is 'long'; allowed: a finite number, or null"),

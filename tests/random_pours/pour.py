@@ -15,9 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from repose.apparatus import bench
+from repose.apparatus import Scene, bench
 from repose.apparatus.bounds import DEEPEST, FASTEST, Bounded
 from repose.apparatus.scene import longest_time_step
+from repose.apparatus.settings import SceneSettings
 from repose.config import making
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
@@ -120,7 +121,7 @@ def drawn(number, default, mean, particles):
     config["berry"]["size_distribution"] = PARTICLES[name].get("size_distribution", "none")
     particle = sized(particles[name], factor)
     parameters |= cohesion(rng, config["simulation"]["contact_law"], berry, particle.mass_kg)
-    limit = longest_time_step(config, parameters, particle, berry)
+    limit = longest_time_step(Scene.of(config, parameters, berry, particle))
     share = float(rng.choice([1.0, rng.uniform(0.3, 1.0)]))
     config["simulation"]["time_step_s"] = step_s = share * limit.time_step_s
     many = bool(rng.random() < MANY_SHARE)
@@ -339,7 +340,11 @@ def poured(number, default, mean, particles, seen):
     test = bench(apparatus)
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     faults = [
-        f"{key}: {allowed}" for key, allowed in (*test.contradictions(config), *test.misfits(config, axes))
+        f"{key}: {allowed}"
+        for key, allowed in (
+            *test.contradictions(SceneSettings(config)),
+            *test.misfits(SceneSettings(config), axes),
+        )
     ]
     faults += [
         f"{key}: {allowed}" for key, allowed in making.unstable(of_one(config, parameters), particle, berry)
@@ -349,8 +354,8 @@ def poured(number, default, mean, particles, seen):
     seen.append(Seen())
     began = time.process_time()
     try:
-        run = test.run(config, parameters, number, particle, berry)
-        record = test.measure(run.record, run.arrays, config, particle, berry)
+        run = test.run(Scene.of(config, parameters, berry, particle, number))
+        record = test.measure(run.record, run.arrays, Scene.of(config, {}, berry, particle))
         status, reason = record["status"], record["reason"]
     except TooLong:
         status, reason = "HANG", ""

@@ -1,23 +1,89 @@
-"""Bench tests and their registry.
+"""The interface of all bench tests, their registry, and the scene that each of them simulates.
 
-A bench test is one module. It defines its responses (`Response`), the model of its section in the configuration,
-how its scene is built and run, and how a run is measured. The job that pours, the tables and the workflow take it
-from this registry by its name.
+A bench test is one module: its responses, the model of its section in the configuration, and a class that builds its
+scene, runs it and measures a run. The job that pours, the tables and the workflow take it from the registry by its
+name.
+
+To add a bench test, write a subclass of `BenchTest` in a module of its own, put `@register("its_name")` above it, and
+import the module in `repose.apparatus`; then the configuration knows the name.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
+from repose.apparatus.settings import S, SceneSettings, SimulationSettings
 from repose.core import responses as core
 from repose.core.errors import InputError
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import Section
+
+if TYPE_CHECKING:
+    from repose import dem
+    from repose.measure.settings import MeasureSettings
+    from repose.particle.particle import Particle
 
 Config = Mapping[str, Any]
+Grain = Mapping[str, Any]
+Progress = Callable[[float], object]
+Contradictions = Iterator[tuple[str, str]]
+LongestStep = Callable[[Grain], float]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that a run of a bench test depends on.
+
+    Attributes
+    ----------
+    settings : SceneSettings
+        Sections of the configuration.
+    parameters : mapping
+        Contact parameters by name.
+    grain : mapping
+        The mean grain, as in berry.json.
+    particle : Particle
+        Its body.
+    seed : int
+        Of the random numbers of the run.
+    """
+
+    settings: SceneSettings
+    parameters: Mapping[str, float]
+    grain: Grain
+    particle: "Particle"
+    seed: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        config: Config,
+        parameters: Mapping[str, float],
+        grain: Grain,
+        particle: "Particle",
+        seed: int = 0,
+    ) -> Self:
+        """The scene of a configuration."""
+        return cls(SceneSettings(config), parameters, grain, particle, seed)
+
+    def with_seed(self, seed: int) -> Self:
+        """The same scene with other random numbers."""
+        return replace(self, seed=seed)
+
+    @property
+    def simulation(self) -> SimulationSettings:
+        """Settings of every simulation."""
+        return self.settings.simulation
+
+    @property
+    def measure(self) -> "MeasureSettings":
+        """Settings of the measurement of a pile."""
+        from repose.measure.settings import MeasureSettings
+
+        return MeasureSettings.of(self.settings.config["measure"], self.grain)
 
 
 @dataclass(frozen=True)
@@ -41,122 +107,92 @@ class Run:
     frames: dict[str, np.ndarray] | None = None
 
 
-def _nothing(*_: Any) -> Iterator[Any]:
-    """Default hook: yields nothing."""
-    return iter(())
-
-
-@dataclass(frozen=True)
-class BenchTest:
-    """A bench test: its responses, and the functions that run it.
+class BenchTest(ABC, Generic[S]):
+    """A bench test: its responses, and how a scene is run and measured.
 
     Attributes
     ----------
     name : str
-        Of the bench test, and of its section in the configuration.
+        Of the bench test, and of its section in the configuration; set by `register`.
+    settings : type of Section
+        Model of that section. ``seeds`` among its keys is the number of runs of each sample of a design.
     responses : tuple of Response
         Its responses. Each function of a measured run (`Response.of`) takes what `measure` returns.
     recorded : Recorded
         Numbers of a run that the tables keep besides the targets.
     statuses : tuple of str
         How a run may end; ``ok`` first.
-    settings : type of Section
-        Model of its section in the configuration. ``seeds`` among its keys is the number of runs of each sample of a
-        design.
-    build : function
-        ``build(config, parameters, particle, berry, largest_scale=1.0)`` makes the empty simulation.
-    run : function
-        ``run(config, parameters, seed, particle, berry, interval_s=None, progress=None)`` makes a `Run`. interval_s
-        asks for frames; progress is called with the simulated time.
-    measure : function
-        ``measure(record, arrays, config, particle, berry)`` returns the measured run: the record with every response
-        that is a target of the configuration; None where it cannot be measured.
-    duration_s : function
-        ``duration_s(config)`` is the longest simulated time of a run [s].
-    contradictions : function
-        ``contradictions(config)`` yields (dotted key, what is allowed) where values do not go together.
-    misfits : function
-        ``misfits(config, axes_mm)`` yields the same where the bench test does not fit the mean berry, whose three axes
-        are given in mm, the longest first.
-    advice : function
-        ``advice(config, berry, particle, longest_step_s)`` yields planning hints. berry is what the
-        verb ``berry`` writes; longest_step_s(berry) is the longest time step [s] for such berries.
     measured_by : tuple of str
         Keys of its section that only `measure` reads; a change of them makes no new run.
-    kept : tuple of str
+    required_arrays : tuple of str
         Arrays that every saved run must have.
-    in_words : str
+    summary : str
         A measured run in words, as a template of its values.
-    family : function or None
-        ``family(name)`` is a further response by its name, or None: for scores of a profile, or for each of any number
-        of speeds.
     photographed : mapping
         Of a bench test that leaves a pile, its responses by the numbers of a photograph, ``aor_deg`` and ``height_mm``.
     """
 
-    name: str
-    responses: tuple[Response, ...]
-    recorded: Recorded
-    statuses: tuple[str, ...]
-    settings: type[Section]
-    build: Callable[..., Any]
-    run: Callable[..., Run]
-    measure: Callable[..., dict[str, Any]]
-    duration_s: Callable[[Config], float]
-    contradictions: Callable[[Config], Iterator[tuple[str, str]]] = _nothing
-    misfits: Callable[[Config, Sequence[float]], Iterator[tuple[str, str]]] = _nothing
-    advice: Callable[..., Iterator[str]] = _nothing
-    measured_by: tuple[str, ...] = ()
-    kept: tuple[str, ...] = ()
-    in_words: str = ""
-    family: core.Family | None = None
-    photographed: Mapping[str, str] = field(default_factory=dict)
+    name: ClassVar[str]
+    settings: type[S]
+    responses: ClassVar[tuple[Response, ...]]
+    recorded: ClassVar[Recorded]
+    statuses: ClassVar[tuple[str, ...]]
+    measured_by: ClassVar[tuple[str, ...]] = ()
+    required_arrays: ClassVar[tuple[str, ...]] = ()
+    summary: ClassVar[str] = ""
+    photographed: ClassVar[Mapping[str, str]] = {}
+
+    @abstractmethod
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty simulation, with room for grains of a largest relative size."""
+
+    @abstractmethod
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Run once; `interval_s` asks for frames, `progress` is called with the simulated time [s]."""
+
+    @abstractmethod
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Measure a run: its record with every response that is a target; None where it cannot be measured."""
+
+    @abstractmethod
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time of a run [s]."""
+
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Yield (dotted key, what is allowed) where values do not go together."""
+        return iter(())
+
+    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+        """Yield the same where the test does not fit the mean grain, whose axes [mm] are given, the longest first."""
+        return iter(())
+
+    def further_response(self, name: str) -> Response | None:
+        """Return a response that is not listed: the score of a profile, or a number at one of many speeds."""
+        return None
+
+    def section(self, settings: SceneSettings) -> S:
+        """Return the section of the bench test."""
+        return settings.section(self.name, self.settings)
 
     def target_responses(self, config: Config) -> tuple[Response, ...]:
-        """Responses of the bench test that are targets of a configuration.
+        """Return its responses that are targets of a configuration, in the order of the targets."""
+        targets = SceneSettings(config).targets_of(self.name)
+        return tuple(core.response(target["response"]) for target in targets)
 
-        Parameters
-        ----------
-        config : mapping
-            The whole configuration.
-
-        Returns
-        -------
-        tuple of Response
-            In the order of the targets.
-        """
-        return tuple(
-            core.response(target["response"])
-            for target in config["targets"]
-            if target["apparatus"] == self.name
-        )
-
-    def judged(
+    def assess(
         self,
         measured: Mapping[str, Any],
-        config: Config,
+        settings: SceneSettings,
         reasons: Mapping[str, str],
         statuses: Mapping[str, str] = {},
     ) -> dict[str, str]:
-        """Status and reason of a measured run that lacks a target.
+        """Return ``status`` and ``reason`` by the first target that a measured run lacks; empty if it lacks none.
 
-        Parameters
-        ----------
-        measured : mapping
-            Every target of the bench test by name; None where it could not be measured.
-        config : mapping
-            The whole configuration.
-        reasons : mapping of str to str
-            Why responses could not be measured.
-        statuses : mapping of str to str, optional
-            Statuses of a run that lacks a response, where they are not ``no_flank``.
-
-        Returns
-        -------
-        dict
-            ``status`` and ``reason`` by the first target that is lacking; empty if none is.
+        `reasons` says why responses could not be measured, `statuses` the status for it where it is not ``no_flank``.
         """
-        for target in self.target_responses(config):
+        for target in self.target_responses(settings.config):
             name = target.name
             if measured[name] is None:
                 reason = reasons.get(name, f"{name} cannot be measured")
@@ -164,50 +200,49 @@ class BenchTest:
         return {}
 
     def recorded_for(self, config: Config) -> Recorded:
-        """Columns of the bench test's runs in the tables of a study, the targets first.
-
-        Parameters
-        ----------
-        config : mapping
-            The whole configuration.
-
-        Returns
-        -------
-        Recorded
-        """
+        """Return the columns of its runs in the tables of a study, the targets first."""
         return self.recorded.beginning_with(
             tuple(response.name for response in self.target_responses(config))
         )
 
 
-_REGISTRY: dict[str, BenchTest] = {}
+_REGISTRY: dict[str, BenchTest[Any]] = {}
+T = TypeVar("T", bound=type[BenchTest[Any]])
 
 
-def register(test: BenchTest) -> BenchTest:
+def register(name: str) -> Callable[[T], T]:
     """Make a bench test and its responses known by name.
 
     Parameters
     ----------
-    test : BenchTest
-        Of a name that is free.
+    name : str
+        A name that is free; also of its section in the configuration.
 
     Returns
     -------
-    BenchTest
-        The same bench test.
+    function
+        A decorator of a subclass of `BenchTest`.
 
     Raises
     ------
     ValueError
         If another bench test has the name, or a response of it is registered already.
     """
-    if _REGISTRY.setdefault(test.name, test) is not test:
-        raise ValueError(f"bench test {test.name!r} is registered already")
-    core.register(*test.responses, family=test.family)
-    return test
+
+    def known(kind: T) -> T:
+        if name in _REGISTRY:
+            raise ValueError(f"bench test {name!r} is registered already")
+        kind.name = name
+        test = kind()
+        family = None if kind.further_response is BenchTest.further_response else test.further_response
+        core.register(*test.responses, family=family)
+        _REGISTRY[name] = test
+        return kind
+
+    return known
 
 
-def bench(name: str, source: object = "apparatus") -> BenchTest:
+def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
     """The bench test of a name.
 
     Parameters
@@ -242,7 +277,7 @@ def names() -> tuple[str, ...]:
     return tuple(_REGISTRY)
 
 
-def bench_tests() -> tuple[BenchTest, ...]:
+def bench_tests() -> tuple[BenchTest[Any], ...]:
     """All bench tests.
 
     Returns

@@ -13,7 +13,7 @@ lies in it.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,11 +21,11 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill, last_berry_s
-from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
-from repose.apparatus.settings import Poured, SimulationSettings
+from repose.apparatus.factory import Disc, Pouring, fill, last_berry_s
+from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
+from repose.apparatus.settings import Poured, SceneSettings, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 
@@ -55,7 +55,7 @@ RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Poured):
+class CylinderSettings(Poured):
     """The section `cylinder` of the configuration; config/README.md explains its keys."""
 
     duration_s: float = Field(ge=0.1, le=600)
@@ -66,28 +66,6 @@ class Settings(Poured):
     core_margin_mm: float = Field(ge=0, le=1000)
     taps: int = Field(default=0, ge=0, le=1000)
     tap_mm: float = Field(default=TAP_MM, ge=0.1, le=100)
-
-
-def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys of a cylinder that cannot be filled or has no core, and what is allowed."""
-    section = config[NAME]
-    last = last_berry_s(section)
-    if last >= section["duration_s"]:
-        yield f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"
-    smallest = min(section["diameter_mm"], section["height_mm"])
-    if section["core_margin_mm"] >= smallest / 2:
-        yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
-    targets = config.get("targets")  # their form is checked elsewhere
-    meant = [t for t in targets if isinstance(t, Mapping)] if isinstance(targets, list) else []
-    if not section.get("taps") and any(t.get("response") == "tapped_density_kg_m3" for t in meant):
-        yield f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"
-
-
-def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of a cylinder into which the mean berry, whose axes are given, does not fall in any orientation."""
-    longest = max(axes_mm)
-    if config[NAME]["diameter_mm"] <= longest:
-        yield f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"
 
 
 # --- build and run --------------------------------------------------------------------------------
@@ -102,9 +80,9 @@ class Vessel:
     collar_m: float
 
     @classmethod
-    def of(cls, section: Mapping[str, Any]) -> "Vessel":
-        """The vessel that a section of the configuration describes."""
-        lengths = 0.5 * section["diameter_mm"], section["height_mm"], section["collar_mm"]
+    def of(cls, section: CylinderSettings) -> "Vessel":
+        """The vessel of a section of the configuration."""
+        lengths = 0.5 * section.diameter_mm, section.height_mm, section.collar_mm
         return cls(*(1e-3 * length for length in lengths))
 
     @property
@@ -161,111 +139,6 @@ def points_of(particle: "Particle") -> np.ndarray:
     return points[inside][:POINTS]
 
 
-def build(
-    config: Config,
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-) -> "dem.Simulation":
-    """The empty simulation of the cylinder with its collar."""
-    vessel = Vessel.of(config[NAME])
-    reach = largest_scale * particle.bounding_radius_m
-    wall_m = vessel.top_m + 2.0 * reach
-    floor, up = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-    return berry_simulation(
-        config,
-        parameters,
-        particle,
-        berry,
-        config[NAME]["berries"],
-        walls={
-            "floor": dem.Plane(floor, up, "wall"),
-            "shell": dem.Cylinder(floor, up, wall_m, vessel.radius_m, "wall"),
-        },
-        lower=(-vessel.radius_m, -vessel.radius_m, 0.0),
-        upper=(vessel.radius_m, vessel.radius_m, wall_m),
-        largest_scale=largest_scale,
-    )
-
-
-def status_of(
-    centres_m: np.ndarray, energy_j: float, config: Config, length_m: float, unstable: str = ""
-) -> tuple[str, str]:
-    """Status and reason of a filling; length_m: of a berry; unstable: the bound that it broke, if any.
-
-    The cylinder is full when the berries above the rim would make a layer of a berry's length there: the heap in
-    the collar is nearly level, so the rim is covered everywhere.
-    """
-    section, vessel = config[NAME], Vessel.of(config[NAME])
-    if unstable:
-        return "unstable", unstable
-    if np.any(np.hypot(*centres_m.T[:2]) >= vessel.radius_m) or np.any(centres_m[:, 2] <= 0.0):
-        return "lost", "a berry lies outside the cylinder"
-    settings = SimulationSettings.of(config)
-    if energy_j > settings.rest_energy_j:
-        return settings.not_at_rest(energy_j)
-    below = int(np.count_nonzero(centres_m[:, 2] < vessel.height_m))
-    layer = math.ceil(below * length_m / vessel.height_m)
-    if len(centres_m) - below < layer:
-        return "not_full", (
-            f"{len(centres_m)} of {section['berries']} berries poured, {below} of them below the rim; "
-            f"a full cylinder has at least {layer} above it"
-        )
-    return "ok", ""
-
-
-def run(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Run:
-    """Fill the cylinder, let the berries rest, and tap it.
-
-    The arrays are ``position``, ``quaternion`` and ``scale``, and with taps the positions after them, ``tapped``.
-    """
-    section, settings, vessel = config[NAME], SimulationSettings.of(config), Vessel.of(config[NAME])
-    simulation, scales, reach = sized_simulation(
-        build, config, parameters, seed, particle, berry, section["berries"]
-    )
-    bounded = Bounded(simulation, vessel.top_m, section["speed_m_s"])
-    filmed, last_step = Filmed(bounded, interval_s, progress), settings.steps(section["duration_s"])
-    factory = Disc(vessel.radius_m - reach, vessel.top_m)
-    length_m = float(particle.axes_m.max())
-    with bounded.guard():
-        fill(simulation, factory, section, seed, last_step, filmed.run_to, scales)
-        filmed.run_to(last_step)
-    centres, turns = simulation.positions.copy(), simulation.quaternions.copy()
-    energy = float(simulation.kinetic_energies().mean())
-    status, reason = status_of(centres, energy, config, length_m, bounded.broken)
-    tapped = section.get("taps", 0) if status == "ok" else 0
-    if tapped:
-        with bounded.guard():
-            for _ in range(tapped):
-                tap(simulation, settings, 1e-3 * section.get("tap_mm", TAP_MM), filmed.run_to)
-        moving = float(simulation.kinetic_energies().mean())
-        status, reason = status_of(simulation.positions, moving, config, length_m, bounded.broken)
-    record = {
-        "seed": int(seed),
-        "status": status,
-        "reason": reason,
-        "berries_poured": len(centres),
-        "kinetic_energy_J": energy if math.isfinite(energy) else None,
-    }
-    arrays = {
-        "position": centres.astype(np.float32),
-        "quaternion": turns.astype(np.float32),
-        "scale": simulation.scales.astype(np.float32),
-    }
-    if tapped:
-        arrays["tapped"] = simulation.positions.astype(np.float32)
-    return Run(record, arrays, filmed.frames())
-
-
 def tap(
     simulation: "dem.Simulation",
     settings: SimulationSettings,
@@ -281,63 +154,159 @@ def tap(
     run_to(simulation.steps + settings.steps(lasts_s))
 
 
-def _of_a_tap(gravity_m_s2, height_m):
+def _of_a_tap(gravity_m_s2: float, height_m: float) -> tuple[float, float]:
     """Speed of the fall [m/s], and the time until the berries rest [s]."""
     speed = math.sqrt(2.0 * gravity_m_s2 * height_m)
     return speed, 2.0 * speed / gravity_m_s2 + TAP_RESTS_S
 
 
-def duration_s(config: Config) -> float:
-    """The longest simulated time of a run."""
-    section = config[NAME]
-    tap_s = _of_a_tap(config["simulation"]["gravity_m_s2"], 1e-3 * section.get("tap_mm", TAP_MM))[1]
-    return section["duration_s"] + section.get("taps", 0) * tap_s
+@register(NAME)
+class CylinderTest(BenchTest[CylinderSettings]):
+    """A measuring cylinder that is filled, struck off at the rim, and may be tapped."""
 
-
-# --- measure --------------------------------------------------------------------------------------
-
-
-def measure(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The record with the densities; None where the cylinder was not filled."""
-    measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_in_cylinder"))
-    if record["status"] == "ok":
-        vessel, centres = Vessel.of(config[NAME]), np.asarray(arrays["position"], float)
-        masses = particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-        margin = 1e-3 * config[NAME]["core_margin_mm"]
-        shares, inside = vessel.shares_inside(arrays, particle, margin), vessel.inside(centres)
-        measured = {
-            "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
-            "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
-            "berries_in_cylinder": int(inside.sum()),
-            "tapped_density_kg_m3": vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"]))
-            if "tapped" in arrays
-            else None,
-        }
-    return {**record, **measured}
-
-
-BENCH = register(
-    BenchTest(
-        name=NAME,
-        responses=RESPONSES,
-        recorded=RECORDED,
-        statuses=STATUSES,
-        settings=Settings,
-        build=build,
-        run=run,
-        measure=measure,
-        duration_s=duration_s,
-        contradictions=contradictions,
-        misfits=misfits,
-        measured_by=("core_margin_mm",),
-        kept=("position", "quaternion", "scale"),
-        in_words="bulk density {bulk_density_kg_m3:.0f} kg/m3, in the core {core_density_kg_m3:.0f}, "
-        "{berries_in_cylinder} berries in the cylinder",
+    settings = CylinderSettings
+    responses = RESPONSES
+    recorded = RECORDED
+    statuses = STATUSES
+    measured_by = ("core_margin_mm",)
+    required_arrays = ("position", "quaternion", "scale")
+    summary = (
+        "bulk density {bulk_density_kg_m3:.0f} kg/m3, in the core {core_density_kg_m3:.0f}, "
+        "{berries_in_cylinder} berries in the cylinder"
     )
-)
+
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty simulation of the cylinder with its collar."""
+        section = self.section(scene.settings)
+        vessel, reach = Vessel.of(section), largest_scale * scene.particle.bounding_radius_m
+        wall_m = vessel.top_m + 2.0 * reach
+        floor, up = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+        return grain_simulation(
+            scene,
+            section.berries,
+            walls={
+                "floor": dem.Plane(floor, up, "wall"),
+                "shell": dem.Cylinder(floor, up, wall_m, vessel.radius_m, "wall"),
+            },
+            lower=(-vessel.radius_m, -vessel.radius_m, 0.0),
+            upper=(vessel.radius_m, vessel.radius_m, wall_m),
+            largest_scale=largest_scale,
+        )
+
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Fill the cylinder, let the grains rest, and tap it.
+
+        The arrays are ``position``, ``quaternion`` and ``scale``, and with taps the positions after them, ``tapped``.
+        """
+        section, settings = self.section(scene.settings), scene.simulation
+        vessel = Vessel.of(section)
+        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        bounded = Bounded(simulation, vessel.top_m, section.speed_m_s)
+        filmed, last_step = Filmed(bounded, interval_s, progress), settings.steps(section.duration_s)
+        factory = Disc(vessel.radius_m - reach, vessel.top_m)
+        length_m = float(scene.particle.axes_m.max())
+        with bounded.guard():
+            pouring = Pouring.of(section, section.berries)
+            fill(simulation, factory, pouring, scene.seed, last_step, filmed.run_to, scales)
+            filmed.run_to(last_step)
+        centres, turns = simulation.positions.copy(), simulation.quaternions.copy()
+        energy = float(simulation.kinetic_energies().mean())
+        status, reason = self.status_of(centres, energy, scene.settings, length_m, bounded.broken)
+        tapped = section.taps if status == "ok" else 0
+        if tapped:
+            with bounded.guard():
+                for _ in range(tapped):
+                    tap(simulation, settings, 1e-3 * section.tap_mm, filmed.run_to)
+            moving = float(simulation.kinetic_energies().mean())
+            places = simulation.positions
+            status, reason = self.status_of(places, moving, scene.settings, length_m, bounded.broken)
+        record = {
+            "seed": int(scene.seed),
+            "status": status,
+            "reason": reason,
+            "berries_poured": len(centres),
+            "kinetic_energy_J": energy if math.isfinite(energy) else None,
+        }
+        arrays = {
+            "position": centres.astype(np.float32),
+            "quaternion": turns.astype(np.float32),
+            "scale": simulation.scales.astype(np.float32),
+        }
+        if tapped:
+            arrays["tapped"] = simulation.positions.astype(np.float32)
+        return Run(record, arrays, filmed.frames())
+
+    def status_of(
+        self,
+        centres_m: np.ndarray,
+        energy_j: float,
+        settings: SceneSettings,
+        length_m: float,
+        unstable: str = "",
+    ) -> tuple[str, str]:
+        """Judge a filling; length_m: of a grain; unstable: the bound that it broke, if any.
+
+        The cylinder is full when the grains above the rim would make a layer of a grain's length there: the heap in
+        the collar is nearly level, so the rim is covered everywhere.
+        """
+        section = self.section(settings)
+        vessel = Vessel.of(section)
+        if unstable:
+            return "unstable", unstable
+        if np.any(np.hypot(*centres_m.T[:2]) >= vessel.radius_m) or np.any(centres_m[:, 2] <= 0.0):
+            return "lost", "a berry lies outside the cylinder"
+        if energy_j > settings.simulation.rest_energy_j:
+            return settings.simulation.not_at_rest(energy_j)
+        below = int(np.count_nonzero(centres_m[:, 2] < vessel.height_m))
+        layer = math.ceil(below * length_m / vessel.height_m)
+        if len(centres_m) - below < layer:
+            return "not_full", (
+                f"{len(centres_m)} of {section.berries} berries poured, {below} of them below the rim; "
+                f"a full cylinder has at least {layer} above it"
+            )
+        return "ok", ""
+
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Return the record with the densities; None where the cylinder was not filled."""
+        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_in_cylinder"))
+        if record["status"] == "ok":
+            section, centres = self.section(scene.settings), np.asarray(arrays["position"], float)
+            vessel, margin = Vessel.of(section), 1e-3 * section.core_margin_mm
+            masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
+            shares, inside = vessel.shares_inside(arrays, scene.particle, margin), vessel.inside(centres)
+            measured = {
+                "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
+                "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
+                "berries_in_cylinder": int(inside.sum()),
+                "tapped_density_kg_m3": vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"]))
+                if "tapped" in arrays
+                else None,
+            }
+        return {**record, **measured}
+
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time of a run [s]."""
+        section = self.section(settings)
+        tap_s = _of_a_tap(settings.simulation.gravity_m_s2, 1e-3 * section.tap_mm)[1]
+        return section.duration_s + section.taps * tap_s
+
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Yield keys of a cylinder that cannot be filled or has no core, with what is allowed."""
+        section = self.section(settings)
+        last = last_berry_s(section)
+        if last >= section.duration_s:
+            yield f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"
+        smallest = min(section.diameter_mm, section.height_mm)
+        if section.core_margin_mm >= smallest / 2:
+            yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
+        targets = settings.targets_of(NAME)
+        if not section.taps and any(one.get("response") == "tapped_density_kg_m3" for one in targets):
+            yield f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"
+
+    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+        """Refuse a cylinder into which the mean grain does not fall in any orientation."""
+        longest = max(axes_mm)
+        if self.section(settings).diameter_mm <= longest:
+            yield f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"

@@ -9,26 +9,23 @@ is a disc in the outlet. It is taken away downwards, faster than the berries fal
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import Disc, fill_and_rest, too_early
 from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
-from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
-from repose.apparatus.settings import Hopper, SimulationSettings
+from repose.apparatus.scene import Filmed, at_rest, grain_simulation, sized_simulation
+from repose.apparatus.settings import Hopper, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
 
 NAME = "discharge"
 STATUSES = ("ok", "unstable", "lost", "not_filled", "not_at_rest", "jammed")
@@ -54,7 +51,7 @@ RECORDED = Recorded(means=MEASURED, single=MEASURED)
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Hopper):
+class DischargeSettings(Hopper):
     """The section `discharge` of the configuration; config/README.md explains its keys."""
 
     open_from_s: float = Field(ge=0.1, le=600)
@@ -63,57 +60,7 @@ class Settings(Hopper):
     speed_m_s: float = Field(ge=0, le=10)
 
 
-def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys of a funnel that cannot be built or filled, and what is allowed."""
-    yield from impossible_surfaces(config, NAME)
-    yield from too_early(config, NAME, "open_from_s")
-
-
-def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of openings that are too narrow for the mean berry, whose axes are given, the longest first."""
-    yield from narrow_openings(
-        config, NAME, {"outlet_diameter_mm": axes_mm[2], "inlet_diameter_mm": axes_mm[0]}
-    )
-
-
 # --- build and run --------------------------------------------------------------------------------
-
-
-def _funnel(section):
-    """The funnel, its outlet at z = 0, and the height [m] at which berries appear."""
-    funnel = Funnel.of({**section, "outlet_height_mm": 0.0})
-    return funnel, funnel.inlet_height_m + 1e-3 * section["collar_mm"]
-
-
-def build(
-    config: Config,
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-) -> "dem.Simulation":
-    """The empty simulation of the closed funnel."""
-    funnel, top = _funnel(config[NAME])
-    radius, reach = 0.5 * funnel.inlet_diameter_m, largest_scale * particle.bounding_radius_m
-    inlet, up = (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
-    return berry_simulation(
-        config,
-        parameters,
-        particle,
-        berry,
-        config[NAME]["berries"],
-        walls={
-            "lid": dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m),
-            **funnel.walls("wall"),
-            "collar": dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach, radius, "wall"),
-        },
-        lower=(-radius, -radius, FLOOR_M),
-        upper=(radius, radius, top + 2.0 * reach),
-        largest_scale=largest_scale,
-        exit_height_m=0.0,
-        curved_walls_above_m=-funnel.rim_radius_m,
-        floor_height_m=FLOOR_M,
-    )
 
 
 @dataclass(frozen=True)
@@ -125,83 +72,6 @@ class Discharge:
     early: int  # berries that were below the outlet before that
     late: int  # berries that have left after that
     unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
-
-
-def status_of(discharge: Discharge, config: Config) -> tuple[str, str]:
-    """Status and reason of a run."""
-    section, settings = config[NAME], SimulationSettings.of(config)
-    if discharge.unstable:
-        return "unstable", discharge.unstable
-    if discharge.filled < section["berries"]:
-        return (
-            "not_filled",
-            f"only {discharge.filled} of {section['berries']} berries find room in the funnel",
-        )
-    if discharge.early:
-        return "lost", f"{discharge.early} berries left the closed funnel"
-    if discharge.rest_energy_j > settings.rest_energy_j:
-        return settings.not_at_rest(discharge.rest_energy_j, " when the lid was taken away")
-    if discharge.late < section["berries"]:
-        left = section["berries"] - discharge.late
-        return (
-            "jammed",
-            f"{left} berries are still in the funnel {section['longest_s']:g} s after the opening",
-        )
-    return "ok", ""
-
-
-def run(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Run:
-    """Fill the closed funnel, let the berries rest, open it, and wait until it is empty.
-
-    The arrays are ``exit_s`` (N,), when each berry left after the opening [s], NaN where it did not; ``scale``
-    (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
-    """
-    section, settings = config[NAME], SimulationSettings.of(config)
-    simulation, scales, reach = sized_simulation(
-        build, config, parameters, seed, particle, berry, section["berries"]
-    )
-    funnel, top = _funnel(section)
-    factory = Disc(0.5 * funnel.inlet_diameter_m - reach, top)
-    bounded = Bounded(simulation, top, max(LID_M_S, section["speed_m_s"]))
-    filmed, opened_s = Filmed(bounded, interval_s, progress), math.nan
-    rests, every = partial(at_rest, simulation, settings.rest_energy_j), max(1, settings.steps(LOOK_S))
-    with bounded.guard():
-        fill_and_rest(filmed, factory, section, seed, scales, section["open_from_s"], rests, every)
-        opened_s = simulation.time_s
-        closed = simulation.positions.copy(), simulation.quaternions.copy()
-        energy = float(simulation.kinetic_energies().mean())
-        early = int(np.isfinite(simulation.exit_times_s).sum())
-        simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-        last = simulation.steps + settings.steps(section["longest_s"])
-        filmed.wait(lambda: np.isfinite(simulation.exit_times_s).all(), last, every)
-    if math.isnan(opened_s):
-        closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
-    exits = simulation.exit_times_s - opened_s
-    late = int(np.isfinite(exits).sum()) - early
-    discharge = Discharge(simulation.n_bodies, energy, early, late, bounded.broken)
-    status, reason = status_of(discharge, config)
-    record = {
-        "seed": int(seed),
-        "status": status,
-        "reason": reason,
-        "opened_s": None if math.isnan(opened_s) else opened_s,
-        "berries_out": late,
-    }
-    arrays = {
-        "exit_s": np.where(np.isfinite(exits), exits, np.nan),
-        "scale": simulation.scales.astype(np.float32),
-        "position": closed[0].astype(np.float32),
-        "quaternion": closed[1].astype(np.float32),
-    }
-    return Run(record, arrays, filmed.frames())
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -216,37 +86,132 @@ def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     return float((mass[last] - mass[first]) / took) if took > 0.0 else math.nan
 
 
-def measure(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The record with time and rate; None where the funnel was not emptied."""
-    measured: dict[str, Any] = dict.fromkeys(MEASURED)
-    if record["status"] == "ok":
-        exits = np.asarray(arrays["exit_s"], float)
-        rate = rate_kg_s(exits, particle.mass_kg * np.asarray(arrays["scale"], float) ** 3)
-        measured["emptying_s"] = float(exits.max())
-        measured["flow_g_s"] = None if math.isnan(rate) else 1e3 * rate
-    return {**record, **measured}
+@register(NAME)
+class DischargeTest(BenchTest[DischargeSettings]):
+    """A funnel that is filled, opened and runs empty."""
+
+    settings = DischargeSettings
+    responses = RESPONSES
+    recorded = RECORDED
+    statuses = STATUSES
+    required_arrays = ("exit_s", "scale")
+    summary = "empty {emptying_s:.2f} s after the opening; rate {flow_g_s:.0f} g/s"
+
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty simulation of the closed funnel."""
+        section = self.section(scene.settings)
+        funnel, top = _funnel(section)
+        radius, reach = 0.5 * funnel.inlet_diameter_m, largest_scale * scene.particle.bounding_radius_m
+        inlet, up = (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
+        return grain_simulation(
+            scene,
+            section.berries,
+            walls={
+                "lid": dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m),
+                **funnel.walls("wall"),
+                "collar": dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach, radius, "wall"),
+            },
+            lower=(-radius, -radius, FLOOR_M),
+            upper=(radius, radius, top + 2.0 * reach),
+            largest_scale=largest_scale,
+            exit_height_m=0.0,
+            curved_walls_above_m=-funnel.rim_radius_m,
+            floor_height_m=FLOOR_M,
+        )
+
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Fill the closed funnel, let the grains rest, open it, and wait until it is empty.
+
+        The arrays are ``exit_s`` (N,), when each grain left after the opening [s], NaN where it did not; ``scale``
+        (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
+        """
+        section, settings = self.section(scene.settings), scene.simulation
+        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        funnel, top = _funnel(section)
+        factory = Disc(0.5 * funnel.inlet_diameter_m - reach, top)
+        bounded = Bounded(simulation, top, max(LID_M_S, section.speed_m_s))
+        filmed, opened_s = Filmed(bounded, interval_s, progress), math.nan
+        rests, every = partial(at_rest, simulation, settings.rest_energy_j), max(1, settings.steps(LOOK_S))
+        with bounded.guard():
+            fill_and_rest(filmed, factory, section, scene.seed, scales, section.open_from_s, rests, every)
+            opened_s = simulation.time_s
+            closed = simulation.positions.copy(), simulation.quaternions.copy()
+            energy = float(simulation.kinetic_energies().mean())
+            early = int(np.isfinite(simulation.exit_times_s).sum())
+            simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
+            last = simulation.steps + settings.steps(section.longest_s)
+            filmed.wait(lambda: bool(np.isfinite(simulation.exit_times_s).all()), last, every)
+        if math.isnan(opened_s):
+            closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
+        exits = simulation.exit_times_s - opened_s
+        late = int(np.isfinite(exits).sum()) - early
+        discharge = Discharge(simulation.n_bodies, energy, early, late, bounded.broken)
+        status, reason = self.status_of(discharge, scene.settings)
+        record = {
+            "seed": int(scene.seed),
+            "status": status,
+            "reason": reason,
+            "opened_s": None if math.isnan(opened_s) else opened_s,
+            "berries_out": late,
+        }
+        arrays = {
+            "exit_s": np.where(np.isfinite(exits), exits, np.nan),
+            "scale": simulation.scales.astype(np.float32),
+            "position": closed[0].astype(np.float32),
+            "quaternion": closed[1].astype(np.float32),
+        }
+        return Run(record, arrays, filmed.frames())
+
+    def status_of(self, discharge: Discharge, settings: SceneSettings) -> tuple[str, str]:
+        """Judge a run."""
+        section, simulation = self.section(settings), settings.simulation
+        if discharge.unstable:
+            return "unstable", discharge.unstable
+        if discharge.filled < section.berries:
+            reason = f"only {discharge.filled} of {section.berries} berries find room in the funnel"
+            return "not_filled", reason
+        if discharge.early:
+            return "lost", f"{discharge.early} berries left the closed funnel"
+        if discharge.rest_energy_j > simulation.rest_energy_j:
+            return simulation.not_at_rest(discharge.rest_energy_j, " when the lid was taken away")
+        if discharge.late < section.berries:
+            left = section.berries - discharge.late
+            return (
+                "jammed",
+                f"{left} berries are still in the funnel {section.longest_s:g} s after the opening",
+            )
+        return "ok", ""
+
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Return the record with time and rate; None where the funnel was not emptied."""
+        measured: dict[str, Any] = dict.fromkeys(MEASURED)
+        if record["status"] == "ok":
+            exits = np.asarray(arrays["exit_s"], float)
+            rate = rate_kg_s(exits, scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3)
+            measured["emptying_s"] = float(exits.max())
+            measured["flow_g_s"] = None if math.isnan(rate) else 1e3 * rate
+        return {**record, **measured}
+
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time of a run [s]."""
+        section = self.section(settings)
+        return section.open_from_s + section.longest_s
+
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Yield keys of a funnel that cannot be built or filled, with what is allowed."""
+        section = self.section(settings)
+        yield from impossible_surfaces(section, NAME)
+        yield from too_early(section, NAME, "open_from_s")
+
+    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+        """Yield keys of openings that are too narrow for the mean grain, with what is allowed."""
+        sizes = {"outlet_diameter_mm": axes_mm[2], "inlet_diameter_mm": axes_mm[0]}
+        return narrow_openings(self.section(settings), NAME, sizes)
 
 
-BENCH = register(
-    BenchTest(
-        name=NAME,
-        responses=RESPONSES,
-        recorded=RECORDED,
-        statuses=STATUSES,
-        settings=Settings,
-        build=build,
-        run=run,
-        measure=measure,
-        duration_s=lambda config: config[NAME]["open_from_s"] + config[NAME]["longest_s"],
-        contradictions=contradictions,
-        misfits=misfits,
-        kept=("exit_s", "scale"),
-        in_words="empty {emptying_s:.2f} s after the opening; rate {flow_g_s:.0f} g/s",
-    )
-)
+def _funnel(section: DischargeSettings) -> tuple[Funnel, float]:
+    """Return the funnel, its outlet at z = 0, and the height [m] at which grains appear."""
+    funnel = Funnel.of(section, 0.0)
+    return funnel, funnel.inlet_height_m + 1e-3 * section.collar_mm

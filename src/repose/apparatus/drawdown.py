@@ -9,28 +9,25 @@ definition (`measure.response`) of every pile, in the view along the slot. The g
 the berries fall, so that it drags none of them along.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
 from repose.apparatus.funnel import CALIBRATED, narrow_openings
-from repose.apparatus.scene import Filmed, at_rest, berry_simulation, largest_cluster, sized_simulation
-from repose.apparatus.settings import Poured, SimulationSettings
+from repose.apparatus.scene import Filmed, at_rest, grain_simulation, largest_cluster, sized_simulation
+from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.errors import NoFlankError
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
 
 NAME = "drawdown"
 STATUSES = ("ok", "unstable", "not_filled", "lost", "not_at_rest", "jammed", "no_flank")
@@ -56,7 +53,7 @@ RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_below"))
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Poured):
+class DrawdownSettings(Poured):
     """The section `drawdown` of the configuration; config/README.md explains its keys."""
 
     open_from_s: float = Field(ge=0.1, le=600)
@@ -69,27 +66,6 @@ class Settings(Poured):
     edge_radius_mm: float = Field(ge=0.05, le=20)
     lower_width_mm: float = Field(ge=10, le=20000)
     drop_mm: float = Field(ge=1, le=5000)
-
-
-def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys of a box that cannot be built or filled, and what is allowed."""
-    section = config[NAME]
-    yield from too_early(config, NAME, "open_from_s")
-    if section["slot_mm"] >= section["width_mm"]:
-        yield f"{NAME}.slot_mm", f"below {NAME}.width_mm, {section['width_mm']:g}"
-    if 4 * section["edge_radius_mm"] > section["floor_mm"]:
-        yield f"{NAME}.edge_radius_mm", f"at most a quarter of {NAME}.floor_mm, {section['floor_mm'] / 4:g}"
-    if section["drop_mm"] <= section["floor_mm"]:
-        yield f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {section['floor_mm']:g}"
-    wide = section["width_mm"] + 2 * section["floor_mm"]
-    if section["lower_width_mm"] < wide:
-        yield f"{NAME}.lower_width_mm", f"at least {wide:g}, the upper chamber with its walls"
-
-
-def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of a box that is too narrow for the mean berry, whose axes are given, the longest first."""
-    sizes = {"slot_mm": axes_mm[2], "depth_mm": axes_mm[0], "width_mm": axes_mm[0], "height_mm": axes_mm[0]}
-    yield from narrow_openings(config, NAME, sizes)
 
 
 # --- build and run --------------------------------------------------------------------------------
@@ -108,11 +84,11 @@ class Box:
     top: float  # of the upper chamber
 
     @classmethod
-    def of(cls, section: Mapping[str, Any]) -> "Box":
-        """The box that a section of the configuration describes."""
-        width, depth, slot, lower = (0.5e-3 * section[f"{key}_mm"] for key in HALVES)
-        drop, thickness = 1e-3 * section["drop_mm"], 1e-3 * section["floor_mm"]
-        return cls(width, depth, slot, lower, drop, thickness, drop + 1e-3 * section["height_mm"])
+    def of(cls, section: DrawdownSettings) -> "Box":
+        """The box of a section of the configuration."""
+        width, depth, slot, lower = (0.5e-3 * getattr(section, f"{key}_mm") for key in HALVES)
+        drop, thickness = 1e-3 * section.drop_mm, 1e-3 * section.floor_mm
+        return cls(width, depth, slot, lower, drop, thickness, drop + 1e-3 * section.height_mm)
 
     @property
     def gate(self) -> float:
@@ -143,35 +119,11 @@ class Box:
         return (np.abs(x) < self.half_lower) & (np.abs(y) < self.half_depth) & (z > 0.0)
 
 
-def _block(x, y, z, edge_radius_m):
+def _block(x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radius_m: float) -> "dem.Mesh":
     """A rectangular block as a wall of triangles, between two places along each axis."""
     corners = np.array([(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)])
     faces = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
-    return dem.Mesh(corners, faces, "wall", edge_radius_m)
-
-
-def build(
-    config: Config,
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-) -> "dem.Simulation":
-    """The empty simulation of the box, its gate closed."""
-    section = config[NAME]
-    box, reach = Box.of(section), largest_scale * particle.bounding_radius_m
-    return berry_simulation(
-        config,
-        parameters,
-        particle,
-        berry,
-        section["berries"],
-        walls=box.walls(1e-3 * section["edge_radius_mm"], 4.0 * reach),
-        lower=(-box.half_lower, -box.half_depth, 0.0),
-        upper=(box.half_lower, box.half_depth, box.top + 4.0 * reach),
-        largest_scale=largest_scale,
-        exit_height_m=box.gate,
-    )
+    return dem.Mesh(corners, np.array(faces), "wall", edge_radius_m)
 
 
 @dataclass(frozen=True)
@@ -186,79 +138,6 @@ class Drained:
     unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
 
 
-def status_of(drained: Drained, config: Config) -> tuple[str, str]:
-    """Status and reason of a run before it is measured."""
-    section, settings = config[NAME], SimulationSettings.of(config)
-    if drained.unstable:
-        return "unstable", drained.unstable
-    if drained.filled < section["berries"]:
-        return "not_filled", f"only {drained.filled} of {section['berries']} berries find room above the gate"
-    if drained.early or not drained.held:
-        return "lost", "a berry lies outside the box, or left the closed chamber"
-    if not drained.energy_j <= settings.rest_energy_j:
-        return settings.not_at_rest(drained.energy_j, f" {section['longest_s']:g} s after the opening")
-    if drained.over_slot:
-        return "jammed", f"{drained.over_slot} berries rest above the middle of the slot"
-    return "ok", ""
-
-
-def run(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Run:
-    """Fill the upper chamber, let the berries rest, open the gate, and let what stays and what fell rest.
-
-    The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, ``exit_s`` (N,), when each
-    berry left the slot after the opening [s], NaN where it stayed, and ``in_pile`` (N,), the largest cluster below.
-    """
-    section, settings, box = config[NAME], SimulationSettings.of(config), Box.of(config[NAME])
-    simulation, scales, reach = sized_simulation(
-        build, config, parameters, seed, particle, berry, section["berries"]
-    )
-    factory = Strip(box.half_width - reach, box.half_depth - reach, box.top + reach)
-    bounded = Bounded(simulation, factory.height_m, LID_M_S)
-    filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
-    filled, early, opened_s = 0, 0, np.nan
-    rests = partial(at_rest, simulation, settings.rest_energy_j)
-    with bounded.guard():
-        fill_and_rest(filmed, factory, section, seed, scales, section["open_from_s"], rests, every)
-        filled, opened_s = simulation.n_bodies, simulation.time_s
-        early = int(np.isfinite(simulation.exit_times_s).sum())
-        simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-        # until it lies below the lower floor
-        filmed.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
-        simulation.set_motion("gate", dem.Motion())
-        filmed.run_to(simulation.steps + every)
-        filmed.wait(rests, simulation.steps + settings.steps(section["longest_s"]), every)
-    centres = simulation.positions.copy()
-    over = (centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
-    drained = Drained(
-        filled=filled,
-        early=early,
-        held=bool(simulation.present.all() and box.holds(centres).all()),
-        over_slot=int(over.sum()),
-        energy_j=float(simulation.kinetic_energies().mean()),
-        unstable=bounded.broken,
-    )
-    status, reason = status_of(drained, config)
-    arrays: dict[str, np.ndarray] = {
-        "position": centres.astype(np.float32),
-        "quaternion": simulation.quaternions.astype(np.float32),
-        "scale": simulation.scales.astype(np.float32),
-        "exit_s": simulation.exit_times_s - opened_s,
-        "in_pile": largest_cluster(simulation.contacts(), np.isfinite(simulation.exit_times_s)),
-    }
-    return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, filmed.frames(walls=True))
-
-
-# --- measure --------------------------------------------------------------------------------------
-
-
 def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
     """The berries of both wedges with their outer walls at x = 0 and the floor at z = 0: the shape of a pile."""
     moved = centres_m - (0.0, 0.0, box.floor)
@@ -266,59 +145,151 @@ def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
     return moved
 
 
-def measure(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The record with angles, mass and rate; a run that lacks a target gets the status ``no_flank``."""
-    from repose.measure.pile import MeasureSettings, measure_pile
+@register(NAME)
+class DrawdownTest(BenchTest[DrawdownSettings]):
+    """A box that is filled and drained through a slot."""
 
-    measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_below"))
-    if record["status"] != "ok":
-        return {**record, **measured}
-    box = Box.of(config[NAME])
-    settings = replace(MeasureSettings.of(config["measure"], berry), views=1)
-    centres, scales = (np.asarray(arrays[key], float) for key in ("position", "scale"))
-    exits, masses = np.asarray(arrays["exit_s"], float), particle.mass_kg * scales**3
-    left = np.isfinite(exits)
-    measured |= {"berries_below": int(left.sum()), "drawdown_mass_g": 1e3 * float(masses[left].sum())}
-    rate = rate_kg_s(exits[left], masses[left]) if left.any() else np.nan
-    measured["drawdown_flow_g_s"] = 1e3 * rate if np.isfinite(rate) else None
-    pile = np.asarray(arrays["in_pile"], bool) if settings.largest_pile_only else left
-    # both wedges, though they need not touch
-    apart = replace(settings, largest_pile_only=False)
-    parts = {
-        "drawdown_above_deg": (~left, back_to_back(centres, box), apart),
-        "drawdown_below_deg": (pile, centres, settings),
-    }
-    reasons = {}
-    for name, (these, places, how) in parts.items():
-        bodies = places[these], arrays["quaternion"][these], particle
-        try:
-            measured[name] = measure_pile(*bodies, how, scales=scales[these]).record()["aor_deg"]
-        except NoFlankError as error:
-            reasons[name] = error.reason
-    return {**record, **BENCH.judged(measured, config, reasons), **measured}
-
-
-BENCH = register(
-    BenchTest(
-        name=NAME,
-        responses=RESPONSES,
-        recorded=RECORDED,
-        statuses=STATUSES,
-        settings=Settings,
-        build=build,
-        run=run,
-        measure=measure,
-        duration_s=lambda config: 2.0 * config[NAME]["open_from_s"] + config[NAME]["longest_s"],
-        contradictions=contradictions,
-        misfits=misfits,
-        kept=("position", "quaternion", "scale", "exit_s", "in_pile"),
-        in_words="{drawdown_above_deg:.1f} deg above, {drawdown_below_deg:.1f} deg below, "
-        "{drawdown_mass_g:.0f} g at {drawdown_flow_g_s:.0f} g/s",
+    settings = DrawdownSettings
+    responses = RESPONSES
+    recorded = RECORDED
+    statuses = STATUSES
+    required_arrays = ("position", "quaternion", "scale", "exit_s", "in_pile")
+    summary = (
+        "{drawdown_above_deg:.1f} deg above, {drawdown_below_deg:.1f} deg below, "
+        "{drawdown_mass_g:.0f} g at {drawdown_flow_g_s:.0f} g/s"
     )
-)
+
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty simulation of the box, its gate closed."""
+        section = self.section(scene.settings)
+        box, reach = Box.of(section), largest_scale * scene.particle.bounding_radius_m
+        return grain_simulation(
+            scene,
+            section.berries,
+            walls=box.walls(1e-3 * section.edge_radius_mm, 4.0 * reach),
+            lower=(-box.half_lower, -box.half_depth, 0.0),
+            upper=(box.half_lower, box.half_depth, box.top + 4.0 * reach),
+            largest_scale=largest_scale,
+            exit_height_m=box.gate,
+        )
+
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Fill the upper chamber, let the grains rest, open the gate, and let what stays and what fell rest.
+
+        The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, ``exit_s`` (N,), when
+        each grain left the slot after the opening [s], NaN where it stayed, and ``in_pile`` (N,), the largest cluster
+        below.
+        """
+        section, settings = self.section(scene.settings), scene.simulation
+        box = Box.of(section)
+        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        factory = Strip(box.half_width - reach, box.half_depth - reach, box.top + reach)
+        bounded = Bounded(simulation, factory.height_m, LID_M_S)
+        filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
+        filled, early, opened_s = 0, 0, np.nan
+        rests = partial(at_rest, simulation, settings.rest_energy_j)
+        with bounded.guard():
+            fill_and_rest(filmed, factory, section, scene.seed, scales, section.open_from_s, rests, every)
+            filled, opened_s = simulation.n_bodies, simulation.time_s
+            early = int(np.isfinite(simulation.exit_times_s).sum())
+            simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
+            # until it lies below the lower floor
+            filmed.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
+            simulation.set_motion("gate", dem.Motion())
+            filmed.run_to(simulation.steps + every)
+            filmed.wait(rests, simulation.steps + settings.steps(section.longest_s), every)
+        centres = simulation.positions.copy()
+        over = (centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
+        drained = Drained(
+            filled=filled,
+            early=early,
+            held=bool(simulation.present.all() and box.holds(centres).all()),
+            over_slot=int(over.sum()),
+            energy_j=float(simulation.kinetic_energies().mean()),
+            unstable=bounded.broken,
+        )
+        status, reason = self.status_of(drained, scene.settings)
+        arrays: dict[str, np.ndarray] = {
+            "position": centres.astype(np.float32),
+            "quaternion": simulation.quaternions.astype(np.float32),
+            "scale": simulation.scales.astype(np.float32),
+            "exit_s": simulation.exit_times_s - opened_s,
+            "in_pile": largest_cluster(simulation.contacts(), np.isfinite(simulation.exit_times_s)),
+        }
+        record = {"seed": int(scene.seed), "status": status, "reason": reason}
+        return Run(record, arrays, filmed.frames(walls=True))
+
+    def status_of(self, drained: Drained, settings: SceneSettings) -> tuple[str, str]:
+        """Judge a run before it is measured."""
+        section, simulation = self.section(settings), settings.simulation
+        if drained.unstable:
+            return "unstable", drained.unstable
+        if drained.filled < section.berries:
+            return (
+                "not_filled",
+                f"only {drained.filled} of {section.berries} berries find room above the gate",
+            )
+        if drained.early or not drained.held:
+            return "lost", "a berry lies outside the box, or left the closed chamber"
+        if not drained.energy_j <= simulation.rest_energy_j:
+            return simulation.not_at_rest(drained.energy_j, f" {section.longest_s:g} s after the opening")
+        if drained.over_slot:
+            return "jammed", f"{drained.over_slot} berries rest above the middle of the slot"
+        return "ok", ""
+
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Return the record with angles, mass and rate."""
+        from repose.measure.pile import measure_pile
+
+        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_below"))
+        if record["status"] != "ok":
+            return {**record, **measured}
+        box, particle = Box.of(self.section(scene.settings)), scene.particle
+        settings = replace(scene.measure, views=1)
+        centres, scales = (np.asarray(arrays[key], float) for key in ("position", "scale"))
+        exits, masses = np.asarray(arrays["exit_s"], float), particle.mass_kg * scales**3
+        left = np.isfinite(exits)
+        measured |= {"berries_below": int(left.sum()), "drawdown_mass_g": 1e3 * float(masses[left].sum())}
+        rate = rate_kg_s(exits[left], masses[left]) if left.any() else np.nan
+        measured["drawdown_flow_g_s"] = 1e3 * rate if np.isfinite(rate) else None
+        pile = np.asarray(arrays["in_pile"], bool) if settings.largest_pile_only else left
+        # both wedges, though they need not touch
+        apart = replace(settings, largest_pile_only=False)
+        parts = {
+            "drawdown_above_deg": (~left, back_to_back(centres, box), apart),
+            "drawdown_below_deg": (pile, centres, settings),
+        }
+        reasons = {}
+        for name, (these, places, how) in parts.items():
+            bodies = places[these], arrays["quaternion"][these], particle
+            try:
+                measured[name] = measure_pile(*bodies, how, scales=scales[these]).record()["aor_deg"]
+            except NoFlankError as error:
+                reasons[name] = error.reason
+        return {**record, **self.assess(measured, scene.settings, reasons), **measured}
+
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time of a run [s]."""
+        section = self.section(settings)
+        return 2.0 * section.open_from_s + section.longest_s
+
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Yield keys of a box that cannot be built or filled, with what is allowed."""
+        section = self.section(settings)
+        yield from too_early(section, NAME, "open_from_s")
+        if section.slot_mm >= section.width_mm:
+            yield f"{NAME}.slot_mm", f"below {NAME}.width_mm, {section.width_mm:g}"
+        if 4 * section.edge_radius_mm > section.floor_mm:
+            yield f"{NAME}.edge_radius_mm", f"at most a quarter of {NAME}.floor_mm, {section.floor_mm / 4:g}"
+        if section.drop_mm <= section.floor_mm:
+            yield f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {section.floor_mm:g}"
+        wide = section.width_mm + 2 * section.floor_mm
+        if section.lower_width_mm < wide:
+            yield f"{NAME}.lower_width_mm", f"at least {wide:g}, the upper chamber with its walls"
+
+    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+        """Yield keys of a box that is too narrow for the mean grain, with what is allowed."""
+        sizes = dict.fromkeys(("depth_mm", "width_mm", "height_mm"), axes_mm[0])
+        return narrow_openings(self.section(settings), NAME, {"slot_mm": axes_mm[2]} | sizes)

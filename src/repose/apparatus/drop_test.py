@@ -10,24 +10,21 @@ Real hits last microseconds. Here, where berries may be softened, T is the time 
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 from repose.core.section import Section, Seeds
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
 
 NAME = "drop_test"
 STATUSES = ("ok", "unstable", "no_rebound")
@@ -48,7 +45,7 @@ RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "rebound_height_mm", "fli
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class DropTestSettings(Section):
     """The section `drop_test` of the configuration; config/README.md explains its keys."""
 
     surface: Literal["wall", "berry"]
@@ -57,88 +54,21 @@ class Settings(Section):
     seeds: Seeds
 
 
-def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """A fall so short that it takes fewer than 100 time steps, and the allowed values."""
-    settings = SimulationSettings.of(config)
-    least = 0.5e3 * settings.gravity_m_s2 * (100 * settings.time_step_s) ** 2
-    if config[NAME]["height_mm"] < least:
-        yield f"{NAME}.height_mm", f"at least {least:.3g}, or the fall takes fewer than 100 time steps"
-
-
 # --- build and run --------------------------------------------------------------------------------
-
-
-def build(
-    config: Config,
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-) -> "dem.Simulation":
-    """The plate, and room for one berry above it."""
-    reach = largest_scale * particle.bounding_radius_m
-    top = 1e-3 * config[NAME]["height_mm"] + 2.0 * reach
-    return berry_simulation(
-        config,
-        parameters,
-        particle,
-        berry,
-        capacity=1,
-        walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), config[NAME]["surface"])},
-        lower=(-4.0 * reach, -4.0 * reach, 0.0),
-        upper=(4.0 * reach, 4.0 * reach, top),
-        largest_scale=largest_scale,
-    )
-
-
-def run(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Run:
-    """Drop one berry and follow it until it touches the plate for the second time.
-
-    The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the berry leaves the plate until it
-    touches it again, and ``drop_m``, the height of its fall.
-    """
-    section, settings = config[NAME], SimulationSettings.of(config)
-    simulation, scales, reach = sized_simulation(build, config, parameters, seed, particle, berry, 1)
-    height, scale = 1e-3 * section["height_mm"], float(scales[0])
-    add_above(simulation, particle, section["orientation"], seed, scale, height)
-    bounded = Bounded(simulation, height + 2.0 * reach)
-    follow = _Follow(Filmed(bounded, interval_s, progress), scale * particle.bounding_radius_m, settings)
-    rows: list[tuple[float, float]] = []
-    with bounded.guard():
-        follow.fly()
-        if follow.hit():
-            rows = follow.fly()
-    status, reason = "ok", ""
-    if bounded.broken:
-        status, reason = "unstable", bounded.broken
-    elif not rows:
-        status, reason = "no_rebound", f"the berry still touches the plate {HIT_S:g} s after it fell on it"
-    times, heights = np.array(rows).reshape(-1, 2).T
-    arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
-    return Run(
-        {"seed": int(seed), "status": status, "reason": reason}, arrays, follow.filmed.frames(walls=True)
-    )
 
 
 class _Follow:
     """Follows a berry above a plate: step by step where it may touch, in longer strides while it flies."""
 
-    def __init__(self, filmed, reach_m, settings):
+    def __init__(self, filmed: Filmed, reach_m: float, settings: SimulationSettings) -> None:
         self.filmed, self.simulation = filmed, filmed.simulation
         self.reach_m, self.settings = reach_m, settings
 
-    def touches(self):
+    def touches(self) -> bool:
+        """Return whether the grain touches the plate."""
         return len(self.simulation.wall_overlaps()[0]) > 0
 
-    def fly(self):
+    def fly(self) -> list[tuple[float, float]]:
         """Fly until the berry touches the plate; time and height of its centre on the way."""
         rows = [self._row()]
         while not self.touches():
@@ -146,7 +76,7 @@ class _Follow:
             rows.append(self._row())
         return rows
 
-    def hit(self):
+    def hit(self) -> bool:
         """Go on until the berry has left the plate; False where it does not."""
         began = now = self.simulation.steps
         last = began + self.settings.steps(HIT_S)
@@ -155,10 +85,10 @@ class _Follow:
             now = self.simulation.steps
         return not touches
 
-    def _row(self):
+    def _row(self) -> tuple[float, float]:
         return self.simulation.time_s, self.simulation.positions[0, 2]
 
-    def _stride(self):
+    def _stride(self) -> int:
         """Time steps in half of the time until the ball around the berry reaches the plate."""
         gravity, up = self.settings.gravity_m_s2, self.simulation.velocities[0, 2]
         above = max(self.simulation.positions[0, 2] - self.reach_m, 0.0)
@@ -166,50 +96,87 @@ class _Follow:
         return max(1, self.settings.steps(min(LOOK_S, 0.5 * until_s)))
 
 
-# --- measure --------------------------------------------------------------------------------------
+@register(NAME)
+class DropTest(BenchTest[DropTestSettings]):
+    """A grain that falls on a plate and rebounds."""
 
+    settings = DropTestSettings
+    responses = RESPONSES
+    recorded = RECORDED
+    statuses = STATUSES
+    required_arrays = ("time_s", "height_m", "drop_m")
+    summary = "restitution {height_restitution:.3f} by height, {sound_restitution:.3f} by sound"
 
-def measure(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The record with both restitutions; None where the berry did not rebound."""
-    measured: dict[str, Any] = dict.fromkeys((*MEASURED, "rebound_height_mm", "flight_s"))
-    if record["status"] == "ok":
-        time_s, height_m = np.asarray(arrays["time_s"], float), np.asarray(arrays["height_m"], float)
-        drop, gravity = float(arrays["drop_m"][0]), SimulationSettings.of(config).gravity_m_s2
-        rebound, flight = float(height_m.max() - height_m[0]), float(time_s[-1] - time_s[0])
-        measured = {
-            "height_restitution": math.sqrt(rebound / drop),
-            "sound_restitution": 0.5 * gravity * flight / math.sqrt(2.0 * gravity * drop),
-            "rebound_height_mm": 1e3 * rebound,
-            "flight_s": flight,
-        }
-    return {**record, **measured}
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the plate, and room for one grain above it."""
+        section = self.section(scene.settings)
+        reach = largest_scale * scene.particle.bounding_radius_m
+        top = 1e-3 * section.height_mm + 2.0 * reach
+        return grain_simulation(
+            scene,
+            capacity=1,
+            walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)},
+            lower=(-4.0 * reach, -4.0 * reach, 0.0),
+            upper=(4.0 * reach, 4.0 * reach, top),
+            largest_scale=largest_scale,
+        )
 
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Drop one grain and follow it until it touches the plate for the second time.
 
-def duration_s(config: Config) -> float:
-    """The longest simulated time: the fall, the hit, and a rebound to the height of the fall."""
-    fall = math.sqrt(2e-3 * config[NAME]["height_mm"] / SimulationSettings.of(config).gravity_m_s2)
-    return 3.0 * fall + HIT_S
+        The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the grain leaves the plate until
+        it touches it again, and ``drop_m``, the height of its fall.
+        """
+        section, particle = self.section(scene.settings), scene.particle
+        simulation, scales, reach = sized_simulation(self.build, scene, 1)
+        height, scale = 1e-3 * section.height_mm, float(scales[0])
+        add_above(simulation, particle, section.orientation, scene.seed, scale, height)
+        bounded = Bounded(simulation, height + 2.0 * reach)
+        filmed = Filmed(bounded, interval_s, progress)
+        follow = _Follow(filmed, scale * particle.bounding_radius_m, scene.simulation)
+        rows: list[tuple[float, float]] = []
+        with bounded.guard():
+            follow.fly()
+            if follow.hit():
+                rows = follow.fly()
+        status, reason = "ok", ""
+        if bounded.broken:
+            status, reason = "unstable", bounded.broken
+        elif not rows:
+            status, reason = (
+                "no_rebound",
+                f"the berry still touches the plate {HIT_S:g} s after it fell on it",
+            )
+        times, heights = np.array(rows).reshape(-1, 2).T
+        arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
+        record = {"seed": int(scene.seed), "status": status, "reason": reason}
+        return Run(record, arrays, filmed.frames(walls=True))
 
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Return the record with both restitutions; None where the grain did not rebound."""
+        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "rebound_height_mm", "flight_s"))
+        if record["status"] == "ok":
+            time_s, height_m = np.asarray(arrays["time_s"], float), np.asarray(arrays["height_m"], float)
+            drop, gravity = float(arrays["drop_m"][0]), scene.simulation.gravity_m_s2
+            rebound, flight = float(height_m.max() - height_m[0]), float(time_s[-1] - time_s[0])
+            measured = {
+                "height_restitution": math.sqrt(rebound / drop),
+                "sound_restitution": 0.5 * gravity * flight / math.sqrt(2.0 * gravity * drop),
+                "rebound_height_mm": 1e3 * rebound,
+                "flight_s": flight,
+            }
+        return {**record, **measured}
 
-BENCH = register(
-    BenchTest(
-        name=NAME,
-        responses=RESPONSES,
-        recorded=RECORDED,
-        statuses=STATUSES,
-        settings=Settings,
-        build=build,
-        run=run,
-        measure=measure,
-        duration_s=duration_s,
-        contradictions=contradictions,
-        kept=("time_s", "height_m", "drop_m"),
-        in_words="restitution {height_restitution:.3f} by height, {sound_restitution:.3f} by sound",
-    )
-)
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time: the fall, the hit, and a rebound to the height of the fall."""
+        fall = math.sqrt(2e-3 * self.section(settings).height_mm / settings.simulation.gravity_m_s2)
+        return 3.0 * fall + HIT_S
+
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Refuse a fall so short that it takes fewer than 100 time steps."""
+        simulation = settings.simulation
+        least = 0.5e3 * simulation.gravity_m_s2 * (100 * simulation.time_step_s) ** 2
+        if self.section(settings).height_mm < least:
+            yield f"{NAME}.height_mm", f"at least {least:.3g}, or the fall takes fewer than 100 time steps"

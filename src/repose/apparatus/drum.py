@@ -5,21 +5,21 @@ slip is judged the drum stops, as in the experiment, and the bed comes to rest.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import methodcaller
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
-from repose.apparatus.scene import Filmed, at_rest, berry_simulation, sized_simulation
-from repose.apparatus.settings import Rotating, SimulationSettings
+from repose.apparatus.scene import Filmed, at_rest, grain_simulation, sized_simulation
+from repose.apparatus.settings import Rotating, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 
@@ -56,10 +56,10 @@ class Drum:
     length_m: float
 
     @classmethod
-    def of(cls, section: Mapping[str, Any]) -> "Drum":
-        """The drum that a section of the configuration describes."""
-        radius_mm = 0.5 * section["outer_diameter_mm"] - section["wall_thickness_mm"]
-        return cls(1e-3 * radius_mm, 1e-3 * section["length_mm"])
+    def of(cls, section: Rotating) -> "Drum":
+        """The drum of a section of the configuration."""
+        radius_mm = 0.5 * section.outer_diameter_mm - section.wall_thickness_mm
+        return cls(1e-3 * radius_mm, 1e-3 * section.length_mm)
 
     def walls(self, material: str) -> "dict[str, Cone | Plane]":
         """Shell and caps by name, of a material."""
@@ -90,7 +90,7 @@ class Drum:
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Rotating):
+class DrumSettings(Rotating):
     """The section `drum` of the configuration; config/README.md explains its keys."""
 
     report_s: float = Field(ge=0.1, le=600)
@@ -100,68 +100,7 @@ class Settings(Rotating):
     depth_bin_mm: float = Field(ge=0.5, le=500)
 
 
-def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys of a drum that cannot be filled, or a report before it turns, and what is allowed."""
-    yield from impossible_filling(config, NAME)
-    section = config[NAME]
-    if section["report_s"] < section["rotate_from_s"]:
-        yield f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {section['rotate_from_s']:g}"
-
-
-def impossible_filling(config: Config, section: str) -> Iterator[tuple[str, str]]:
-    """Keys of a section whose drum has no room, turns too early or is recorded too finely, and what is allowed."""
-    drum, step_s = config[section], SimulationSettings.of(config).time_step_s
-    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
-    if radius <= 0:
-        allowed = f"below half of {section}.outer_diameter_mm, {drum['outer_diameter_mm']:g}"
-        yield f"{section}.wall_thickness_mm", allowed
-    elif abs(drum["factory_height_mm"]) >= radius:
-        yield f"{section}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
-    yield from too_early(config, section, "rotate_from_s")
-    if drum["record_s"] < step_s:
-        yield f"{section}.record_s", f"at least simulation.time_step_s, {step_s:g}"
-
-
-def misfits(config: Config, axes_mm: Sequence[float], section: str = NAME) -> Iterator[tuple[str, str]]:
-    """Keys of a drum in which a mean berry of these axes cannot lie across the axis at the factory's height."""
-    drum, long_mm = config[section], max(axes_mm)
-    highest = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"] - long_mm / 2
-    if drum["length_mm"] <= long_mm:
-        yield f"{section}.length_mm", f"above {long_mm:.4g}, so that a mean berry fits"
-    if abs(drum["factory_height_mm"]) >= highest:
-        room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
-        yield f"{section}.factory_height_mm", f"{room}, so that a mean berry fits"
-
-
 # --- build and run ------------------------------------------------------------------------------
-
-
-def build(
-    config: Config,
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-    section: str = NAME,
-) -> "dem.Simulation":
-    """The empty simulation of the drum of a section of the configuration; tilted, it is low at positive y."""
-    drum = Drum.of(config[section])
-    half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
-    simulation = berry_simulation(
-        config,
-        parameters,
-        particle,
-        berry,
-        config[section]["berries"],
-        walls=drum.walls("wall"),
-        lower=-half,
-        upper=half,
-        largest_scale=largest_scale,
-    )
-    tilt = math.radians(config[section].get("tilt_deg", 0.0))
-    gravity = simulation.physics.gravity
-    gravity[1:] = -gravity[2] * math.sin(tilt), gravity[2] * math.cos(tilt)
-    return simulation
 
 
 class EmptyDrum(NamedTuple):
@@ -179,25 +118,92 @@ class EmptyDrum(NamedTuple):
         return bool(there and self.drum.holds(self.simulation.positions).all())
 
 
-def empty_drum(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    section: str = NAME,
-) -> EmptyDrum:
-    """The drum that a section of the configuration describes, for the berries of a seed."""
-    of_drum = config[section]
-    drum = Drum.of(of_drum)
-    simulation, scales, reach = sized_simulation(
-        partial(build, section=section), config, parameters, seed, particle, berry, of_drum["berries"]
-    )
-    fastest = float(np.max(of_drum["angular_velocity_rad_s"]))
-    bounded = Bounded(simulation, drum.radius_m, fastest * drum.radius_m)
-    return EmptyDrum(
-        drum, simulation, bounded, drum.factory(1e-3 * of_drum["factory_height_mm"], reach), scales
-    )
+R = TypeVar("R", bound=Rotating)
+
+
+class RotatingDrum(BenchTest[R]):
+    """What bench tests with a drum share: vessel, filling and the line through the surface of the bed."""
+
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty simulation of the drum; tilted, it is low at positive y."""
+        section = self.section(scene.settings)
+        drum = Drum.of(section)
+        half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
+        simulation = grain_simulation(
+            scene,
+            section.berries,
+            walls=drum.walls("wall"),
+            lower=-half,
+            upper=half,
+            largest_scale=largest_scale,
+        )
+        tilt = math.radians(getattr(section, "tilt_deg", 0.0))
+        gravity = simulation.physics.gravity
+        gravity[1:] = -gravity[2] * math.sin(tilt), gravity[2] * math.cos(tilt)
+        return simulation
+
+    def empty_drum(self, scene: Scene) -> EmptyDrum:
+        """Make the drum for the grains of a seed."""
+        section = self.section(scene.settings)
+        drum = Drum.of(section)
+        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        fastest = float(np.max(section.angular_velocity_rad_s))
+        bounded = Bounded(simulation, drum.radius_m, fastest * drum.radius_m)
+        factory = drum.factory(1e-3 * section.factory_height_mm, reach)
+        return EmptyDrum(drum, simulation, bounded, factory, scales)
+
+    def surface_of(
+        self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
+    ) -> "bed.Surface":
+        """Return the surface of a bed of N grains; ValueError if it has none."""
+        from repose.measure import bed
+
+        section = self.section(scene.settings)
+        radius, pixel = Drum.of(section).radius_m, scene.measure.mm_per_pixel
+        return bed.measure_surface(
+            position, quaternion, scene.particle, radius, pixel, section.fit_share, scale
+        )
+
+    def surface_angles(
+        self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
+    ) -> np.ndarray:
+        """Return the angle of the surface in each of T frames [degrees]; NaN where the bed has no surface."""
+        angles = np.full(len(position), math.nan)
+        for k, (centres, turns) in enumerate(zip(position, quaternion, strict=True)):
+            try:
+                angles[k] = self.surface_of(centres, turns, scale, scene).angle_deg
+            except ValueError:
+                continue
+        return angles
+
+    def impossible_filling(self, settings: SceneSettings) -> Contradictions:
+        """Refuse a drum that has no room, turns too early or is recorded too finely."""
+        drum, step_s = self.section(settings), settings.simulation.time_step_s
+        radius = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm
+        if radius <= 0:
+            allowed = f"below half of {self.name}.outer_diameter_mm, {drum.outer_diameter_mm:g}"
+            yield f"{self.name}.wall_thickness_mm", allowed
+        elif abs(drum.factory_height_mm) >= radius:
+            yield f"{self.name}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
+        yield from too_early(drum, self.name, "rotate_from_s")
+        if drum.record_s < step_s:
+            yield f"{self.name}.record_s", f"at least simulation.time_step_s, {step_s:g}"
+
+    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+        """Refuse a drum in which a mean grain cannot lie across the axis at the factory's height."""
+        drum, long_mm = self.section(settings), max(axes_mm)
+        highest = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm - long_mm / 2
+        if drum.length_mm <= long_mm:
+            yield f"{self.name}.length_mm", f"above {long_mm:.4g}, so that a mean berry fits"
+        if abs(drum.factory_height_mm) >= highest:
+            room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
+            yield f"{self.name}.factory_height_mm", f"{room}, so that a mean berry fits"
+
+
+def no_surface(scene: Scene) -> str:
+    """Say why a bed has no surface."""
+    scale = scene.measure.mm_per_pixel
+    return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
 
 
 def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) -> None:
@@ -246,13 +252,15 @@ class Rotation:
 class _Watch:
     """Keeps the record of a drum that turns."""
 
-    def __init__(self, bounded, particle):
+    def __init__(self, bounded: Bounded, particle: "Particle") -> None:
         self.bounded, self.particle = bounded, particle
         self.simulation = bounded.simulation
         self.began_s = self.turned_rad = 0.0
-        self.rows, self.centres, self.quaternions = [], [], []
+        self.rows: list[_Row] = []
+        self.centres: list[np.ndarray] = []
+        self.quaternions: list[np.ndarray] = []
 
-    def keep(self):
+    def keep(self) -> None:
         """Add the present state to the record."""
         from repose.measure import bed
 
@@ -272,67 +280,28 @@ class _Watch:
         turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
         self.rows.append(_Row(time_s, turned_deg, bed_deg, energy))
 
-    def advance(self, steps):
+    def advance(self, steps: int) -> None:
         """Run, turn and keep."""
         self.bounded.run_to(self.simulation.steps + steps)
         self.turned_rad -= steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
         self.keep()
 
-    def record(self):
-        """The record by name."""
+    def record(self) -> dict[str, np.ndarray]:
+        """Return the record by name."""
         return dict(zip(RECORD, np.array(self.rows).T, strict=True))
 
 
-def rotate(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    progress: Callable[[float], object] | None = None,
-) -> Rotation:
-    """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
-
-    The rotation lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when
-    the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
-    """
-    section, settings = config[NAME], SimulationSettings.of(config)
-    empty = empty_drum(config, parameters, seed, particle, berry)
-    simulation, bounded = empty.simulation, empty.bounded
-    every = max(1, settings.steps(section["record_s"]))
-    calm, rest_energy, slip = settings.rest_energy_j, math.nan, None
-    watch = _Watch(bounded, particle)
-    with bounded.guard():
-        begin_s, rests = section["rotate_from_s"], partial(at_rest, simulation, calm)
-        fill_and_rest(Filmed(bounded), empty.factory, section, seed, empty.scales, begin_s, rests, every)
-        bounded.look()
-        rest_energy = float(simulation.kinetic_energies().mean())
-        slip = _until_slip(watch, section, calm, every, progress)
-    record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
-    late = np.abs(watch.began_s + record["time_s"] - section["report_s"])
-    return Rotation(
-        record=record,
-        centres_m=np.array(watch.centres),
-        quaternions=np.array(watch.quaternions),
-        scales=simulation.scales.copy(),
-        slip=slip,
-        report=int(np.argmin(late)) if len(late) else 0,
-        rotation_from_s=watch.began_s,
-        rest_energy_j=rest_energy,
-        held=empty.holds_all(),
-        unstable=bounded.broken,
-    )
-
-
-def _until_slip(watch, section, calm, every, progress):
-    """Turn until the first slip and let the bed rest; returns the `bed.Slip` or None."""
+def _until_slip(
+    watch: _Watch, section: DrumSettings, calm: float, every: int, progress: Progress | None
+) -> "bed.Slip | None":
+    """Turn until the first slip and let the bed rest."""
     from repose.measure import bed
 
     simulation = watch.simulation
     watch.began_s = simulation.time_s
     step_s = every * simulation.time_step_s
-    report_s = section["report_s"] - watch.began_s
-    set_rotation(simulation, section["angular_velocity_rad_s"])
+    report_s = section.report_s - watch.began_s
+    set_rotation(simulation, section.angular_velocity_rad_s)
     watch.keep()
     slip, stopped_s = None, math.inf
     while math.isfinite(watch.rows[-1].energy_j):
@@ -340,214 +309,182 @@ def _until_slip(watch, section, calm, every, progress):
         if progress is not None:
             progress(simulation.time_s)
         rests = now > stopped_s and energy < calm
-        if (rests or now >= stopped_s + section["settle_s"]) and now >= report_s - 0.5 * step_s:
+        if (rests or now >= stopped_s + section.settle_s) and now >= report_s - 0.5 * step_s:
             break
         if stopped_s == math.inf:
-            if now >= section["longest_rotation_s"] - 0.5 * step_s:
+            if now >= section.longest_rotation_s - 0.5 * step_s:
                 break
             record = watch.record()
-            slip = bed.find_slip(record["bed_deg"], record["energy_j"], section["slip_drop_deg"], calm)
+            slip = bed.find_slip(record["bed_deg"], record["energy_j"], section.slip_drop_deg, calm)
             if slip is not None:
                 set_rotation(simulation, 0.0)
                 stopped_s = now
         watch.advance(every)
     if slip is not None:
         record = watch.record()
-        slip = bed.find_slip(record["bed_deg"], record["energy_j"], section["slip_drop_deg"], calm)
+        slip = bed.find_slip(record["bed_deg"], record["energy_j"], section.slip_drop_deg, calm)
     return slip
 
 
-def status_of(rotation: "Rotation", config: Config) -> tuple[str, str]:
-    """Status and reason of a run before it is measured."""
-    if rotation.unstable:
-        return "unstable", rotation.unstable
-    if not rotation.held:
-        return "lost", "a berry is missing, or outside the drum"
-    if rotation.rest_energy_j > SimulationSettings.of(config).rest_energy_j:
-        return "not_at_rest", f"kinetic energy {rotation.rest_energy_j:.2e} J a berry when the rotation began"
-    if rotation.slip is None:
-        fall, last = config[NAME]["slip_drop_deg"], rotation.record["time_s"][-1]
-        return "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
-    return "ok", ""
+@register(NAME)
+class DrumTest(RotatingDrum[DrumSettings]):
+    """A drum that turns slowly until its bed slips once."""
 
+    settings = DrumSettings
+    responses = RESPONSES
+    recorded = RECORDED
+    statuses = STATUSES
+    measured_by = ("fit_share", "depth_bin_mm")
+    summary = (
+        "first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
+        "surface {before_surface_deg:.1f} deg before, {after_surface_deg:.1f} deg after it"
+    )
 
-def run(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Run:
-    """Fill and turn once; with `interval_s` the frames are at the times of the record.
+    def rotate(self, scene: Scene, progress: Progress | None = None) -> Rotation:
+        """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
 
-    The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N,
-    4) and ``turned_STATE_deg`` for start, report, before and after.
-    """
-    rotation = rotate(config, parameters, seed, particle, berry, progress)
-    status, reason = status_of(rotation, config)
-    record: dict[str, Any] = {
-        "seed": int(seed),
-        "status": status,
-        "reason": reason,
-        "rotation_from_s": rotation.rotation_from_s,
-    }
-    if status in ("ok", "no_slip"):
-        for state, row in rotation.rows().items():
-            record |= {f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD}
-    if status == "ok" and rotation.slip is not None:
-        energy = rotation.record["energy_j"][rotation.slip.begins : rotation.slip.ends + 1]
-        record |= {
-            "bed_drop_deg": record["before_bed_deg"] - record["after_bed_deg"],
-            "slip_duration_s": record["after_time_s"] - record["before_time_s"],
-            "largest_energy_j": float(energy.max()),
+        The rotation lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends
+        when the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
+        """
+        section, settings = self.section(scene.settings), scene.simulation
+        empty = self.empty_drum(scene)
+        simulation, bounded = empty.simulation, empty.bounded
+        every = max(1, settings.steps(section.record_s))
+        calm, rest_energy, slip = settings.rest_energy_j, math.nan, None
+        watch = _Watch(bounded, scene.particle)
+        with bounded.guard():
+            begin_s, rests = section.rotate_from_s, partial(at_rest, simulation, calm)
+            filmed = Filmed(bounded)
+            fill_and_rest(filmed, empty.factory, section, scene.seed, empty.scales, begin_s, rests, every)
+            bounded.look()
+            rest_energy = float(simulation.kinetic_energies().mean())
+            slip = _until_slip(watch, section, calm, every, progress)
+        record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
+        late = np.abs(watch.began_s + record["time_s"] - section.report_s)
+        return Rotation(
+            record=record,
+            centres_m=np.array(watch.centres),
+            quaternions=np.array(watch.quaternions),
+            scales=simulation.scales.copy(),
+            slip=slip,
+            report=int(np.argmin(late)) if len(late) else 0,
+            rotation_from_s=watch.began_s,
+            rest_energy_j=rest_energy,
+            held=empty.holds_all(),
+            unstable=bounded.broken,
+        )
+
+    def status_of(self, rotation: Rotation, settings: SceneSettings) -> tuple[str, str]:
+        """Judge a run before it is measured."""
+        if rotation.unstable:
+            return "unstable", rotation.unstable
+        if not rotation.held:
+            return "lost", "a berry is missing, or outside the drum"
+        if rotation.rest_energy_j > settings.simulation.rest_energy_j:
+            reason = f"kinetic energy {rotation.rest_energy_j:.2e} J a berry when the rotation began"
+            return "not_at_rest", reason
+        if rotation.slip is None:
+            fall, last = self.section(settings).slip_drop_deg, rotation.record["time_s"][-1]
+            return "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
+        return "ok", ""
+
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Fill and turn once; with `interval_s` the frames are at the times of the record.
+
+        The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE``
+        (N, 4) and ``turned_STATE_deg`` for start, report, before and after.
+        """
+        rotation = self.rotate(scene, progress)
+        status, reason = self.status_of(rotation, scene.settings)
+        record: dict[str, Any] = {
+            "seed": int(scene.seed),
+            "status": status,
+            "reason": reason,
+            "rotation_from_s": rotation.rotation_from_s,
         }
-    position, quaternion = rotation.centres_m, rotation.quaternions
-    arrays = {"scale": rotation.scales, **rotation.record}
-    for state, row in rotation.rows().items() if len(position) else ():
-        arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
-        arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
-    if interval_s is None:
-        return Run(record, arrays)
-    return Run(record, arrays, {"position": position, "quaternion": quaternion, **arrays})
+        if status in ("ok", "no_slip"):
+            for state, row in rotation.rows().items():
+                record |= {f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD}
+        if status == "ok" and rotation.slip is not None:
+            energy = rotation.record["energy_j"][rotation.slip.begins : rotation.slip.ends + 1]
+            record |= {
+                "bed_drop_deg": record["before_bed_deg"] - record["after_bed_deg"],
+                "slip_duration_s": record["after_time_s"] - record["before_time_s"],
+                "largest_energy_j": float(energy.max()),
+            }
+        position, quaternion = rotation.centres_m, rotation.quaternions
+        arrays = {"scale": rotation.scales, **rotation.record}
+        for state, row in rotation.rows().items() if len(position) else ():
+            arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
+            arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
+        if interval_s is None:
+            return Run(record, arrays)
+        return Run(record, arrays, {"position": position, "quaternion": quaternion, **arrays})
 
+    def measured_run(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> tuple[dict[str, Any], np.ndarray]:
+        """Measure a run, and the motion by depth (bins, 4) in its slip, lengths in mm.
 
-# --- measure --------------------------------------------------------------------------------------
+        The measured run is the record with the angles of the surface and, of a slip, the numbers of `_of_slip`. Where
+        the surface before or after a slip cannot be measured, the status is ``no_surface`` and there are no numbers.
+        Without a slip the motion by depth is empty.
+        """
+        measured, profile = dict(record), np.zeros((0, 4))
+        if record["status"] not in ("ok", "no_slip"):
+            return measured, profile
+        states = STATES if record["status"] == "ok" else STATES[:2]
+        angles = self.surface_angles(
+            np.array([arrays[f"position_{state}"] for state in states]),
+            np.array([arrays[f"quaternion_{state}"] for state in states]),
+            arrays["scale"],
+            scene,
+        )
+        for state, angle in zip(states, angles, strict=True):
+            measured[f"{state}_surface_deg"] = float(angle) if math.isfinite(angle) else None
+        if record["status"] == "no_slip":
+            return measured, profile
+        if not np.isfinite(angles[2:]).all():
+            judged = {"seed": record["seed"], "status": "no_surface", "reason": no_surface(scene)}
+            return judged | {"rotation_from_s": record["rotation_from_s"]}, profile
+        numbers, profile = self._of_slip(record, arrays, scene)
+        return measured | {"surface_drop_deg": float(angles[2] - angles[3])} | numbers, profile
 
+    def _of_slip(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> tuple[dict[str, Any], np.ndarray]:
+        """Measure the motion in the slip; None where no grain lies under the part of the surface that is fitted."""
+        from repose.measure import bed
 
-def surface_of(
-    position: np.ndarray,
-    quaternion: np.ndarray,
-    scale: np.ndarray,
-    config: Config,
-    particle: "Particle",
-    section: str = NAME,
-) -> "bed.Surface":
-    """The surface of a bed of N berries as a section of the configuration defines it; ValueError if it has none."""
-    from repose.measure import bed
+        centres = arrays["position_before"], arrays["position_after"]
+        before = self.surface_of(centres[0], arrays["quaternion_before"], arrays["scale"], scene)
+        turned_rad = math.radians(record["after_turned_deg"] - record["before_turned_deg"])
+        depth, moved = bed.slip_displacement(*centres, turned_rad, before)
+        bin_m = 1e-3 * self.section(scene.settings).depth_bin_mm
+        profile = bed.depth_profile(depth, moved, bin_m) * (1e3, 1e3, 1e3, 1.0)
+        numbers = {
+            "moved_share": bed.moved_share(moved, scene.particle),
+            "surface_moved_mm": float(profile[0, 1]) if len(profile) else None,
+            "wall_moved_mm": float(profile[-1, 1]) if len(profile) else None,
+        }
+        return numbers, profile
 
-    return bed.measure_surface(
-        position,
-        quaternion,
-        particle,
-        Drum.of(config[section]).radius_m,
-        config["measure"]["mm_per_pixel"],
-        config[section]["fit_share"],
-        scale,
-    )
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Return the result of `measured_run`, with the responses under their public names."""
+        measured, _ = self.measured_run(record, arrays, scene)
+        ok = measured["status"] == "ok"
+        return measured | {response.name: response.of(measured) if ok else None for response in RESPONSES}
 
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time of a run [s]."""
+        section = self.section(settings)
+        return section.rotate_from_s + section.longest_rotation_s + section.settle_s
 
-def surface_angles(
-    position: np.ndarray,
-    quaternion: np.ndarray,
-    scale: np.ndarray,
-    config: Config,
-    particle: "Particle",
-    section: str = NAME,
-) -> np.ndarray:
-    """Angle of the surface in each of T frames [degrees]; NaN where the bed has no surface."""
-    angles = np.full(len(position), math.nan)
-    for k, (centres, turns) in enumerate(zip(position, quaternion, strict=True)):
-        try:
-            angles[k] = surface_of(centres, turns, scale, config, particle, section).angle_deg
-        except ValueError:
-            continue
-    return angles
-
-
-def no_surface(config: Config) -> str:
-    """The reason why a bed has no surface."""
-    scale = config["measure"]["mm_per_pixel"]
-    return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
-
-
-def measured_run(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-) -> tuple[dict[str, Any], np.ndarray]:
-    """A run of the drum, measured, and the motion by depth (bins, 4) in its slip, lengths in mm.
-
-    The measured run is the record with the angles of the surface and, of a slip, the numbers of `_of_slip`. Where
-    the surface before or after a slip cannot be measured, the status is ``no_surface`` and there are no numbers.
-    Without a slip the motion by depth is empty.
-    """
-    measured, profile = dict(record), np.zeros((0, 4))
-    if record["status"] not in ("ok", "no_slip"):
-        return measured, profile
-    states = STATES if record["status"] == "ok" else STATES[:2]
-    angles = surface_angles(
-        np.array([arrays[f"position_{state}"] for state in states]),
-        np.array([arrays[f"quaternion_{state}"] for state in states]),
-        arrays["scale"],
-        config,
-        particle,
-    )
-    for state, angle in zip(states, angles, strict=True):
-        measured[f"{state}_surface_deg"] = float(angle) if math.isfinite(angle) else None
-    if record["status"] == "no_slip":
-        return measured, profile
-    if not np.isfinite(angles[2:]).all():
-        judged = {"seed": record["seed"], "status": "no_surface", "reason": no_surface(config)}
-        return judged | {"rotation_from_s": record["rotation_from_s"]}, profile
-    numbers, profile = _of_slip(record, arrays, config, particle)
-    return measured | {"surface_drop_deg": float(angles[2] - angles[3])} | numbers, profile
-
-
-def _of_slip(record, arrays, config, particle):
-    """Motion of the berries in the slip; None where no berry lies under the part of the surface that is fitted."""
-    from repose.measure import bed
-
-    centres = arrays["position_before"], arrays["position_after"]
-    before = surface_of(centres[0], arrays["quaternion_before"], arrays["scale"], config, particle)
-    turned_rad = math.radians(record["after_turned_deg"] - record["before_turned_deg"])
-    depth, moved = bed.slip_displacement(*centres, turned_rad, before)
-    bin_m = 1e-3 * config[NAME]["depth_bin_mm"]
-    profile = bed.depth_profile(depth, moved, bin_m) * (1e3, 1e3, 1e3, 1.0)
-    numbers = {
-        "moved_share": bed.moved_share(moved, particle),
-        "surface_moved_mm": float(profile[0, 1]) if len(profile) else None,
-        "wall_moved_mm": float(profile[-1, 1]) if len(profile) else None,
-    }
-    return numbers, profile
-
-
-def measure(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The result of `measured_run`, and the responses under their public names."""
-    measured, _ = measured_run(record, arrays, config, particle)
-    ok = measured["status"] == "ok"
-    return measured | {response.name: response.of(measured) if ok else None for response in RESPONSES}
-
-
-def longest_s(config: Config) -> float:
-    """Longest simulated time of a run [s]."""
-    section = config[NAME]
-    return section["rotate_from_s"] + section["longest_rotation_s"] + section["settle_s"]
-
-
-BENCH = register(
-    BenchTest(
-        name=NAME,
-        responses=RESPONSES,
-        recorded=RECORDED,
-        statuses=STATUSES,
-        settings=Settings,
-        build=build,
-        run=run,
-        measure=measure,
-        duration_s=longest_s,
-        contradictions=contradictions,
-        misfits=misfits,
-        measured_by=("fit_share", "depth_bin_mm"),
-        in_words="first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
-        "surface {before_surface_deg:.1f} deg before, {after_surface_deg:.1f} deg after it",
-    )
-)
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Refuse a drum that cannot be filled, or a report before it turns."""
+        yield from self.impossible_filling(settings)
+        section = self.section(settings)
+        if section.report_s < section.rotate_from_s:
+            yield f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {section.rotate_from_s:g}"

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.apparatus import drum
+from repose.apparatus.bench_test import Scene
+from repose.apparatus.drum import STATES, DrumTest
 from repose.apparatus.job import about_job, write_timings
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_npz, write_json, write_npz, write_table
@@ -41,28 +42,22 @@ PROFILE = ["seed", "depth_mm", "moved_mm", "moved_sd_mm", "berries"]
 WHAT = "a JSON file of `repose stage drum`, its .npz beside it"
 
 
-def run_job(
-    config: Mapping[str, Any],
-    parameters: Mapping[str, float],
-    seeds: Iterable[int],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    out_dir: str | PathLike,
-) -> list[dict[str, Any]]:
+def run_job(scene: Scene, seeds: Iterable[int], out_dir: str | PathLike) -> list[dict[str, Any]]:
     """Turn the drum with each seed; write OUT/drum_SEED.npz with every frame, and then OUT/drum_SEED.json.
 
     A run whose JSON file is there is complete. Returns the contents of the JSON files, with their runs measured.
     """
     out, results = Path(out_dir), []
+    test = DrumTest()
     for seed in seeds:
         began = time.perf_counter()
-        run = drum.run(config, parameters, seed, particle, berry, interval_s=0.0)
+        run = test.run(scene.with_seed(seed), interval_s=0.0)
         write_timings(out, f"drum_{seed}", {str(seed): round(time.perf_counter() - began, 3)})
         write_npz(out / f"drum_{seed}.npz", run.frames or {})
-        about = about_job(drum.BENCH, config, seed, parameters)
+        about = about_job(test, scene, seed)
         result = {key: about[key] for key in ("parameters", "time_step_s")}
         write_json(out / f"drum_{seed}.json", result | {"run": run.record})
-        results.append(result | {"run": drum.measure(run.record, run.arrays, config, particle, berry)})
+        results.append(result | {"run": test.measure(run.record, run.arrays, scene)})
     return results
 
 
@@ -76,16 +71,15 @@ def run(
 
     InputError if a file is missing or none of `run_job`, or a seed is there twice.
     """
+    test, scene = DrumTest(), Scene.of(config, {}, {}, particle)
     by_seed: dict[int, tuple[dict, dict]] = {}
     for path in map(Path, json_paths):
         record = read_json(path, {"run": dict}, WHAT)["run"]
         if record.get("seed") in by_seed:
             raise InputError(path, "run.seed", record["seed"], "each seed once")
         frames = read_npz(path.with_suffix(".npz"), _needed(record), WHAT)
-        measured, profile = drum.measured_run(record, frames, config, particle)
-        angles = drum.surface_angles(
-            frames["position"], frames["quaternion"], frames["scale"], config, particle
-        )
+        measured, profile = test.measured_run(record, frames, scene)
+        angles = test.surface_angles(frames["position"], frames["quaternion"], frames["scale"], scene)
         by_seed[record["seed"]] = measured, frames | {"profile": profile, "surface_deg": angles}
     made = tables(list(by_seed.values()))
     for name, content in made.items():
@@ -95,7 +89,7 @@ def run(
 
 def _needed(run):
     """Arrays that the file of a run must have."""
-    states = {"ok": drum.STATES, "no_slip": drum.STATES[:2]}.get(run.get("status"), ())
+    states = {"ok": STATES, "no_slip": STATES[:2]}.get(run.get("status"), ())
     of_states = (f"{kind}_{state}" for state in states for kind in ("position", "quaternion"))
     kept = (key for key in RECORD[1:] if key != "surface_deg")
     return (*kept, "position", "quaternion", "scale", *of_states)

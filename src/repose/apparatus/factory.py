@@ -1,9 +1,9 @@
 """Places and orientations of new berries, and the filling of a scene."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from repose.dem.rotations import random_quaternion, rotation_matrix
 
 if TYPE_CHECKING:
     from repose.apparatus.scene import Filmed
+    from repose.apparatus.settings import Poured
     from repose.dem import Simulation
     from repose.particle.particle import Particle
 
@@ -18,6 +19,23 @@ if TYPE_CHECKING:
 PLACES_TRIED = 200
 LIKELY_PACKING = 0.6  # share of a bed that is solid
 ALMOST = 1.0 - 1e-9  # of a square of a distance: the last digits of `Factory.places` are not sure
+
+
+@dataclass(frozen=True)
+class Pouring:
+    """How grains are poured."""
+
+    berries: int
+    rate_per_s: float
+    orientation: str = "random"  # see `random_orientation`
+    speed_m_s: float = 0.0  # down
+
+    @classmethod
+    def of(cls, section: "Poured", grains: int) -> "Pouring":
+        """As a section of the configuration says, for a number of grains."""
+        further = ("orientation", "speed_m_s")
+        own = {name: getattr(section, name) for name in further if hasattr(section, name)}
+        return cls(grains, section.rate_per_s, **own)
 
 
 class Factory(Protocol):
@@ -76,8 +94,8 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
     others, reach = simulation.positions, 2.0 * simulation.radius
     others = others[simulation.present & (others[:, 2] > factory.height_m - reach)]
 
-    def is_free(place):
-        return not len(others) or np.sum((others - place) ** 2, axis=1).min() > reach * reach
+    def is_free(place: np.ndarray) -> bool:
+        return not len(others) or bool(np.sum((others - place) ** 2, axis=1).min() > reach * reach)
 
     if is_free(place):
         return place
@@ -124,50 +142,35 @@ def add_above(
     simulation.add("berry", (0.0, 0.0, height_m + depth), turn, scale=scale)
 
 
-def last_berry_s(section: Mapping[str, Any]) -> float:
+def last_berry_s(section: "Poured") -> float:
     """When the last berry of a bench test appears [s]."""
-    return (section["berries"] - 1) / section["rate_per_s"]
+    return (section.berries - 1) / section.rate_per_s
 
 
-def too_early(config: Mapping[str, Any], section: str, key: str) -> Iterator[tuple[str, str]]:
-    """A key of a section if its time is not after the last berry's, and the allowed values."""
-    last = last_berry_s(config[section])
-    if last >= config[section][key]:
-        yield f"{section}.{key}", f"above {last:g}, when the last berry appears"
+def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str]]:
+    """Yield a key of a section if its time is not after the last berry's, with the allowed values."""
+    last = last_berry_s(section)
+    if last >= getattr(section, key):
+        yield f"{name}.{key}", f"above {last:g}, when the last berry appears"
 
 
 def fill(
     simulation: "Simulation",
     factory: Factory,
-    section: Mapping[str, Any],
-    seed: int,
+    pouring: Pouring,
+    seed: int | np.random.Generator,
     last_step: int,
     run_to: Callable[[int], None],
     scales: Sequence[float] | np.ndarray | None = None,
 ) -> None:
-    """Add the berries of a bench test one by one, at rest or falling, each where it touches none, up to a time step.
+    """Add grains one by one, the first at once, each where it touches none, up to a time step.
 
-    `section` has ``berries`` (how many), ``rate_per_s`` (how many in a second) and may have ``orientation``
-    (`random_orientation`) and ``speed_m_s``, down. `scales` are the sizes relative to the shape, 1 by default.
+    `scales` are the sizes of all grains relative to the shape, 1 by default.
     """
-    _pour(
-        simulation,
-        factory,
-        section,
-        np.random.default_rng(seed),
-        section["berries"],
-        last_step,
-        run_to,
-        scales,
-    )
-
-
-def _pour(simulation, factory, section, rng, berries, last_step, run_to, scales):
-    """Add so many further berries, the first of them at once; see `fill`."""
-    orientation, down = section.get("orientation", "random"), (0.0, 0.0, -section.get("speed_m_s", 0.0))
+    rng, down = np.random.default_rng(seed), (0.0, 0.0, -pouring.speed_m_s)
     first, began = simulation.n_bodies, simulation.steps
-    for k in range(berries):
-        due = began + round(k / section["rate_per_s"] / simulation.time_step_s)
+    for k in range(pouring.berries):
+        due = began + round(k / pouring.rate_per_s / simulation.time_step_s)
         if due >= last_step:
             return
         run_to(due)
@@ -178,13 +181,13 @@ def _pour(simulation, factory, section, rng, berries, last_step, run_to, scales)
         if place is None:
             return
         scale = 1.0 if scales is None else scales[first + k]
-        simulation.add("berry", place, random_orientation(orientation, rng), down, scale=scale)
+        simulation.add("berry", place, random_orientation(pouring.orientation, rng), down, scale=scale)
 
 
 def fill_and_rest(
     filmed: "Filmed",
     factory: Factory,
-    section: Mapping[str, Any],
+    section: "Poured",
     seed: int,
     scales: Sequence[float] | np.ndarray,
     from_s: float,
@@ -193,28 +196,40 @@ def fill_and_rest(
 ) -> None:
     """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long.
 
-    A section without ``berries`` has ``filling_height_mm``, the level of the bed (`level_m`); the number of `scales` is
-    that of berries without gaps between them up to there.
+    A section without a number of grains has ``filling_height_mm``, the level of the bed (`level_m`); the number of
+    `scales` is that of grains without gaps between them up to there.
     """
     simulation = filmed.simulation
     first, latest = (round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
-    if "berries" in section:
-        fill(simulation, factory, section, seed, latest, filmed.run_to, scales)
+    level_mm = getattr(section, "filling_height_mm", None)
+    if level_mm is None:
+        pouring = Pouring.of(section, section.berries)
+        fill(simulation, factory, pouring, seed, latest, filmed.run_to, scales)
     else:
-        _fill_to_level(filmed, factory, section, seed, scales, latest, rests, every)
+        _fill_to_level(filmed, factory, section, 1e-3 * level_mm, seed, scales, latest, rests, every)
     filmed.run_to(first)
     filmed.wait(rests, latest, every)
 
 
-def _fill_to_level(filmed, factory, section, seed, scales, latest, rests, every):
-    """Pour half of the berries that are likely to be needed, and by the packing of those that rest the others."""
+def _fill_to_level(
+    filmed: "Filmed",
+    factory: Factory,
+    section: "Poured",
+    level: float,
+    seed: int,
+    scales: Sequence[float] | np.ndarray,
+    latest: int,
+    rests: Callable[[], bool],
+    every: int,
+) -> None:
+    """Pour half the estimate, measure its packing, then pour the rest."""
     simulation, rng = filmed.simulation, np.random.default_rng(seed)
-    level, fall_m_s2 = 1e-3 * section["filling_height_mm"], float(np.linalg.norm(simulation.physics.gravity))
+    fall_m_s2 = float(np.linalg.norm(simulation.physics.gravity))
     fall = math.ceil(math.sqrt(2.0 * factory.height_m / fall_m_s2) / simulation.time_step_s)
     missing = max(1, round(0.5 * LIKELY_PACKING * len(scales)))
     while missing > 0 and simulation.steps < latest and simulation.n_bodies < len(scales):
         missing = min(missing, len(scales) - simulation.n_bodies)
-        _pour(simulation, factory, section, rng, missing, latest, filmed.run_to, scales)
+        fill(simulation, factory, Pouring.of(section, missing), rng, latest, filmed.run_to, scales)
         filmed.run_to(min(latest, simulation.steps + fall))
         filmed.wait(rests, latest, every)
         missing = round(simulation.n_bodies * (level / level_m(simulation) - 1.0))

@@ -6,28 +6,26 @@ A pour that gives no pile to measure has a status and a reason instead of number
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus import scene_size
-from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, fill, last_berry_s
-from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
-from repose.apparatus.settings import Hopper, SimulationSettings
+from repose.apparatus.factory import Disc, Pouring, fill, last_berry_s
+from repose.apparatus.scene import Filmed, grain_simulation, largest_cluster, sized_simulation
+from repose.apparatus.settings import Hopper, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import AUTO, Auto
+from repose.core.section import OF_OTHERS, OrAuto, Section
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 
 if TYPE_CHECKING:
     from repose.dem import Cone, RingEdge
-    from repose.particle.particle import Particle
 
 NAME = "funnel"
 STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
@@ -36,6 +34,8 @@ LARGEST_LOSS = 0.1
 # Of the berries on the plate, those that touch each other; in 2810 pours of the article's study and ours at least 86 %.
 SMALLEST_PILE = 0.5
 FEWEST_IN_PILE = 10
+# Share of a pile's volume that grains fill, as poured.
+PACKING = 0.6
 # Below this height a berry has left the plate and is gone.
 FLOOR_M = -0.05
 # A pour ends before its time when its pile rests. That is looked at so often in a `rest_window_s`.
@@ -118,15 +118,15 @@ class Funnel:
     outlet_height_m: float  # of the narrowest circle above the plate
 
     @classmethod
-    def of(cls, section: Mapping[str, Any]) -> "Funnel":
-        """The funnel that a section of the configuration describes."""
+    def of(cls, hopper: Hopper, outlet_height_mm: float) -> "Funnel":
+        """The funnel of a section, its outlet at a height above the plate."""
         return cls(
-            inlet_diameter_m=1e-3 * section["inlet_diameter_mm"],
-            outlet_diameter_m=1e-3 * section["outlet_diameter_mm"],
-            cone_angle_deg=section["cone_angle_deg"],
-            tube_length_m=1e-3 * section["tube_length_mm"],
-            rim_radius_m=1e-3 * section["rim_radius_mm"],
-            outlet_height_m=1e-3 * section["outlet_height_mm"],
+            inlet_diameter_m=1e-3 * hopper.inlet_diameter_mm,
+            outlet_diameter_m=1e-3 * hopper.outlet_diameter_mm,
+            cone_angle_deg=hopper.cone_angle_deg,
+            tube_length_m=1e-3 * hopper.tube_length_mm,
+            rim_radius_m=1e-3 * hopper.rim_radius_mm,
+            outlet_height_m=1e-3 * outlet_height_mm,
         )
 
     @property
@@ -194,208 +194,39 @@ class Funnel:
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Hopper):
+class FunnelSettings(Hopper):
     """The section `funnel` of the configuration; config/README.md explains its keys."""
 
-    duration_s: Annotated[float, Field(ge=0.1, le=600)] | Auto = AUTO
+    duration_s: OrAuto[Annotated[float, Field(ge=0.1, le=600)]] = OF_OTHERS
     outlet_height_mm: float = Field(ge=1, le=2000)
     plate_diameter_mm: float = Field(ge=10, le=20000)
-    factory_height_mm: Annotated[float, Field(ge=0, le=1000)] | Auto = AUTO
-    factory_diameter_mm: Annotated[float, Field(ge=1, le=5000)] | Auto = AUTO
+    factory_height_mm: OrAuto[Annotated[float, Field(ge=0, le=1000)]] = OF_OTHERS
+    factory_diameter_mm: OrAuto[Annotated[float, Field(ge=1, le=5000)]] = OF_OTHERS
     orientation: Literal["random", "lying", "upright"]
     rest_motion_mm: float = Field(gt=0, le=100)
     rest_window_s: float = Field(ge=0.001, le=100)
 
-
-def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys of a funnel that cannot be built, or of a pour that cannot end, and the allowed values."""
-    funnel = config[NAME]
-    inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
-    duration, window = funnel["duration_s"], funnel["rest_window_s"]
-    if SimulationSettings.of(config).time_step_s > window / 2:
-        yield "simulation.time_step_s", f"at most half of funnel.rest_window_s, {window:g}"
-    yield from impossible_surfaces(config, NAME)
-    if funnel["factory_diameter_mm"] > inlet:
-        yield "funnel.factory_diameter_mm", f"at most funnel.inlet_diameter_mm, {inlet:g}"
-    if funnel["plate_diameter_mm"] < outlet:
-        yield "funnel.plate_diameter_mm", f"at least funnel.outlet_diameter_mm, {outlet:g}"
-    if window >= duration:
-        yield "funnel.rest_window_s", f"below funnel.duration_s, {duration:g}"
-    last = last_berry_s(funnel)
-    if last >= duration - window:
-        yield "funnel.duration_s", f"above {last + window:g}: the last berry appears at {last:g} s"
+    @property
+    def funnel(self) -> Funnel:
+        """Its inner surfaces."""
+        return Funnel.of(self, self.outlet_height_mm)
 
 
-def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of openings that are too narrow for the mean berry, whose axes are given, the longest first."""
-    yield from narrow_openings(
-        config, NAME, {"outlet_diameter_mm": axes_mm[2], "factory_diameter_mm": axes_mm[0]}
-    )
-
-
-def narrow_openings(config: Config, section: str, sizes_mm: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-    """Keys of a section whose openings are at most as wide as a mean berry, whose size is given for each key."""
+def narrow_openings(section: Section, name: str, sizes_mm: Mapping[str, float]) -> Contradictions:
+    """Yield keys of openings that are at most as wide as a mean grain, whose size is given for each key."""
     for key, smallest in sizes_mm.items():
-        if config[section][key] <= smallest:
-            yield f"{section}.{key}", f"above {smallest:.4g}, the size of a mean berry"
+        if getattr(section, key) <= smallest:
+            yield f"{name}.{key}", f"above {smallest:.4g}, the size of a mean berry"
 
 
-def impossible_surfaces(config: Config, section: str) -> Iterator[tuple[str, str]]:
-    """Keys of a section whose funnel cannot be built, and the allowed values."""
-    funnel = config[section]
-    inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
+def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
+    """Yield keys of a funnel that cannot be built, with the allowed values."""
+    inlet, outlet = hopper.inlet_diameter_mm, hopper.outlet_diameter_mm
     if outlet >= inlet:
-        yield f"{section}.outlet_diameter_mm", f"below {section}.inlet_diameter_mm, {inlet:g}"
+        yield f"{name}.outlet_diameter_mm", f"below {name}.inlet_diameter_mm, {inlet:g}"
     wall = (inlet - outlet) / 4
-    if funnel["rim_radius_mm"] > wall:
-        yield f"{section}.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
-
-
-# --- advice before a study pours -----------------------------------------------------------------
-
-# Share of a pile's volume that grains fill, as poured.
-PACKING = 0.6
-# A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
-LARGEST_SINKING = 0.005
-# Slopes that poured grains take; a cone that needs another one has too few grains, or too many.
-SLOPES_DEG = (15.0, 45.0)
-# A volume within this factor of the cone's fills it: real piles have a rounded top and a tail at the foot.
-VOLUME_FACTOR = 1.5
-
-
-def advice(
-    config: Config,
-    berry: Mapping[str, Any],
-    particle: "Particle",
-    longest_step_s: Callable[[Mapping[str, Any]], float],
-) -> Iterator[str]:
-    """Hints on stiffness, volume and number of the grains before they are poured; see `BenchTest.advice`."""
-    yield f"stiffness: {_softer(config, berry, longest_step_s)}"
-    sentence, fits = filling(config, particle.volume_m3)
-    yield f"volume: {sentence}"
-    height_mm = 1e3 * height_m(config, berry)
-    outlet_mm = config[NAME]["outlet_height_mm"]
-    if height_mm > outlet_mm:
-        yield f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at {outlet_mm:g} mm and stops the flow"
-    grains = max(config[NAME]["berries"], 0 if fits else needed_grains(config, particle.volume_m3))
-    yield from scene_size.advice(config, diameter_mm(berry), height_mm, grains)
-
-
-def _softer(config, berry, longest_step_s):
-    """The allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
-    step, modulus = SimulationSettings.of(config).time_step_s, berry["shear_modulus_pa"]
-    sinking, softest = softening(config, berry)
-    now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
-    if softest >= modulus:
-        return f"{now}; berry.shear_modulus_pa, {modulus:.3g}, should not be lower"
-    longest = longest_step_s({**berry, "shear_modulus_pa": softest})
-    return (
-        f"{now}; with berry.shear_modulus_pa {softest:.3g} instead of {modulus:.3g} it sinks by "
-        f"{100 * LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
-        f"{step / longest:.2g} of the time"
-    )
-
-
-class Softening(NamedTuple):
-    """Effect of the stiffness of the grains."""
-
-    sinking: float  # share of its Height that a pile loses under its own weight
-    softest_pa: float  # shear modulus at which it loses `LARGEST_SINKING`
-
-
-def softening(config: Config, berry: Mapping[str, Any]) -> Softening:
-    """Sinking of a pile under its own weight, and the softest grain whose pile hardly sinks.
-
-    A grain of diameter d at depth z carries the weight above its own area, F = p rho g z d^2, with p the packing.
-    By Hertz two such grains approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean of this over the depth
-    is 3/5 of that at the bottom. Over d it is the share of the Height that is lost, and goes as the modulus to
-    -2/3.
-    """
-    diameter_m = 1e-3 * diameter_mm(berry)
-    gravity = SimulationSettings.of(config).gravity_m_s2
-    pressure = PACKING * berry["density_kg_m3"] * gravity * height_m(config, berry)
-    young = berry["shear_modulus_pa"] / (1 - berry["poisson_ratio"])
-    approach = (3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))) ** (2 / 3)
-    sinking = 0.6 * approach / diameter_m
-    return Softening(sinking, berry["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
-
-
-def diameter_mm(berry: Mapping[str, Any]) -> float:
-    """Equivalent diameter of the mean grain, the geometric mean of its axes."""
-    return math.prod(berry[key] for key in ("long_mm", "major_mm", "minor_mm")) ** (1 / 3)
-
-
-def poured_volume_m3(config: Config, grain_m3: float) -> float:
-    """Volume of the grains of a pour, the gaps between them included."""
-    return config[NAME]["berries"] * grain_m3 / PACKING
-
-
-def height_m(config: Config, berry: Mapping[str, Any]) -> float:
-    """Height of the pile: the target; else that of the cone of the angle; else half the outlet's height."""
-    height_mm, angle_deg = _target(config, "height_mm"), _target(config, "aor_deg")
-    if height_mm is not None:
-        return 1e-3 * height_mm
-    if angle_deg is not None:
-        grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(berry)) ** 3
-        return _cone_height_m(poured_volume_m3(config, grain_m3), angle_deg)
-    return 0.5e-3 * config[NAME]["outlet_height_mm"]
-
-
-def _cone_height_m(volume_m3, angle_deg):
-    """Height of a cone of a volume and a slope."""
-    return (3 * volume_m3 * math.tan(math.radians(angle_deg)) ** 2 / math.pi) ** (1 / 3)
-
-
-def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
-    """A sentence on whether the grains of a pour fill the pile of the targets, and whether they do."""
-    poured, height, angle = (
-        poured_volume_m3(config, grain_m3),
-        _target(config, "height_mm"),
-        _target(config, "aor_deg"),
-    )
-    holds = f"{config[NAME]['berries']} grains hold {_litres(poured)} as poured"
-    if height is None and angle is None:
-        return holds, True
-    if height is None:
-        reached = _cone_height_m(poured, angle)
-        return f"{holds}: a cone of {angle:g} deg and {1e3 * reached:.3g} mm Height", True
-    if angle is None:
-        slope = math.degrees(math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured))))
-        low, high = SLOPES_DEG
-        sentence = f"{holds}: a cone of {height:g} mm Height with a slope of {slope:.3g} deg"
-        if low <= slope <= high:
-            return sentence, True
-        return f"WARNING: {sentence}; poured grains take {low:g} to {high:g} deg", False
-    cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
-    fits = (
-        1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR
-    )  # `repose.apparatus.reach` judges the pair itself
-    return f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}", fits
-
-
-def needed_grains(config: Config, grain_m3: float) -> int:
-    """Number of grains that the targets need, nearest to that of the pour; that of the pour without a Height."""
-    grains, height, angle = config[NAME]["berries"], _target(config, "height_mm"), _target(config, "aor_deg")
-    if height is None:
-        return grains
-    low, high = SLOPES_DEG if angle is None else (angle, angle)
-    fewest, most = (
-        math.ceil(
-            PACKING * math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(slope)) ** 2) / grain_m3
-        )
-        for slope in (high, low)
-    )
-    return min(max(grains, fewest), most)
-
-
-def _target(config, response):
-    """Value of a target of the funnel; None if the response is no target."""
-    return next((target["value"] for target in config["targets"] if target["response"] == response), None)
-
-
-def _litres(volume_m3):
-    """A volume as text."""
-    return f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"
+    if hopper.rim_radius_mm > wall:
+        yield f"{name}.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
 
 
 # --- run ----------------------------------------------------------------------------------------
@@ -421,90 +252,18 @@ class Pour:
     frames: dict[str, np.ndarray] | None  # see `repose.apparatus.scene.Filmed.frames`
 
 
-def build(
-    config: Config,
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-) -> "dem.Simulation":
-    """The empty simulation of funnel and plate; InputError if the time step is too long for the particle."""
-    section, funnel = config[NAME], Funnel.of(config[NAME])
-    plate_radius = 0.5e-3 * section["plate_diameter_mm"]
-    reach = largest_scale * particle.bounding_radius_m
-    half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * reach
-    return berry_simulation(
-        config,
-        parameters,
-        particle,
-        berry,
-        section["berries"],
-        walls={
-            "plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius),
-            **funnel.walls("wall"),
-        },
-        lower=(-half, -half, 0.0),
-        upper=(half, half, funnel.inlet_height_m + 4.0 * reach),
-        largest_scale=largest_scale,
-        exit_height_m=funnel.outlet_height_m,
-        curved_walls_above_m=funnel.outlet_height_m - funnel.rim_radius_m,
-        floor_height_m=FLOOR_M,
-    )
-
-
-def pour(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Pour:
-    """Pour the berries through the funnel until they rest, for `duration_s` at most (section 3.1 of the paper)."""
-    section, settings = config[NAME], SimulationSettings.of(config)
-    began = time.perf_counter()
-    simulation, scales, reach = sized_simulation(
-        build, config, parameters, seed, particle, berry, section["berries"]
-    )
-    funnel = Funnel.of(section)
-    height = funnel.inlet_height_m + 1e-3 * section["factory_height_mm"]
-    factory = Disc(0.5e-3 * section["factory_diameter_mm"] - reach, height)
-    last_step = settings.steps(section["duration_s"])
-    window = settings.steps(section["rest_window_s"])
-    bounded = Bounded(simulation, height)
-    filmed = Filmed(bounded, interval_s, progress)
-    clock, timed = began, 0
-    seen: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
-    with bounded.guard():
-        fill(simulation, factory, section, seed, last_step - window, filmed.run_to, scales)
-        clock, timed = time.perf_counter(), simulation.steps
-        every = max(1, window // LOOKS)
-        for step in range(last_step - (last_step - timed) // every * every, last_step + 1, every):
-            filmed.run_to(step)
-            if step <= last_step - settings.steps(1.0):
-                clock, timed = time.perf_counter(), step
-            seen.append(simulation.positions.copy())
-            if _rests(simulation, section, funnel, seen):
-                break
-    us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - timed)
-    took_s = time.perf_counter() - began
-    before = seen[0] if seen else None
-    return _judge(simulation, funnel, before, bounded.broken, filmed.frames(), took_s, us_per_step)
-
-
 def _rests(
-    simulation: "dem.Simulation", section: Mapping[str, Any], funnel: Funnel, seen: Sequence[np.ndarray]
+    simulation: "dem.Simulation", section: FunnelSettings, funnel: Funnel, seen: Sequence[np.ndarray]
 ) -> bool:
     """Whether all berries lie outside the funnel, have hardly moved in the last window and nearly stand still."""
     there = simulation.present
-    if len(seen) <= LOOKS or simulation.n_bodies < section["berries"] or not there.any():
+    if len(seen) <= LOOKS or simulation.n_bodies < section.berries or not there.any():
         return False
-    motion_m = 1e-3 * section["rest_motion_mm"]
+    motion_m = 1e-3 * section.rest_motion_mm
     turning = np.linalg.norm(simulation.angular_velocities, axis=1) * simulation.radius
     speed = (np.linalg.norm(simulation.velocities, axis=1) + turning)[there].max()
     return bool(
-        speed * section["rest_window_s"] <= STANDSTILL * motion_m
+        speed * section.rest_window_s <= STANDSTILL * motion_m
         and np.linalg.norm(seen[-1] - seen[0], axis=1)[there].max() <= motion_m
         and (seen[-1][there, 2] <= funnel.outlet_height_m - simulation.radius).all()
     )
@@ -548,110 +307,169 @@ def _judge(
     )
 
 
-def status_of(poured: Pour, config: Config) -> tuple[str, str]:
-    """Status and reason of a pour before it is measured; the reason of ``ok`` is empty."""
-    section, n = config[NAME], config[NAME]["berries"]
-    if poured.unstable:
-        return "unstable", poured.unstable
-    if poured.in_funnel or len(poured.centres_m) < n:
-        waiting = n - len(poured.centres_m)
-        return "jammed", f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end"
-    if poured.off_plate > LARGEST_LOSS * n:
-        return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
-    energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
-    settings = SimulationSettings.of(config)
-    if energy > settings.rest_energy_j:
-        return settings.not_at_rest(energy)
-    if 1e3 * poured.largest_motion_m > section["rest_motion_mm"]:
-        return "not_at_rest", (
-            f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {section['rest_window_s']:g} s, "
-            f"more than {section['rest_motion_mm']:g}"
+@register(NAME)
+class FunnelTest(BenchTest[FunnelSettings]):
+    """A pile that is poured through a funnel."""
+
+    settings = FunnelSettings
+    responses = RESPONSES
+    recorded = RECORDED
+    statuses = STATUSES
+    required_arrays = ("position", "quaternion", "in_pile")
+    photographed: ClassVar = {"aor_deg": "aor_deg", "height_mm": "height_mm"}
+    summary = "angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, {berries_on_plate} berries on the plate"
+
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty simulation of funnel and plate."""
+        section = self.section(scene.settings)
+        funnel, plate_radius = section.funnel, 0.5e-3 * section.plate_diameter_mm
+        reach = largest_scale * scene.particle.bounding_radius_m
+        half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * reach
+        return grain_simulation(
+            scene,
+            section.berries,
+            walls={
+                "plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius),
+                **funnel.walls("wall"),
+            },
+            lower=(-half, -half, 0.0),
+            upper=(half, half, funnel.inlet_height_m + 4.0 * reach),
+            largest_scale=largest_scale,
+            exit_height_m=funnel.outlet_height_m,
+            curved_walls_above_m=funnel.outlet_height_m - funnel.rim_radius_m,
+            floor_height_m=FLOOR_M,
         )
-    in_pile, there = int(poured.in_pile.sum()), int(poured.on_plate.sum())
-    if in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there):
-        return "no_flank", (
-            f"{in_pile} of {there} berries touch each other in the largest pile; "
-            f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them"
-        )
-    return "ok", ""
 
+    def pour(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+        until_rest: bool = True,
+    ) -> Pour:
+        """Pour the grains until they rest, for `duration_s` at most (section 3.1 of the paper), or for all of it."""
+        section, settings = self.section(scene.settings), scene.simulation
+        began = time.perf_counter()
+        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        funnel = section.funnel
+        height = funnel.inlet_height_m + 1e-3 * section.factory_height_mm
+        factory = Disc(0.5e-3 * section.factory_diameter_mm - reach, height)
+        last_step = settings.steps(section.duration_s)
+        window = settings.steps(section.rest_window_s)
+        bounded = Bounded(simulation, height)
+        filmed = Filmed(bounded, interval_s, progress)
+        clock, timed = began, 0
+        seen: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
+        with bounded.guard():
+            pouring = Pouring.of(section, section.berries)
+            fill(simulation, factory, pouring, scene.seed, last_step - window, filmed.run_to, scales)
+            clock, timed = time.perf_counter(), simulation.steps
+            every = max(1, window // LOOKS)
+            for step in range(last_step - (last_step - timed) // every * every, last_step + 1, every):
+                filmed.run_to(step)
+                if step <= last_step - settings.steps(1.0):
+                    clock, timed = time.perf_counter(), step
+                seen.append(simulation.positions.copy())
+                if until_rest and _rests(simulation, section, funnel, seen):
+                    break
+        us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - timed)
+        took_s = time.perf_counter() - began
+        before = seen[0] if seen else None
+        return _judge(simulation, funnel, before, bounded.broken, filmed.frames(), took_s, us_per_step)
 
-def run(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Run:
-    """Pour once and judge the pour; status ``no_flank`` comes with the measurement."""
-    poured = pour(config, parameters, seed, particle, berry, interval_s, progress)
-    status, reason = status_of(poured, config)
-    record = {
-        "seed": int(seed),
-        "status": status,
-        "reason": reason,
-        "discharge_s": poured.discharge_s if np.isfinite(poured.discharge_s) else None,
-        "berries_on_plate": int(poured.on_plate.sum()),
-        "berries_in_pile": int(poured.in_pile.sum()),
-        "berries_off_plate": poured.off_plate,
-        "kinetic_energy_J": poured.kinetic_energy_j if np.isfinite(poured.kinetic_energy_j) else None,
-    }
-    # in single precision: 0.03 um at the edge of the plate
-    arrays = {
-        "position": poured.centres_m.astype(np.float32),
-        "quaternion": poured.quaternions.astype(np.float32),
-        "in_pile": poured.in_pile,
-        "scale": np.asarray(poured.scales, np.float32),
-    }
-    return Run(record, arrays, poured.frames)
+    def status_of(self, poured: Pour, settings: SceneSettings) -> tuple[str, str]:
+        """Status and reason of a pour before it is measured; the reason of ``ok`` is empty."""
+        section = self.section(settings)
+        n = section.berries
+        if poured.unstable:
+            return "unstable", poured.unstable
+        if poured.in_funnel or len(poured.centres_m) < n:
+            waiting = n - len(poured.centres_m)
+            return (
+                "jammed",
+                f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end",
+            )
+        if poured.off_plate > LARGEST_LOSS * n:
+            return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
+        energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
+        if energy > settings.simulation.rest_energy_j:
+            return settings.simulation.not_at_rest(energy)
+        if 1e3 * poured.largest_motion_m > section.rest_motion_mm:
+            return "not_at_rest", (
+                f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {section.rest_window_s:g} s, "
+                f"more than {section.rest_motion_mm:g}"
+            )
+        in_pile, there = int(poured.in_pile.sum()), int(poured.on_plate.sum())
+        if in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there):
+            return "no_flank", (
+                f"{in_pile} of {there} berries touch each other in the largest pile; "
+                f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them"
+            )
+        return "ok", ""
 
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Pour once and judge the pour; status ``no_flank`` comes with the measurement."""
+        poured = self.pour(scene, interval_s, progress)
+        status, reason = self.status_of(poured, scene.settings)
+        record = {
+            "seed": int(scene.seed),
+            "status": status,
+            "reason": reason,
+            "discharge_s": poured.discharge_s if np.isfinite(poured.discharge_s) else None,
+            "berries_on_plate": int(poured.on_plate.sum()),
+            "berries_in_pile": int(poured.in_pile.sum()),
+            "berries_off_plate": poured.off_plate,
+            "kinetic_energy_J": poured.kinetic_energy_j if np.isfinite(poured.kinetic_energy_j) else None,
+        }
+        # in single precision: 0.03 um at the edge of the plate
+        arrays = {
+            "position": poured.centres_m.astype(np.float32),
+            "quaternion": poured.quaternions.astype(np.float32),
+            "in_pile": poured.in_pile,
+            "scale": np.asarray(poured.scales, np.float32),
+        }
+        return Run(record, arrays, poured.frames)
 
-# --- measure --------------------------------------------------------------------------------------
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Return the record of a pour with `ALWAYS` and the other responses that are targets."""
+        from repose.measure.saved_piles import pile_responses
 
+        targets = [response.name for response in self.target_responses(scene.settings.config)]
+        more = [name for name in targets if name not in ALWAYS and name not in record]
+        judged = {key: record[key] for key in ("seed", "status", "reason")}
+        measured = dict.fromkeys((*ALWAYS, *more))
+        if record["status"] == "ok":
+            plate_mm = self.section(scene.settings).plate_diameter_mm
+            responses, reasons = pile_responses(arrays, scene.particle, scene.measure, plate_mm, more)
+            measured |= responses
+            judged |= self.assess({**record, **measured}, scene.settings, reasons)
+        return judged | measured | {key: value for key, value in record.items() if key not in judged}
 
-def measure(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The record of a pour with `ALWAYS` and the other responses that are targets; None where there is no number."""
-    from repose.measure.pile import MeasureSettings
-    from repose.measure.saved_piles import pile_responses
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time of a pour [s]."""
+        return self.section(settings).duration_s
 
-    settings = MeasureSettings.of(config["measure"], berry)
-    targets = [response.name for response in BENCH.target_responses(config)]
-    more = [name for name in targets if name not in ALWAYS and name not in record]
-    judged = {key: record[key] for key in ("seed", "status", "reason")}
-    measured = dict.fromkeys((*ALWAYS, *more))
-    if record["status"] == "ok":
-        plate_mm = config[NAME]["plate_diameter_mm"]
-        responses, reasons = pile_responses(arrays, particle, settings, plate_mm, more)
-        measured |= responses
-        judged |= BENCH.judged({**record, **measured}, config, reasons)
-    return judged | measured | {key: value for key, value in record.items() if key not in judged}
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Yield keys of a funnel that cannot be built, or of a pour that cannot end, with the allowed values."""
+        section = self.section(settings)
+        inlet, outlet = section.inlet_diameter_mm, section.outlet_diameter_mm
+        duration, window = section.duration_s, section.rest_window_s
+        if settings.simulation.time_step_s > window / 2:
+            yield "simulation.time_step_s", f"at most half of funnel.rest_window_s, {window:g}"
+        yield from impossible_surfaces(section, NAME)
+        if section.factory_diameter_mm > inlet:
+            yield "funnel.factory_diameter_mm", f"at most funnel.inlet_diameter_mm, {inlet:g}"
+        if section.plate_diameter_mm < outlet:
+            yield "funnel.plate_diameter_mm", f"at least funnel.outlet_diameter_mm, {outlet:g}"
+        if window >= duration:
+            yield "funnel.rest_window_s", f"below funnel.duration_s, {duration:g}"
+        last = last_berry_s(section)
+        if last >= duration - window:
+            yield "funnel.duration_s", f"above {last + window:g}: the last berry appears at {last:g} s"
 
-
-BENCH = register(
-    BenchTest(
-        name=NAME,
-        responses=RESPONSES,
-        recorded=RECORDED,
-        statuses=STATUSES,
-        settings=Settings,
-        build=build,
-        run=run,
-        measure=measure,
-        duration_s=lambda config: config[NAME]["duration_s"],
-        contradictions=contradictions,
-        misfits=misfits,
-        advice=advice,
-        kept=("position", "quaternion", "in_pile"),
-        photographed={"aor_deg": "aor_deg", "height_mm": "height_mm"},
-        in_words="angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, "
-        "{berries_on_plate} berries on the plate",
-    )
-)
+    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+        """Yield keys of openings that are too narrow for the mean grain, with the allowed values."""
+        sizes = {"outlet_diameter_mm": axes_mm[2], "factory_diameter_mm": axes_mm[0]}
+        return narrow_openings(self.section(settings), NAME, sizes)

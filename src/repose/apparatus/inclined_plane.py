@@ -15,7 +15,8 @@ angle beyond the limit. The angle of the beginning is where the line of the root
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,11 +24,11 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 from repose.core.section import Section, Seeds
@@ -43,6 +44,7 @@ FAR = 0.25  # the berry has moved when it is this share of its shortest axis awa
 FROM_SHARE = 0.3  # the line goes through speeds above this share of the last one
 APART = 1.0001  # of the berries of a glued layer, over their touching
 REACHES = 3.5  # radius of a glued layer in bounding radii
+COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
 SLIDING = 0.5  # of the speed: a berry whose lowest point is faster than this slides, and does not roll
 
 # --- responses ------------------------------------------------------------------------------------
@@ -59,7 +61,7 @@ RECORDED = Recorded(means=MEASURED, single=MEASURED)
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Section):
+class InclinedPlaneSettings(Section):
     """The section `inclined_plane` of the configuration; config/README.md explains its keys."""
 
     surface: Literal["wall", "berry", "glued"]
@@ -69,49 +71,7 @@ class Settings(Section):
     seeds: Seeds
 
 
-def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """A tilting so fast that there are fewer than 100 looks at the berry, and the allowed values."""
-    section = config[NAME]
-    fastest = section["steepest_deg"] / (100 * LOOK_S)
-    if section["tilting_deg_s"] > fastest:
-        yield f"{NAME}.tilting_deg_s", f"at most {fastest:g}, or the angle has too few steps"
-
-
 # --- build and run --------------------------------------------------------------------------------
-
-
-def build(
-    config: Config,
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-    azimuth: float = 0.0,
-) -> "dem.Simulation":
-    """The plane without a berry, level; a glued layer of berries on it has its centres at height 0.
-
-    `azimuth` [rad] turns the layer.
-    """
-    reach, glued = largest_scale * particle.bounding_radius_m, config[NAME]["surface"] == "glued"
-    places, turn, depth = (
-        layer(particle, azimuth) if glued else (np.empty((0, 3)), np.array([1.0, 0, 0, 0]), 0.0)
-    )
-    material = "berry" if config[NAME]["surface"] == "berry" else "wall"
-    simulation = berry_simulation(
-        config,
-        parameters,
-        particle,
-        berry,
-        capacity=len(places) + 1,
-        walls={"plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)},
-        # pictures draw the plane as far as the box reaches, also when it is tilted
-        lower=(-4.0 * reach, -4.0 * reach, -4.0 * reach),
-        upper=(4.0 * reach, 4.0 * reach, 4.0 * reach),
-        largest_scale=largest_scale,
-    )
-    for place in places:
-        simulation.glue(simulation.add("berry", place, turn))
-    return simulation
 
 
 def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
@@ -148,60 +108,19 @@ def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
     return {**parameters, f"mur_{pair}": rolling}
 
 
-def run(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Run:
-    """Lay down a sled and tilt the plane until it slides, then do the same with a berry that can roll.
-
-    The arrays are, for each of them, ``WHAT_angle_deg`` (T,), ``WHAT_speed_m_s`` (T,) and ``WHAT_slide_m_s`` (T,), the
-    speed of the lowest point. Frames are of the berry that can roll, with gravity down.
-    """
-    section = config[NAME]
-    record: dict[str, Any] = {"seed": int(seed), "status": "ok", "reason": ""}
-    arrays: dict[str, np.ndarray] = {}
-    frames = None
-    for what, values in ((SLED, held(parameters, section["surface"])), (SINGLE, parameters)):
-        turned = partial(build, azimuth=azimuth_of(seed))
-        simulation, scales, reach = sized_simulation(turned, config, values, seed, particle, berry, 1)
-        bounded = Bounded(simulation, 4.0 * reach)
-        filmed = Filmed(bounded, interval_s if what == SINGLE else None, progress)
-        rows: list[tuple[float, float, float]] = []
-        with bounded.guard():
-            _lay_down(simulation, config, seed, particle, float(scales[0]), filmed)
-            rows = _tilt(simulation, config, filmed)
-        if bounded.broken:
-            record |= {"status": "unstable", "reason": f"{what}: {bounded.broken}"}
-        elif not rows:
-            reason = f"the {what} still moves {section['settle_s']:g} s after it was laid down"
-            record |= {"status": "not_at_rest", "reason": reason}
-        columns = np.array(rows).reshape(-1, 3).T
-        arrays |= {f"{what}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)}
-        frames = filmed.frames(walls=True)
-    if frames is not None:
-        frames = tilted(frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0)))
-    return Run(record, arrays, frames)
-
-
-COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
-
-
-def _lay_down(simulation, config, seed, particle, scale, filmed):
-    """Lay a berry on the level plane, its long axis level in a random direction, and let it rest."""
-    settings, glued = SimulationSettings.of(config), config[NAME]["surface"] == "glued"
-    height = float(min(particle.dem_shape("berry").half_extents_m)) if glued else 0.0
-    add_above(simulation, particle, "lying", seed, scale, height)
-    every, last = settings.steps(0.01), settings.steps(config[NAME]["settle_s"])
+def _lay_down(
+    simulation: "dem.Simulation", section: InclinedPlaneSettings, scene: Scene, scale: float, filmed: Filmed
+) -> None:
+    """Lay a grain on the level plane, its long axis level in a random direction, and let it rest."""
+    settings, particle = scene.simulation, scene.particle
+    height = float(min(particle.dem_shape("berry").half_extents_m)) if section.surface == "glued" else 0.0
+    add_above(simulation, particle, "lying", scene.seed, scale, height)
+    every, last = settings.steps(0.01), settings.steps(section.settle_s)
     filmed.run_to(every)
     filmed.wait(partial(_rests, simulation, settings.rest_energy_j), last, every)
 
 
-def _rests(simulation, energy_j):
+def _rests(simulation: "dem.Simulation", energy_j: float) -> bool:
     """Whether the free berry, the last one, rests."""
     return not simulation.kinetic_energies()[-1] > energy_j
 
@@ -211,22 +130,23 @@ def azimuth_of(seed: int) -> float:
     return float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * math.pi))
 
 
-def _tilt(simulation, config, filmed):
+def _tilt(
+    simulation: "dem.Simulation", section: InclinedPlaneSettings, settings: SimulationSettings, filmed: Filmed
+) -> list[tuple[float, float, float]]:
     """Turn gravity until the berry has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
-    section, settings = config[NAME], SimulationSettings.of(config)
     if not _rests(simulation, settings.rest_energy_j):
         return []
     rows, began = [], simulation.positions[-1].copy()
     far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[-1]
     every, start = max(1, settings.steps(LOOK_S)), simulation.steps
     while True:
-        angle_deg = section["tilting_deg_s"] * (simulation.steps - start) * settings.time_step_s
+        angle_deg = section.tilting_deg_s * (simulation.steps - start) * settings.time_step_s
         angle = math.radians(angle_deg)
         place, speed = simulation.positions[-1], simulation.velocities[-1]
         lowest = speed + np.cross(simulation.angular_velocities[-1], (0.0, 0.0, -place[2]))
-        slide = 0.0 if section["surface"] == "glued" else float(np.hypot(*lowest[:2]))
+        slide = 0.0 if section.surface == "glued" else float(np.hypot(*lowest[:2]))
         rows.append((angle_deg, float(np.linalg.norm(speed)), slide))
-        if np.hypot(*(place - began)[:2]) > far or angle_deg >= section["steepest_deg"]:
+        if np.hypot(*(place - began)[:2]) > far or angle_deg >= section.steepest_deg:
             return rows
         simulation.physics.gravity[:] = (
             settings.gravity_m_s2 * math.sin(angle),
@@ -237,11 +157,11 @@ def _tilt(simulation, config, filmed):
 
 
 def tilted(
-    frames: Mapping[str, np.ndarray], section: Mapping[str, Any], last_deg: float
+    frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float
 ) -> dict[str, np.ndarray]:
     """Frames as the laboratory sees them, where the plane tilts; ``tilt_deg`` (T,) comes with them."""
     times = np.asarray(frames["time_s"])
-    tilt = last_deg + section["tilting_deg_s"] * (times - times.max(initial=0.0))
+    tilt = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
     tilt = np.maximum(tilt, 0.0)
     half, angle = np.radians(tilt) / 2.0, np.radians(tilt)
     x, y, z = np.moveaxis(np.asarray(frames["position"], float), -1, 0)
@@ -273,53 +193,105 @@ def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
     return float(-shift / slope) if slope > 0.0 else None
 
 
-def measure(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The record with both angles; None where the sled or the berry stays or stops, or the berry slides instead."""
-    measured: dict[str, Any] = dict.fromkeys((*MEASURED, "motion"))
-    if record["status"] != "ok":
-        return {**record, **measured}
-    steepest = config[NAME]["steepest_deg"]
-    why = {}
-    for name, what in zip(MEASURED, (SLED, SINGLE), strict=True):
-        angle, speed, slide = (np.asarray(arrays[f"{what}_{column}"], float) for column in COLUMNS)
-        if angle[-1] >= steepest:
-            why[name] = f"the {what} stays up to {steepest:g} degrees"
-        elif what == SINGLE and slide[-1] > SLIDING * speed[-1]:
-            why[name] = f"the berry slides at {angle[-1]:.1f} degrees and does not roll"
-        else:
-            measured[name] = beginning_deg(angle, speed)
-            why[name] = f"the {what} moves and stops, with no steady motion up to {angle[-1]:.1f} degrees"
-            if measured[name] is not None:
-                why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
-    measured["motion"] = "; ".join(why.values())
-    return {**record, **BENCH.judged(measured, config, why, LACKING), **measured}
+@register(NAME)
+class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
+    """A plane that tilts until a sled slides, and until a single grain rolls."""
 
+    settings = InclinedPlaneSettings
+    responses = RESPONSES
+    recorded = RECORDED
+    statuses = STATUSES
+    required_arrays = tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS)
+    summary = "{motion}"
 
-def duration_s(config: Config) -> float:
-    """The longest simulated time of both tiltings."""
-    section = config[NAME]
-    return 2.0 * (section["settle_s"] + section["steepest_deg"] / section["tilting_deg_s"])
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the plane without a grain, level; a glued layer of grains on it has its centres at height 0."""
+        return self._plane(scene, largest_scale)
 
+    def _plane(self, scene: Scene, largest_scale: float, azimuth: float = 0.0) -> "dem.Simulation":
+        """Make the plane; `azimuth` [rad] turns its layer."""
+        section, particle = self.section(scene.settings), scene.particle
+        reach, glued = largest_scale * particle.bounding_radius_m, section.surface == "glued"
+        places, turn, depth = (
+            layer(particle, azimuth) if glued else (np.empty((0, 3)), np.array([1.0, 0, 0, 0]), 0.0)
+        )
+        material = "berry" if section.surface == "berry" else "wall"
+        simulation = grain_simulation(
+            scene,
+            capacity=len(places) + 1,
+            walls={"plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)},
+            # pictures draw the plane as far as the box reaches, also when it is tilted
+            lower=(-4.0 * reach, -4.0 * reach, -4.0 * reach),
+            upper=(4.0 * reach, 4.0 * reach, 4.0 * reach),
+            largest_scale=largest_scale,
+        )
+        for place in places:
+            simulation.glue(simulation.add("berry", place, turn))
+        return simulation
 
-BENCH = register(
-    BenchTest(
-        name=NAME,
-        responses=RESPONSES,
-        recorded=RECORDED,
-        statuses=STATUSES,
-        settings=Settings,
-        build=build,
-        run=run,
-        measure=measure,
-        duration_s=duration_s,
-        contradictions=contradictions,
-        kept=tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS),
-        in_words="{motion}",
-    )
-)
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Lay down a sled and tilt the plane until it slides, then do the same with a grain that can roll.
+
+        The arrays are, for each of them, ``WHAT_angle_deg`` (T,), ``WHAT_speed_m_s`` (T,) and ``WHAT_slide_m_s`` (T,),
+        the speed of the lowest point. Frames are of the grain that can roll, with gravity down.
+        """
+        section = self.section(scene.settings)
+        record: dict[str, Any] = {"seed": int(scene.seed), "status": "ok", "reason": ""}
+        arrays: dict[str, np.ndarray] = {}
+        frames = None
+        turned = partial(self._plane, azimuth=azimuth_of(scene.seed))
+        for what in (SLED, SINGLE):
+            values = held(scene.parameters, section.surface) if what == SLED else scene.parameters
+            simulation, scales, reach = sized_simulation(turned, replace(scene, parameters=values), 1)
+            bounded = Bounded(simulation, 4.0 * reach)
+            filmed = Filmed(bounded, interval_s if what == SINGLE else None, progress)
+            rows: list[tuple[float, float, float]] = []
+            with bounded.guard():
+                _lay_down(simulation, section, scene, float(scales[0]), filmed)
+                rows = _tilt(simulation, section, scene.simulation, filmed)
+            if bounded.broken:
+                record |= {"status": "unstable", "reason": f"{what}: {bounded.broken}"}
+            elif not rows:
+                reason = f"the {what} still moves {section.settle_s:g} s after it was laid down"
+                record |= {"status": "not_at_rest", "reason": reason}
+            columns = np.array(rows).reshape(-1, 3).T
+            arrays |= {f"{what}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)}
+            frames = filmed.frames(walls=True)
+        if frames is not None:
+            frames = tilted(frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0)))
+        return Run(record, arrays, frames)
+
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Return the record with both angles; None where sled or grain stays or stops, or the grain slides."""
+        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "motion"))
+        if record["status"] != "ok":
+            return {**record, **measured}
+        steepest = self.section(scene.settings).steepest_deg
+        why = {}
+        for name, what in zip(MEASURED, (SLED, SINGLE), strict=True):
+            angle, speed, slide = (np.asarray(arrays[f"{what}_{column}"], float) for column in COLUMNS)
+            if angle[-1] >= steepest:
+                why[name] = f"the {what} stays up to {steepest:g} degrees"
+            elif what == SINGLE and slide[-1] > SLIDING * speed[-1]:
+                why[name] = f"the berry slides at {angle[-1]:.1f} degrees and does not roll"
+            else:
+                measured[name] = beginning_deg(angle, speed)
+                why[name] = f"the {what} moves and stops, with no steady motion up to {angle[-1]:.1f} degrees"
+                if measured[name] is not None:
+                    why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
+        measured["motion"] = "; ".join(why.values())
+        return {**record, **self.assess(measured, scene.settings, why, LACKING), **measured}
+
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time of both tiltings [s]."""
+        section = self.section(settings)
+        return 2.0 * (section.settle_s + section.steepest_deg / section.tilting_deg_s)
+
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Refuse a tilting so fast that there are fewer than 100 looks at the grain."""
+        section = self.section(settings)
+        fastest = section.steepest_deg / (100 * LOOK_S)
+        if section.tilting_deg_s > fastest:
+            yield f"{NAME}.tilting_deg_s", f"at most {fastest:g}, or the angle has too few steps"

@@ -10,13 +10,12 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from repose.apparatus.bench_test import BenchTest, Run, bench
+from repose.apparatus.bench_test import BenchTest, Run, Scene, bench
 from repose.apparatus.kept_runs import KeptRuns, read_measurement, write_measurement
-from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_npz
 from repose.core.ledger import check_replaceable
@@ -25,45 +24,30 @@ from repose.core.runs import summarise_runs
 from repose.core.seeds import UNNAMED
 from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_pours, saved_positions
 
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
-
 Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | None]]
 
 
-def run_once(
-    test: BenchTest,
-    config: Mapping[str, Any],
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> tuple[dict[str, Any], Run]:
+def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
     """Run and measure once, without files; the measured run, and the run."""
-    run = test.run(config, parameters, seed, particle, berry)
-    return test.measure(run.record, run.arrays, config, particle, berry), run
+    run = test.run(scene)
+    return test.measure(run.record, run.arrays, scene), run
 
 
-def about_job(
-    test: BenchTest, config: Mapping[str, Any], name: object, parameters: Mapping[str, float]
-) -> dict[str, Any]:
+def about_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
     """The description of a job in each of its files."""
     of_test = {} if test.name == UNNAMED else {"apparatus": test.name}
     return of_test | {
         "sample": int(str(name)) if str(name).isdigit() else name,
-        "parameters": {p: float(parameters[p]) for p in named(parameters)},
-        "time_step_s": SimulationSettings.of(config).time_step_s,
+        "parameters": {p: float(scene.parameters[p]) for p in named(scene.parameters)},
+        "time_step_s": scene.simulation.time_step_s,
     }
 
 
 def pour_job(
-    test: BenchTest,
-    config: Mapping[str, Any],
+    test: BenchTest[Any],
+    scene: Scene,
     name: str,
-    parameters: Mapping[str, float],
     seeds: Iterable[int],
-    particle: "Particle",
-    berry: Mapping[str, Any],
     out_dir: str | PathLike,
     interval_s: float | None = None,
     progress: Progress | None = None,
@@ -83,14 +67,14 @@ def pour_job(
     records: list[dict[str, Any]] = []
     saved: dict[str, np.ndarray] = {}
     took_s: dict[str, float] = {}
-    about = about_job(test, config, name, parameters)
+    about = about_job(test, scene, name)
     kept = KeptRuns(out, name, about) if keeps_runs else None
     for seed in seeds:
         run = kept.read(seed) if kept and interval_s is None else None
         if run is None:
             began = time.perf_counter()
             with progress(seed) if progress else nullcontext() as report:
-                run = test.run(config, parameters, seed, particle, berry, interval_s, report)
+                run = test.run(scene.with_seed(seed), interval_s, report)
             took_s[str(seed)] = round(time.perf_counter() - began, 3)
             if kept:
                 kept.write(run)
@@ -114,10 +98,8 @@ def write_timings(folder: Path, name: str, took_s: Mapping[str, float]) -> None:
 
 
 def measure_job(
-    config: Mapping[str, Any],
+    scene: Scene,
     pours_json: str | PathLike,
-    particle: "Particle",
-    berry: Mapping[str, Any],
     out_dir: str | PathLike | None = None,
     keeps_runs: bool = False,
 ) -> dict[str, Any]:
@@ -128,7 +110,7 @@ def measure_job(
     path = Path(pours_json)
     result = read_measurement(path) if keeps_runs else None
     if result is None:
-        result = measured(config, path, particle, berry)
+        result = measured(scene, path)
         if keeps_runs:
             write_measurement(path, result)
     out = path.parent if out_dir is None else Path(out_dir)
@@ -136,9 +118,7 @@ def measure_job(
     return result
 
 
-def measured(
-    config: Mapping[str, Any], path: Path, particle: "Particle", berry: Mapping[str, Any]
-) -> dict[str, Any]:
+def measured(scene: Scene, path: Path) -> dict[str, Any]:
     """The description of a saved job, its measured runs, and their summary."""
     job = read_pours(path)
     test = bench(job.get("apparatus", UNNAMED), path)
@@ -149,7 +129,9 @@ def measured(
     arrays = saved_positions(positions_file(path))
     runs = []
     for pour in pours:
-        needed = test.kept if pour["status"] == "ok" else ()  # the arrays of a spoiled run may hold anything
+        needed = (
+            test.required_arrays if pour["status"] == "ok" else ()
+        )  # the arrays of a spoiled run may hold anything
         kept = pour_arrays(arrays, pour["seed"], path, needed)
-        runs.append(test.measure(pour, kept, config, particle, berry))
-    return job | {"summary": summarise_runs(runs, test.recorded_for(config)), "runs": runs}
+        runs.append(test.measure(pour, kept, scene))
+    return job | {"summary": summarise_runs(runs, test.recorded_for(scene.settings.config)), "runs": runs}

@@ -13,23 +13,23 @@ drags berries along by friction. Nothing turns, so rolling is resisted against s
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import LIKELY_PACKING, Disc, fill_and_rest, level_m, too_early
 from repose.apparatus.funnel import BERRY, CALIBRATED, LARGEST_LOSS, SEEN, SMALLEST_PILE, narrow_openings
-from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
-from repose.apparatus.settings import Poured, SimulationSettings
+from repose.apparatus.scene import Filmed, grain_simulation, largest_cluster, sized_simulation
+from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
-from repose.core.section import ABSENT, MOST_BERRIES, Berries, Contradictions
+from repose.core.section import ABSENT, MOST_BERRIES, Berries
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -67,7 +67,7 @@ OF_PILE = dict(zip(MEASURED, ("aor_deg", "height_mm", "base_radius_mm", "loose_p
 # --- section of the configuration -----------------------------------------------------------------
 
 
-class Settings(Poured):
+class LiftedCylinderSettings(Poured):
     """The section `lifted_cylinder` of the configuration; config/README.md explains its keys."""
 
     berries: Berries = ABSENT
@@ -88,85 +88,7 @@ class Settings(Poured):
             yield "filling_height_mm", "no such key beside berries, which gives the level already"
 
 
-def contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys of a tube that cannot be filled before it is lifted, or is as wide as the plate, and what is allowed."""
-    section = config[NAME]
-    if "berries" in section:
-        yield from too_early(config, NAME, "lift_from_s")
-    wide = section["diameter_mm"] + 4 * section["rim_radius_mm"]
-    if section["plate_diameter_mm"] <= wide:
-        yield f"{NAME}.plate_diameter_mm", f"above {wide:g}, the tube's outer diameter"
-
-
-def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of a tube that is too narrow for the mean berry, whose axes are given, the longest first."""
-    yield from narrow_openings(config, NAME, {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]})
-    section = config[NAME]
-    if "filling_height_mm" not in section:
-        return
-    level = section["filling_height_mm"]
-    if section["length_mm"] < (needed := level + axes_mm[0]):
-        yield f"{NAME}.length_mm", f"at least {needed:.4g}, the filling height and the length of a mean berry"
-    berry_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
-    likely = LIKELY_PACKING * _without_gaps(section, berry_m3)
-    if likely > MOST_BERRIES:
-        highest = level * MOST_BERRIES / likely
-        yield f"{NAME}.filling_height_mm", f"below {highest:.4g}, which takes some {MOST_BERRIES} berries"
-    elif (last := likely / section["rate_per_s"]) >= section["lift_from_s"]:
-        yield f"{NAME}.lift_from_s", f"above {last:.4g}, when the last of some {likely:.0f} berries appears"
-
-
-def _without_gaps(section, berry_m3):
-    """Number of berries of a volume that would fill the tube up to the filling height without gaps between them."""
-    radius, height = 0.5e-3 * section["diameter_mm"], 1e-3 * section["filling_height_mm"]
-    return math.pi * radius**2 * height / berry_m3
-
-
-def room_for(section: Mapping[str, Any], particle: "Particle") -> int:
-    """Number of berries, or more than the tube takes up to the filling height."""
-    return section.get("berries") or math.ceil(_without_gaps(section, particle.volume_m3))
-
-
 # --- build and run --------------------------------------------------------------------------------
-
-
-def build(
-    config: Config,
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-) -> "dem.Simulation":
-    """The empty simulation of the tube on its plate."""
-    section = config[NAME]
-    radius, length, edge, plate = (
-        1e-3 * value
-        for value in (
-            0.5 * section["diameter_mm"],
-            section["length_mm"],
-            section["rim_radius_mm"],
-            0.5 * section["plate_diameter_mm"],
-        )
-    )
-    reach, up = largest_scale * particle.bounding_radius_m, (0.0, 0.0, 1.0)
-    half = plate + 2.0 * reach
-    return berry_simulation(
-        config,
-        parameters,
-        particle,
-        berry,
-        room_for(section, particle),
-        walls={
-            "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate),
-            "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach, radius, "wall"),
-            # its lowest point touches the plate; what lies beside the tube's wall is the wall's
-            "rim": dem.RingEdge(radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge),
-        },
-        lower=(-half, -half, 0.0),
-        upper=(half, half, length + 4.0 * reach),
-        largest_scale=largest_scale,
-        floor_height_m=FLOOR_M,
-    )
 
 
 @dataclass(frozen=True)
@@ -182,161 +104,198 @@ class Lifting:
     unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
 
 
-def status_of(lifting: Lifting, config: Config, grain_mm: float) -> tuple[str, str]:
-    """Status and reason of a run before it is measured; grain_mm: length of a mean berry."""
-    section, settings = config[NAME], SimulationSettings.of(config)
-    berries = section.get("berries", lifting.filled)
-    asked = section.get("filling_height_mm", lifting.filling_height_mm)
-    if lifting.unstable:
-        return "unstable", lifting.unstable
-    if lifting.filled < berries:
-        return "not_filled", f"only {lifting.filled} of {berries} berries find room in the tube"
-    if not abs(lifting.filling_height_mm - asked) <= grain_mm:
-        return "not_filled", f"the bed rests at {lifting.filling_height_mm:.4g} mm, not at {asked:g} mm"
-    if lifting.in_tube:
-        return "jammed", f"{lifting.in_tube} berries hang in the tube, which was lifted by its own length"
-    if lifting.off_plate > LARGEST_LOSS * berries:
-        return "left_plate", f"{lifting.off_plate} of {berries} berries left the plate"
-    if not lifting.energy_j <= settings.rest_energy_j:
-        return settings.not_at_rest(lifting.energy_j, f" {section['settle_s']:g} s after the lifting")
-    there = berries - lifting.off_plate
-    if lifting.in_pile < SMALLEST_PILE * there:
-        return "no_flank", f"only {lifting.in_pile} of {there} berries touch each other in the largest pile"
-    return "ok", ""
-
-
-def run(
-    config: Config,
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    interval_s: float | None = None,
-    progress: Callable[[float], object] | None = None,
-) -> Run:
-    """Fill the tube, let the berries rest, lift it until none is left in it, and let the pile rest.
-
-    The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is
-    lifted by at most its own length.
-    """
-    section, settings = config[NAME], SimulationSettings.of(config)
-    simulation, scales, reach = sized_simulation(
-        build, config, parameters, seed, particle, berry, room_for(section, particle)
-    )
-    length, speed = 1e-3 * section["length_mm"], 1e-3 * section["lifting_mm_s"]
-    factory = Disc(0.5e-3 * section["diameter_mm"] - reach, length + reach)
-    # berries that hang in the tube are lifted with it
-    bounded = Bounded(simulation, factory.height_m + length, speed)
-    filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
-    filled, filling_mm, lifted_m = 0, math.nan, 0.0
-
-    def in_tube() -> np.ndarray:
-        return simulation.present & (simulation.positions[:, 2] > lifted_m)
-
-    def rests():
-        return simulation.kinetic_energies()[simulation.present].mean() <= settings.rest_energy_j
-
-    with bounded.guard():
-        fill_and_rest(filmed, factory, section, seed, scales, section["lift_from_s"], rests, every)
-        filled, filling_mm = simulation.n_bodies, 1e3 * level_m(simulation)
-        began_s = simulation.time_s
-        _move(simulation, speed)
-        last = simulation.steps + settings.steps(length / speed)
-        while in_tube().any() and simulation.steps < last:
-            filmed.run_to(min(last, simulation.steps + every))
-            lifted_m = speed * (simulation.time_s - began_s)
-        _move(simulation, 0.0)
-        filmed.wait(rests, simulation.steps + settings.steps(section["settle_s"]), every)
-    centres, there = simulation.positions.copy(), simulation.present
-    hanging = in_tube()
-    on_plate = there & (centres[:, 2] > 0.0) & ~hanging
-    in_pile = largest_cluster(simulation.contacts(), on_plate)
-    energies = simulation.kinetic_energies()[on_plate]
-    lifting = Lifting(
-        filled=filled,
-        filling_height_mm=filling_mm,
-        in_tube=int(hanging.sum()),
-        off_plate=int(len(centres) - hanging.sum() - on_plate.sum()),
-        in_pile=int(in_pile.sum()),
-        energy_j=float(energies.mean()) if len(energies) else math.nan,
-        unstable=bounded.broken,
-    )
-    status, reason = status_of(lifting, config, 1e3 * float(particle.axes_m.max()))
-    record = {
-        "seed": int(seed),
-        "status": status,
-        "reason": reason,
-        "berries": filled,
-        "filling_height_mm": None if math.isnan(filling_mm) else filling_mm,
-        "lifted_mm": 1e3 * lifted_m,
-        "berries_in_pile": lifting.in_pile,
-        "berries_off_plate": lifting.off_plate,
-    }
-    arrays = {
-        "position": centres.astype(np.float32),
-        "quaternion": simulation.quaternions.astype(np.float32),
-        "in_pile": in_pile,
-        "scale": simulation.scales.astype(np.float32),
-    }
-    return Run(record, arrays, filmed.frames(walls=True))
-
-
-def _move(simulation, speed_m_s):
+def _move(simulation: "dem.Simulation", speed_m_s: float) -> None:
     """Let the tube rise at a speed."""
     for wall in TUBE:
         simulation.set_motion(wall, dem.Motion(velocity_m_s=(0.0, 0.0, speed_m_s)))
 
 
-# --- measure --------------------------------------------------------------------------------------
+def _without_gaps(section: LiftedCylinderSettings, berry_m3: float) -> float:
+    """Return how many grains would fill the tube up to the filling height without gaps between them."""
+    radius, height = 0.5e-3 * section.diameter_mm, 1e-3 * section.filling_height_mm
+    return math.pi * radius**2 * height / berry_m3
 
 
-def measure(
-    record: Mapping[str, Any],
-    arrays: Mapping[str, np.ndarray],
-    config: Config,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The record with the responses of the pile; a pile that lacks a target gets the status ``no_flank``."""
-    from repose.measure.pile import MeasureSettings
-    from repose.measure.saved_piles import pile_responses
+def room_for(section: LiftedCylinderSettings, particle: "Particle") -> int:
+    """Return the number of grains, or more than the tube takes up to the filling height."""
+    return section.berries or math.ceil(_without_gaps(section, particle.volume_m3))
 
-    measured: dict[str, Any] = dict.fromkeys(MEASURED)
-    if record["status"] != "ok":
-        return {**record, **measured}
-    settings = MeasureSettings.of(config["measure"], berry)
-    plate_mm = config[NAME]["plate_diameter_mm"]
-    of_pile, reasons = pile_responses(
-        arrays, particle, settings, plate_mm, ("base_radius_mm", "loose_percent")
+
+@register(NAME)
+class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
+    """A pile of what flows out of a tube that is lifted."""
+
+    settings = LiftedCylinderSettings
+    responses = RESPONSES
+    recorded = RECORDED
+    statuses = STATUSES
+    required_arrays = ("position", "quaternion", "in_pile")
+    photographed: ClassVar = {"aor_deg": "lifted_aor_deg", "height_mm": "lifted_height_mm"}
+    summary = (
+        "angle of repose {lifted_aor_deg:.2f} deg, Height {lifted_height_mm:.1f} mm, "
+        "foot radius {lifted_foot_mm:.1f} mm, {lifted_loose_percent:.1f} % loose"
     )
-    measured = {name: of_pile.get(other) for name, other in OF_PILE.items()}
-    reasons = {name: reasons[other] for name, other in OF_PILE.items() if other in reasons}
-    return {**record, **BENCH.judged(measured, config, reasons), **measured}
 
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty simulation of the tube on its plate."""
+        section = self.section(scene.settings)
+        radius, length = 1e-3 * (0.5 * section.diameter_mm), 1e-3 * section.length_mm
+        edge, plate = 1e-3 * section.rim_radius_mm, 1e-3 * (0.5 * section.plate_diameter_mm)
+        reach, up = largest_scale * scene.particle.bounding_radius_m, (0.0, 0.0, 1.0)
+        half = plate + 2.0 * reach
+        return grain_simulation(
+            scene,
+            room_for(section, scene.particle),
+            walls={
+                "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate),
+                "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach, radius, "wall"),
+                # its lowest point touches the plate; what is beside the tube's wall is the wall's
+                "rim": dem.RingEdge(radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge),
+            },
+            lower=(-half, -half, 0.0),
+            upper=(half, half, length + 4.0 * reach),
+            largest_scale=largest_scale,
+            floor_height_m=FLOOR_M,
+        )
 
-def duration_s(config: Config) -> float:
-    """The longest simulated time: filling, lifting by the tube's length, and rest."""
-    section = config[NAME]
-    lifting = section["length_mm"] / section["lifting_mm_s"]
-    return 2.0 * section["lift_from_s"] + lifting + section["settle_s"]
+    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+        """Fill the tube, let the grains rest, lift it until none is left in it, and let the pile rest.
 
+        The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is
+        lifted by at most its own length.
+        """
+        section, settings = self.section(scene.settings), scene.simulation
+        room = room_for(section, scene.particle)
+        simulation, scales, reach = sized_simulation(self.build, scene, room)
+        length, speed = 1e-3 * section.length_mm, 1e-3 * section.lifting_mm_s
+        factory = Disc(0.5e-3 * section.diameter_mm - reach, length + reach)
+        # grains that hang in the tube are lifted with it
+        bounded = Bounded(simulation, factory.height_m + length, speed)
+        filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
+        filled, filling_mm, lifted_m = 0, math.nan, 0.0
 
-BENCH = register(
-    BenchTest(
-        name=NAME,
-        responses=RESPONSES,
-        recorded=RECORDED,
-        statuses=STATUSES,
-        settings=Settings,
-        build=build,
-        run=run,
-        measure=measure,
-        duration_s=duration_s,
-        contradictions=contradictions,
-        misfits=misfits,
-        kept=("position", "quaternion", "in_pile"),
-        photographed={"aor_deg": "lifted_aor_deg", "height_mm": "lifted_height_mm"},
-        in_words="angle of repose {lifted_aor_deg:.2f} deg, Height {lifted_height_mm:.1f} mm, "
-        "foot radius {lifted_foot_mm:.1f} mm, {lifted_loose_percent:.1f} % loose",
-    )
-)
+        def in_tube() -> np.ndarray:
+            return simulation.present & (simulation.positions[:, 2] > lifted_m)
+
+        def rests() -> bool:
+            energies = simulation.kinetic_energies()[simulation.present]
+            return bool(energies.mean() <= settings.rest_energy_j)
+
+        with bounded.guard():
+            fill_and_rest(filmed, factory, section, scene.seed, scales, section.lift_from_s, rests, every)
+            filled, filling_mm = simulation.n_bodies, 1e3 * level_m(simulation)
+            began_s = simulation.time_s
+            _move(simulation, speed)
+            last = simulation.steps + settings.steps(length / speed)
+            while in_tube().any() and simulation.steps < last:
+                filmed.run_to(min(last, simulation.steps + every))
+                lifted_m = speed * (simulation.time_s - began_s)
+            _move(simulation, 0.0)
+            filmed.wait(rests, simulation.steps + settings.steps(section.settle_s), every)
+        centres, there = simulation.positions.copy(), simulation.present
+        hanging = in_tube()
+        on_plate = there & (centres[:, 2] > 0.0) & ~hanging
+        in_pile = largest_cluster(simulation.contacts(), on_plate)
+        energies = simulation.kinetic_energies()[on_plate]
+        lifting = Lifting(
+            filled=filled,
+            filling_height_mm=filling_mm,
+            in_tube=int(hanging.sum()),
+            off_plate=int(len(centres) - hanging.sum() - on_plate.sum()),
+            in_pile=int(in_pile.sum()),
+            energy_j=float(energies.mean()) if len(energies) else math.nan,
+            unstable=bounded.broken,
+        )
+        status, reason = self.status_of(lifting, scene.settings, 1e3 * float(scene.particle.axes_m.max()))
+        record = {
+            "seed": int(scene.seed),
+            "status": status,
+            "reason": reason,
+            "berries": filled,
+            "filling_height_mm": None if math.isnan(filling_mm) else filling_mm,
+            "lifted_mm": 1e3 * lifted_m,
+            "berries_in_pile": lifting.in_pile,
+            "berries_off_plate": lifting.off_plate,
+        }
+        arrays = {
+            "position": centres.astype(np.float32),
+            "quaternion": simulation.quaternions.astype(np.float32),
+            "in_pile": in_pile,
+            "scale": simulation.scales.astype(np.float32),
+        }
+        return Run(record, arrays, filmed.frames(walls=True))
+
+    def status_of(self, lifting: Lifting, settings: SceneSettings, grain_mm: float) -> tuple[str, str]:
+        """Judge a run before it is measured; grain_mm: length of a mean grain."""
+        section, simulation = self.section(settings), settings.simulation
+        berries = lifting.filled if section.berries is None else section.berries
+        asked = lifting.filling_height_mm if section.filling_height_mm is None else section.filling_height_mm
+        if lifting.unstable:
+            return "unstable", lifting.unstable
+        if lifting.filled < berries:
+            return "not_filled", f"only {lifting.filled} of {berries} berries find room in the tube"
+        if not abs(lifting.filling_height_mm - asked) <= grain_mm:
+            return "not_filled", f"the bed rests at {lifting.filling_height_mm:.4g} mm, not at {asked:g} mm"
+        if lifting.in_tube:
+            return "jammed", f"{lifting.in_tube} berries hang in the tube, which was lifted by its own length"
+        if lifting.off_plate > LARGEST_LOSS * berries:
+            return "left_plate", f"{lifting.off_plate} of {berries} berries left the plate"
+        if not lifting.energy_j <= simulation.rest_energy_j:
+            return simulation.not_at_rest(lifting.energy_j, f" {section.settle_s:g} s after the lifting")
+        there = berries - lifting.off_plate
+        if lifting.in_pile < SMALLEST_PILE * there:
+            reason = f"only {lifting.in_pile} of {there} berries touch each other in the largest pile"
+            return "no_flank", reason
+        return "ok", ""
+
+    def measure(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Return the record with the responses of the pile."""
+        from repose.measure.saved_piles import pile_responses
+
+        measured: dict[str, Any] = dict.fromkeys(MEASURED)
+        if record["status"] != "ok":
+            return {**record, **measured}
+        plate_mm, more = self.section(scene.settings).plate_diameter_mm, ("base_radius_mm", "loose_percent")
+        of_pile, reasons = pile_responses(arrays, scene.particle, scene.measure, plate_mm, more)
+        measured = {name: of_pile.get(other) for name, other in OF_PILE.items()}
+        reasons = {name: reasons[other] for name, other in OF_PILE.items() if other in reasons}
+        return {**record, **self.assess(measured, scene.settings, reasons), **measured}
+
+    def duration_s(self, settings: SceneSettings) -> float:
+        """Return the longest simulated time: filling, lifting by the tube's length, and rest."""
+        section = self.section(settings)
+        return 2.0 * section.lift_from_s + section.length_mm / section.lifting_mm_s + section.settle_s
+
+    def contradictions(self, settings: SceneSettings) -> Contradictions:
+        """Refuse a tube that cannot be filled before it is lifted, or is as wide as the plate."""
+        section = self.section(settings)
+        if section.berries is not None:
+            yield from too_early(section, NAME, "lift_from_s")
+        wide = section.diameter_mm + 4 * section.rim_radius_mm
+        if section.plate_diameter_mm <= wide:
+            yield f"{NAME}.plate_diameter_mm", f"above {wide:g}, the tube's outer diameter"
+
+    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+        """Refuse a tube that is too narrow for the mean grain, or takes too many of them."""
+        section = self.section(settings)
+        yield from narrow_openings(section, NAME, {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]})
+        level = section.filling_height_mm
+        if level is None:
+            return
+        if section.length_mm < (needed := level + axes_mm[0]):
+            yield (
+                f"{NAME}.length_mm",
+                f"at least {needed:.4g}, the filling height and the length of a mean berry",
+            )
+        berry_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
+        likely = LIKELY_PACKING * _without_gaps(section, berry_m3)
+        if likely > MOST_BERRIES:
+            highest = level * MOST_BERRIES / likely
+            yield f"{NAME}.filling_height_mm", f"below {highest:.4g}, which takes some {MOST_BERRIES} berries"
+        elif (last := likely / section.rate_per_s) >= section.lift_from_s:
+            yield (
+                f"{NAME}.lift_from_s",
+                f"above {last:.4g}, when the last of some {likely:.0f} berries appears",
+            )

@@ -6,17 +6,18 @@ the code that measures the simulation's. The lens and the perspective are not co
 looks the same from any distance, other than a cone's.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pandas as pd
 
-from repose.apparatus.drawdown import Box
+from repose.apparatus.drawdown import Box, DrawdownSettings
 from repose.apparatus.drum import Drum
+from repose.apparatus.settings import Rotating, SceneSettings
+from repose.apparatus.turning import TurningSettings
 from repose.core.errors import InputError, NoFlankError
 from repose.measure import bed, drawing
 from repose.measure.photograph_tables import Tables, mean_rows
@@ -54,7 +55,7 @@ class Seen:
     mask: np.ndarray | None = None  # of a bed in a drum, (H, W)
 
 
-def measure_drum(image: np.ndarray, rim_px: np.ndarray, section: Mapping[str, Any]) -> Seen:
+def measure_drum(image: np.ndarray, rim_px: np.ndarray, section: Rotating) -> Seen:
     """The surface of the bed in a drum, of which three points (3, 2) of the inner rim are given.
 
     The side on which the bed is higher is taken for that to which the drum carries it.
@@ -70,10 +71,10 @@ def measure_drum(image: np.ndarray, rim_px: np.ndarray, section: Mapping[str, An
     seen = Seen(Path(), [view])
     mask = _bed(view)
     radius_m = 0.5e-3 * mm_per_pixel * len(view)
-    surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section["fit_share"])
+    surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section.fit_share)
     if surface.angle_deg < 0:
         mask, seen.views = mask[:, ::-1], [view[:, ::-1]]
-        surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section["fit_share"])
+        surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section.fit_share)
     seen.values, seen.mask = {"turning_deg": surface.angle_deg}, mask
     picture = np.ascontiguousarray(seen.views[0])
     per_pixel = np.array([1e3, -1e3]) / mm_per_pixel
@@ -86,7 +87,7 @@ def measure_drum(image: np.ndarray, rim_px: np.ndarray, section: Mapping[str, An
 
 
 def measure_box(
-    image: np.ndarray, corners_px: np.ndarray, section: Mapping[str, Any], how: MeasureSettings
+    image: np.ndarray, corners_px: np.ndarray, section: DrawdownSettings, how: MeasureSettings
 ) -> Seen:
     """Both slopes in a drawdown box, of which the lower inner corners (2, 2) are given, the left one first."""
     box = Box.of(section)
@@ -132,7 +133,7 @@ def measure_box(
 def measure_all(
     paths: Sequence[Path],
     points_px: Sequence[float],
-    config: Mapping[str, Any],
+    settings: SceneSettings,
     bench: str,
     how: MeasureSettings,
 ) -> list[Seen]:
@@ -143,9 +144,9 @@ def measure_all(
         image, times = load(path)
         try:
             if bench == "turning":
-                found = measure_drum(image, points / times, config[bench])
+                found = measure_drum(image, points / times, settings.section(bench, TurningSettings))
             else:
-                found = measure_box(image, points / times, config[bench], how)
+                found = measure_box(image, points / times, settings.section(bench, DrawdownSettings), how)
         except NoFlankError as error:
             found = Seen(path, [image], refused=error.reason)
         except ValueError as error:  # of a bed that is too narrow
@@ -198,7 +199,7 @@ def describe(results: Sequence[Seen], made: Tables, out: Path) -> str:
     return "\n".join(lines)
 
 
-def profile(results: Sequence[Seen], section: Mapping[str, Any]) -> pd.DataFrame:
+def profile(results: Sequence[Seen], section: Rotating) -> pd.DataFrame:
     """The surface over the axis that half of the photographs of a drum cover, for a target that is a profile."""
     masks = [seen.mask for seen in results if seen.mask is not None and not seen.refused]
     radius_m = Drum.of(section).radius_m

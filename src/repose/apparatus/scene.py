@@ -1,4 +1,4 @@
-"""A simulation of berries among walls of one material, frames of it on the way, and its largest cluster."""
+"""A simulation of grains among walls of one material, frames of it on the way, and its largest cluster."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -7,43 +7,35 @@ import numpy as np
 
 from repose import dem
 from repose.apparatus.bounds import Bounded
-from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
 from repose.core.parameters import FURTHER
 from repose.dem.constants import TWISTING
 
 if TYPE_CHECKING:
+    from repose.apparatus.bench_test import Scene
     from repose.dem import time_steps
-    from repose.particle.particle import Particle
 
 
-def berry_simulation(
-    config: Mapping[str, Any],
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    capacity: int,
-    **scene: Any,
-) -> "dem.Simulation":
-    """An empty simulation of berries among walls of the material ``wall``, with the settings of the configuration.
+def grain_simulation(scene: "Scene", capacity: int, **arguments: Any) -> "dem.Simulation":
+    """Make an empty simulation of grains among walls of the material ``wall``.
 
-    `scene` holds walls, lower, upper and other arguments of `repose.dem.Simulation`; InputError for too long a time
-    step.
+    `arguments` holds walls, lower, upper and other arguments of `repose.dem.Simulation`; InputError for too long a
+    time step.
     """
-    settings = SimulationSettings.of(config)
-    limit = longest_time_step(config, parameters, particle, berry)
+    settings = scene.simulation
+    limit = longest_time_step(scene)
     if settings.time_step_s > limit.time_step_s:
         raise InputError("configuration", "simulation.time_step_s", settings.time_step_s, limit.allowed)
-    shapes: Any = {"berry": particle.dem_shape("berry")}
+    shapes: Any = {"berry": scene.particle.dem_shape("berry")}
     return dem.Simulation(
         shapes,
-        materials_of(config, berry),
-        _contacts(parameters),
+        materials_of(scene),
+        _contacts(scene.parameters),
         settings.time_step_s,
         capacity=capacity,
         gravity_m_s2=(0.0, 0.0, -settings.gravity_m_s2),
         **settings.laws,
-        **scene,
+        **arguments,
     )
 
 
@@ -55,59 +47,44 @@ class Sized(NamedTuple):
     reach_m: float
 
 
-def sized_simulation(
-    build: "Callable[..., dem.Simulation]",
-    config: Mapping[str, Any],
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    berries: int,
-) -> Sized:
-    """The empty simulation of a bench test with room for the largest berry of a seed."""
+def sized_simulation(build: "Callable[[Scene, float], dem.Simulation]", scene: "Scene", grains: int) -> Sized:
+    """Build the empty simulation of a bench test with room for the largest grain of the scene's seed."""
     from repose.particle.size_distribution import of_pour
 
-    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, berries)
-    simulation = build(config, parameters, particle, berry, largest)
-    return Sized(simulation, scales, largest * particle.bounding_radius_m)
+    scales, largest = of_pour(scene.settings.size_distribution, scene.grain, scene.seed, grains)
+    return Sized(build(scene, largest), scales, largest * scene.particle.bounding_radius_m)
 
 
-def longest_time_step(
-    config: Mapping[str, Any],
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-) -> "time_steps.Limit":
-    """The longest time step that the engine allows for the berries, the smallest included, in every bench test."""
+def longest_time_step(scene: "Scene") -> "time_steps.Limit":
+    """Return the longest time step that the engine allows for the grains, the smallest included."""
     from repose.dem import time_steps
     from repose.dem.contact_table import pairs_of
     from repose.dem.laws import CONTACT_LAWS
     from repose.particle import size_distribution
 
-    settings = SimulationSettings.of(config)
-    materials = materials_of(config, berry)
-    scene = time_steps.Scene(
+    settings, materials = scene.simulation, materials_of(scene)
+    contacts = time_steps.Scene(
         CONTACT_LAWS[settings.contact_law],
         settings.tension,
         materials,
-        pairs_of(_contacts(parameters), materials),
-        {"berry": particle.dem_shape("berry")},
+        pairs_of(_contacts(scene.parameters), materials),
+        {"berry": scene.particle.dem_shape("berry")},
         frozenset({"wall"}),
     )
-    smallest = size_distribution.smallest(config["berry"]["size_distribution"], berry)
-    return time_steps.longest(scene, smallest_scale=smallest)
+    smallest = size_distribution.smallest(scene.settings.size_distribution, scene.grain)
+    return time_steps.longest(contacts, smallest_scale=smallest)
 
 
-def materials_of(config: Mapping[str, Any], berry: Mapping[str, Any]) -> "dict[str, dem.Material]":
-    """The materials ``berry`` and ``wall``."""
-    wall = config["wall"]
+def materials_of(scene: "Scene") -> "dict[str, dem.Material]":
+    """Return the materials ``berry`` and ``wall``."""
+    wall, grain = scene.settings.wall, scene.grain
     return {
-        "berry": dem.Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
-        "wall": dem.Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),
+        "berry": dem.Material(grain["shear_modulus_pa"], grain["poisson_ratio"]),
+        "wall": dem.Material(wall.shear_modulus_pa, wall.poisson_ratio),
     }
 
 
-def _contacts(parameters):
+def _contacts(parameters: Mapping[str, float]) -> "dict[tuple[str, str], dem.Contact]":
     """Their contacts by pairs of names, with the constants of the contact law that are among the parameters."""
     contacts = {}
     for pair, names in (("gg", ("berry", "berry")), ("gp", ("berry", "wall"))):
@@ -116,9 +93,9 @@ def _contacts(parameters):
             for name, of in FURTHER.items()
             if of.pair == pair and name in parameters
         }
-        six = (parameters[f"{kind}_{pair}"] for kind in ("e", "mus", "mur"))
+        restitution, static, rolling = (parameters[f"{kind}_{pair}"] for kind in ("e", "mus", "mur"))
         twisting = further.pop(TWISTING.name, None)
-        contacts[names] = dem.Contact(*six, twisting_friction=twisting, constants=further)
+        contacts[names] = dem.Contact(restitution, static, rolling, twisting, constants=further)
     return contacts
 
 

@@ -1,12 +1,15 @@
 """Settings shared by bench tests: the section ``simulation`` of the configuration, and keys of several sections."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeVar
 
 from pydantic import Field
 
 from repose.core.section import Berries, Section, Seeds
+
+S = TypeVar("S", bound=Section)
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,50 @@ class SimulationSettings:
     def steps(self, seconds: float) -> int:
         """Number of time steps of a duration, to the nearest one."""
         return round(seconds / self.time_step_s)
+
+
+class WallSettings(Section):
+    """The section `wall`: the material of all walls."""
+
+    poisson_ratio: float = Field(ge=0, le=0.49)
+    shear_modulus_pa: float = Field(ge=1.0e3, le=1.0e12)
+
+
+@dataclass(frozen=True)
+class SceneSettings:
+    """The sections of a configuration that a scene is made of, typed; each is made when it is first read."""
+
+    config: Mapping[str, Any]
+    _made: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def section(self, name: str, model: type[S]) -> S:
+        """The section of a bench test."""
+        if name not in self._made:
+            self._made[name] = model.model_validate(self.config[name])
+        made: S = self._made[name]
+        return made
+
+    @cached_property
+    def simulation(self) -> SimulationSettings:
+        """Time step, gravity and force laws."""
+        return SimulationSettings.of(self.config)
+
+    @property
+    def wall(self) -> WallSettings:
+        """The material of all walls."""
+        return self.section("wall", WallSettings)
+
+    @property
+    def size_distribution(self) -> str:
+        """Whether grains have the sizes that were measured."""
+        size: str = self.config["berry"]["size_distribution"]
+        return size
+
+    def targets_of(self, bench_test: str) -> list[Mapping[str, Any]]:
+        """Targets of a bench test; targets whose form is wrong are left out, for their own check refuses them."""
+        given = self.config.get("targets")
+        listed = given if isinstance(given, list | tuple) else ()
+        return [one for one in listed if isinstance(one, Mapping) and one.get("apparatus") == bench_test]
 
 
 class Poured(Section):

@@ -43,7 +43,8 @@ def _load_or_propose(args: argparse.Namespace) -> "Study":
 
 def _propose(path: str, grains: int) -> None:
     """Print a smaller scene for more grains than a study may have, if nothing else is wrong with it."""
-    from repose.apparatus import funnel, scene_size
+    from repose.apparatus import scene_size
+    from repose.config import advice
     from repose.config.study import Study
     from repose.core.section import MOST_BERRIES
 
@@ -52,8 +53,8 @@ def _propose(path: str, grains: int) -> None:
     most = {"berries": MOST_BERRIES, **dict.fromkeys(scene_size.COMPUTED, "auto")}
     with contextlib.suppress(InputError):
         study = Study.load(path, overrides={"funnel": most}, inputs=True)
-        height_mm = 1e3 * funnel.height_m(study.config, study.grain)
-        print(*scene_size.advice(study.config, funnel.diameter_mm(study.grain), height_mm, grains), sep="\n")
+        height_mm = 1e3 * advice.height_m(study.config, study.grain)
+        print(*scene_size.advice(study.config, advice.diameter_mm(study.grain), height_mm, grains), sep="\n")
 
 
 @verb(
@@ -105,16 +106,14 @@ def _about_the_grain(
     config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle"
 ) -> Iterator[str]:
     """Sentences on time step and particle, and hints of the bench tests."""
-    from repose.apparatus import bench_tests
     from repose.apparatus.settings import SimulationSettings
-    from repose.config import computed
+    from repose.config import advice, computed
 
     def longest(berry):
         return computed.longest_step(config, particle, berry)
 
     yield about_step(SimulationSettings.of(config).time_step_s, longest(berry))
-    for test in bench_tests():
-        yield from test.advice(config, berry, particle, lambda other: longest(other).time_step_s)
+    yield from advice.of_funnel(config, berry, particle, lambda other: longest(other).time_step_s)
     section = config["berry"]
     if particle.mesh_volume_m3:
         change = particle.volume_m3 / particle.mesh_volume_m3 - 1
@@ -152,9 +151,9 @@ def _trials(study: "Study", berry_step_s: float) -> Iterator[str]:
             yield f"{test.name}: no trial runs, as one takes about {expected_s:.0f} s"
             continue
         with elapsed_seconds_shown(f"three trial runs of {test.name}, about {3 * expected_s:.0f} s"):
-            found = [run_once(test, config, values, 1, study.particle, study.grain)[0] for values in sets]
+            found = [run_once(test, study.scene(values, 1))[0] for values in sets]
         for place, run in zip(TRIALS, found, strict=True):
-            yield f"{test.name}: {place}: {describe(run, test.in_words).removeprefix('seed 1: ')}"
+            yield f"{test.name}: {place}: {describe(run, test.summary).removeprefix('seed 1: ')}"
         good = [run for run in found if run["status"] == "ok"]
         if not good:
             yield f"{test.name}: WARNING: no trial run can be measured: change the section {test.name}, or the ranges"

@@ -118,6 +118,8 @@ def measure(args: argparse.Namespace) -> None:
 def _measure_apparatus(args, pictures, overlays, how):
     """Measure photographs of a drum or of a box."""
     from repose.apparatus import photographs
+    from repose.apparatus.settings import SceneSettings
+    from repose.apparatus.turning import TurningSettings
     from repose.core.files import write_image, write_table
     from repose.measure.photograph_tables import as_record, write_tables
 
@@ -125,9 +127,9 @@ def _measure_apparatus(args, pictures, overlays, how):
         raise InputError(
             "command line", "--config", None, f"a study, whose section {args.bench} has the measures"
         )
-    config, out = load(args).config, Path(args.out)
-    section(config, args.bench)
-    results = photographs.measure_all(pictures, args.points or (), config, args.bench, how)
+    settings, out = SceneSettings(load(args).config), Path(args.out)
+    section(settings.config, args.bench)
+    results = photographs.measure_all(pictures, args.points or (), settings, args.bench, how)
     for seen, overlay in zip(results, overlays, strict=True):
         write_image(overlay, photographs.stacked(seen.views))
     if all(seen.refused for seen in results):
@@ -140,7 +142,8 @@ def _measure_apparatus(args, pictures, overlays, how):
     made = photographs.tables(results, args.bench)
     write_tables(made, how, out, args.bench, {name: name for name in photographs.RESPONSES[args.bench]})
     if args.bench == "turning":
-        write_table(out / "profile.csv", photographs.profile(results, config["turning"]))
+        surface = photographs.profile(results, settings.section("turning", TurningSettings))
+        write_table(out / "profile.csv", surface)
     print(json_text(as_record(made)) if args.json else photographs.describe(results, made, out))
 
 

@@ -1,7 +1,7 @@
 """Verbs that simulate: berries in any bench test, and the tables of the drum."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
@@ -16,10 +16,11 @@ from repose.core.files import json_text
 from repose.core.parameter_sets import job_files
 
 if TYPE_CHECKING:
-    from repose.apparatus.bench_test import BenchTest
+    from contextlib import AbstractContextManager
+
+    from repose.apparatus.bench_test import BenchTest, Scene
     from repose.apparatus.job import Progress
     from repose.config.study import Study
-    from repose.particle.particle import Particle
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
 APPARATUS = Option("--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)")
@@ -41,13 +42,10 @@ MEASURE = Option(
 class _Job(NamedTuple):
     """A job from the command line: the arguments of `repose.apparatus.job.pour_job`."""
 
-    test: "BenchTest"
-    config: dict
+    test: "BenchTest[Any]"
+    scene: "Scene"
     name: str
-    parameters: dict
-    seeds: list
-    particle: "Particle"
-    berry: dict
+    seeds: list[int]
     out_dir: str
     interval_s: float | None
     progress: "Progress | None"
@@ -62,12 +60,12 @@ class _Job(NamedTuple):
     ],
 )
 def warm_up(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus import warm_up
+    from repose.apparatus import Scene, warm_up
     from repose.dem.cache import folder
 
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
     values = parameters([], None, None, study.config["parameters"])
-    took_s = warm_up.warm_up(study.config, values, particle, berry_of, args.cores)
+    took_s = warm_up.warm_up(Scene.of(study.config, values, berry_of, particle), args.cores)
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
 
@@ -90,7 +88,7 @@ def pour(args: argparse.Namespace, study: "Study") -> None:
         with recorded(as_measured, "measured"):
             provenance.note_config(study.config)
             if kept_runs.read_measurement(pours) is None:
-                kept_runs.write_measurement(pours, measured(job.config, pours, job.particle, job.berry))
+                kept_runs.write_measurement(pours, measured(job.scene, pours))
 
 
 @verb(
@@ -104,38 +102,37 @@ def heap(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus.job import measure_job, pour_job
 
     job = _job(args, study, "funnel")
-    result = measure_job(job.config, pour_job(**job._asdict()), job.particle, job.berry)
+    result = measure_job(job.scene, pour_job(**job._asdict()))
     if args.json:
         print(json_text(_flat(result) if len(result["runs"]) == 1 else result))
     else:
         for run in result["runs"]:
-            print(describe(run, job.test.in_words))
+            print(describe(run, job.test.summary))
 
 
 def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> _Job:
     """The job of the options."""
-    from repose.apparatus import bench
-    from repose.apparatus.settings import SimulationSettings
+    from repose.apparatus import Scene, bench
+    from repose.apparatus.settings import SceneSettings, SimulationSettings
     from repose.dem.io.progress import display
 
     test = bench(apparatus, "command line")
     section(study.config, apparatus)
     values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
     seeds = pour_seeds(args, study.config["design"]["seed"], apparatus)
-    step, end = SimulationSettings.of(study.config).time_step_s, test.duration_s(study.config)
+    step, end = SimulationSettings.of(study.config).time_step_s, test.duration_s(SceneSettings(study.config))
     if args.trajectory is not None and not step <= args.trajectory <= end:
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
 
-    def progress(seed):
+    def progress(seed: int) -> "AbstractContextManager[Callable[[float], object]]":
         return display(0.0, end, step, label=f"seed {seed}")
 
     name = (
         f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus)
     )
-    return _Job(
-        test, study.config, name, values, seeds, particle, berry_of, args.out, args.trajectory, progress
-    )
+    scene = Scene.of(study.config, values, berry_of, particle)
+    return _Job(test, scene, name, seeds, args.out, args.trajectory, progress)
 
 
 def _flat(result):
@@ -161,15 +158,16 @@ def _flat(result):
     runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus import bench
+    from repose.apparatus import Scene, bench
     from repose.apparatus.job import measure_job
     from repose.core.seeds import UNNAMED
     from repose.measure.saved_pours import POURS
 
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
+    scene = Scene.of(study.config, {}, berry_of, particle)
     for path in job_files(args.pours, args.samples, POURS):
-        result = measure_job(study.config, path, particle, berry_of, args.out, args.keep_runs)
-        template = bench(result.get("apparatus", UNNAMED)).in_words
+        result = measure_job(scene, path, args.out, args.keep_runs)
+        template = bench(result.get("apparatus", UNNAMED)).summary
         for run in result["runs"]:
             print(f"{path}: {describe(run, template)}")
 
@@ -185,18 +183,19 @@ def measure_runs(args: argparse.Namespace, study: "Study") -> None:
     runs="made",
 )
 def drum(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus import bench, drum_tables
+    from repose.apparatus import Scene, bench, drum_tables
 
     section(study.config, "drum")
     values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
     seeds = run_seeds(args.seed)
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
-    results = drum_tables.run_job(study.config, values, seeds, particle, berry_of, args.out)
+    scene = Scene.of(study.config, values, berry_of, particle)
+    results = drum_tables.run_job(scene, seeds, args.out)
     if args.json:
         print(json_text(results))
     else:
         for result in results:
-            print(describe(result["run"], bench("drum").in_words))
+            print(describe(result["run"], bench("drum").summary))
 
 
 @verb(

@@ -65,6 +65,7 @@ def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
 
 def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
     """The longest time step that the engine takes for all sets of parameters of a study; `mean` is the mean grain."""
+    from repose.apparatus import Scene
     from repose.apparatus.scene import longest_time_step
 
     ranges = {name: range_of(name, entry) for name, entry in config["parameters"].items()}
@@ -73,7 +74,7 @@ def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) 
     lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
     # cohesion makes contacts stiffer, restitution alone less damped
     strongest = {name: ranges[name][1] for name in named(ranges)[len(PARAMETERS) :]}
-    return longest_time_step(config, lowest | strongest, particle, mean)
+    return longest_time_step(Scene.of(config, lowest | strongest, mean, particle))
 
 
 def advised_step_s(longest_s: float) -> float:
@@ -122,14 +123,18 @@ def _duration_s(config, berry, particle):
     Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo). A pour that is faster than
     this lasts as long as the discharge. Where the opening is too narrow for this law the rate of pouring counts.
     """
-    from repose.apparatus.funnel import PACKING, Funnel
+    from repose.apparatus.funnel import PACKING, FunnelSettings
+    from repose.apparatus.settings import SceneSettings
 
     funnel, gravity = config["funnel"], config["simulation"]["gravity_m_s2"]
     opening = 1e-3 * (funnel["outlet_diameter_mm"] - 1.4 * _diameter_mm(berry))
     bulk = PACKING * berry["density_kg_m3"]
     running = 0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
     rate = min(funnel["rate_per_s"], running or math.inf)
-    height = max(Funnel.of(funnel).inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
+    section = SceneSettings(config | {"funnel": funnel | {"duration_s": AUTO}}).section(
+        "funnel", FunnelSettings
+    )
+    height = max(section.funnel.inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
     fall = math.sqrt(2 * height / gravity)
     return math.ceil(10 * (funnel["berries"] / rate + fall + REST_S)) / 10
 

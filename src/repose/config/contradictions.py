@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from repose.apparatus import bench_tests
 from repose.apparatus.bench_test import BenchTest
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
 
@@ -31,7 +31,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     used = used_tests(config)
     sections = [name for name in strategies.names() if strategies.strategy(name).settings is not None]
     return [
-        *(Rule((test.name, "simulation"), test.contradictions) for test in used),
+        *(Rule((test.name, "simulation"), _of_the_bench_test(test)) for test in used),
         Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
         Rule(("surrogate", "network", "design", "targets"), _of_the_validation),
         Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
@@ -39,7 +39,12 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     ]
 
 
-def used_tests(config: Mapping[str, Any]) -> list[BenchTest]:
+def _of_the_bench_test(test: BenchTest[Any]) -> Callable[[Mapping[str, Any]], Pairs]:
+    """The rules of a bench test."""
+    return lambda config: test.contradictions(SceneSettings(config))
+
+
+def used_tests(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
     """Bench tests whose section is in the configuration."""
     return [test for test in bench_tests() if test.name in config]
 

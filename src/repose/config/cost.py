@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.config.contradictions import used_tests
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
@@ -25,7 +25,6 @@ REST_S = 120.0  # rest of a study without its runs: posterior, figures, film and
 TIMED_S, TIMED_STEPS = 1.5, 1.0e7
 REPEATS = 3  # the shortest time counts: other programs only slow a pour down
 FEWEST_TIMED = 20
-NEVER_RESTS = -1.0  # a motion in mm that no pile is below
 SEEDS = ("seeds", "checks")  # endings of keys for the number of runs of a parameter set
 # Purpose, number of parameter sets, seeds of each.
 Pours = Sequence[tuple[str, int, int]]
@@ -36,7 +35,7 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
 
     `berry_step_s` is the cost of a step of one berry, as of `measured_berry_step_s`.
     """
-    section, duration = config[name], bench(name).duration_s(config)
+    section, duration = config[name], bench(name).duration_s(SceneSettings(config))
     # a filling height: taken as the funnel's number, as the grain is not known here
     berries = section.get("berries", config["funnel"]["berries"] if "filling_height_mm" in section else 1)
     filled = duration - 0.5 * min(duration, berries / section.get("rate_per_s", math.inf))
@@ -60,7 +59,8 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
     The time of other programs is left out. `berry` is the result of the verb `berry`. The first call on a machine
     compiles the engine.
     """
-    from repose.apparatus import funnel
+    from repose.apparatus import Scene
+    from repose.apparatus.funnel import FunnelTest
 
     steps = TIMED_S / SimulationSettings.of(config).time_step_s
     grains = max(FEWEST_TIMED, min(config["funnel"]["berries"], round(TIMED_STEPS / steps)))
@@ -69,14 +69,14 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
         "rate_per_s": 4 * grains / TIMED_S,
         "duration_s": TIMED_S + 1.0,
         "rest_window_s": 0.5,
-        "rest_motion_mm": NEVER_RESTS,  # or the pour ends before there is a step to be timed
     }
     small = {**config, "funnel": {**config["funnel"], **pour}}
     values = ParameterSpace.of(config["parameters"]).centre
     times_s = []
     for _ in range(REPEATS):
         began, began_cpu = time.perf_counter(), time.process_time()
-        poured = funnel.pour(small, values, 1, particle, berry)
+        # to its end, or there is no step to be timed
+        poured = FunnelTest().pour(Scene.of(small, values, berry, particle, 1), until_rest=False)
         share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
         times_s.append(1e-6 * min(1.0, share) * poured.us_per_step / grains)
     return min(times_s)

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.config import computed, results_folder
 from repose.config.contradictions import BEFORE_NUMBERS, Rule, rules, used_tests
 from repose.config.keys import Origin, get, owner_of
@@ -158,7 +158,7 @@ class Making:
             return
         for test in used_tests(self.config):
             if self._may_read(test.name):
-                self._add(test.misfits(self.config, computed.axes_mm(self.mean)))
+                self._add(test.misfits(SceneSettings(self.config), computed.axes_mm(self.mean)))
         if self.particle is not None and self._may_read(*STEP):
             self._add(unstable(self.config, self.particle, self.mean))
 

@@ -16,6 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, cre
 from pydantic_core import core_schema
 
 from repose.apparatus import bench, names
+from repose.apparatus.settings import WallSettings
 from repose.config import results_folder
 from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import ALLOWED, FURTHER
@@ -215,13 +216,6 @@ class Berry(Section):
             tests = "a table of compression tests in berry.compression, which gives both moduli"
             refuse([("", f"a number; or {tests}")])
         return value
-
-
-class Wall(Section):
-    """The material of all walls."""
-
-    poisson_ratio: Poisson
-    shear_modulus_pa: Modulus
 
 
 class _SixParameters(Section):
@@ -487,7 +481,7 @@ class Settings(Section):
     colour: Colour
     strategy: StrategyName
     berry: Berry
-    wall: Wall
+    wall: WallSettings
     parameters: Parameters  # type: ignore[valid-type]
     design: Design
     simulation: Simulation

@@ -18,6 +18,7 @@ from repose.core.responses import Definitions
 if TYPE_CHECKING:
     import pandas as pd
 
+    from repose.apparatus import Scene
     from repose.config.making import Making
     from repose.config.models import Settings
     from repose.config.record import Record
@@ -328,6 +329,24 @@ class Study:
         making = self._checked()
         assert making.particle is not None
         return making.particle
+
+    def scene(self, parameters: Mapping[str, float], seed: int = 0) -> "Scene":
+        """The scene of a run of any bench test.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Contact parameters by name.
+        seed : int, optional
+            Of the random numbers of the run.
+
+        Returns
+        -------
+        Scene
+        """
+        from repose.apparatus import Scene
+
+        return Scene.of(self.config, parameters, self.grain, self.particle, seed)
 
     def check_inputs(self) -> None:
         """Check the files that the configuration names, and that grain, bench test and time step fit together.

@@ -10,14 +10,27 @@ The message about a bad value states the allowed values: the `description` of th
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Annotated, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError, core_schema
 
 AUTO: Final = "auto"
 ABSENT: Any = None  # default of a key that may be left out, and may not be null
+OF_OTHERS: Any = AUTO  # default of a key of the type `OrAuto`
 Auto = Literal["auto"]  # the number follows from other keys (`repose.config.computed`)
+T = TypeVar("T")
+if TYPE_CHECKING:
+    OrAuto = Annotated[T, AUTO]
+else:
+
+    class OrAuto:
+        """The type of a key that may be `auto`; once the configuration is resolved it is the number."""
+
+        def __class_getitem__(cls, value: Any) -> Any:
+            return value | Auto
+
+
 Contradictions = Iterator[tuple[str, str]]  # (key, allowed values)
 
 CONTRADICTION = "contradiction"  # type of the error that holds `Contradictions`

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
-from repose.apparatus.funnel import Funnel
+from repose.apparatus import Scene
+from repose.apparatus.funnel import Funnel, FunnelSettings
 from repose.apparatus.scene import longest_time_step, materials_of
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
@@ -120,14 +121,15 @@ def make(
     if settings.contact_law == "linear_spring":
         allowed = "hertz_mindlin or hertz_mindlin_rescaled; jkr or sjkr where the program has it"
         raise InputError("configuration", "simulation.contact_law", settings.contact_law, allowed)
-    materials = materials_of(config, berry)
+    scene = Scene.of(config, parameters, berry, particle)
+    materials = materials_of(scene)
     mean_radius, lever = surface_means(particle.spheres_m)
     smallest = float(particle.spheres_m[:, 3].min())
     rayleigh = rayleigh_time_s(materials["berry"], particle.density_kg_m3, smallest)
-    limit = longest_time_step(config, parameters, particle, berry).time_step_s
+    limit = longest_time_step(scene).time_step_s
     share = SHARE_OF_CLUMP if len(particle.spheres_m) > 1 else 1.0
     step = min(share * min(limit, settings.time_step_s), RAYLEIGH_SHARE * rayleigh)
-    funnel = Funnel.of(section)
+    funnel = scene.settings.section("funnel", FunnelSettings).funnel
 
     def pair(suffix, other, effective_radius):
         restitution = parameters[f"e_{suffix}"]

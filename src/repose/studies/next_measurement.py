@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import bench, bench_tests
+from repose.apparatus import Scene, bench, bench_tests
 from repose.apparatus.job import measure_job
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_table
@@ -63,11 +63,10 @@ def measured_runs(
         for test in bench_tests()
         for response in test.responses
     ]
+    scene = Scene.of(dict(config) | {"targets": every}, {}, berry, particle)
     rows = []
     for path in map(Path, pours):
-        job = measure_job(
-            dict(config) | {"targets": every}, path, particle, berry, Path(out_dir) / path.parent.name
-        )
+        job = measure_job(scene, path, Path(out_dir) / path.parent.name)
         test = bench(job.get("apparatus", UNNAMED), path)
         rows += [
             {

@@ -115,7 +115,9 @@ class NetworkEnsemble(Surrogate):
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """The networks of a `to_dict`."""
         model, training = cls(BayesianBP.from_dict(content)), content["training"]
-        others = ({**content, **other, "training": training | other["training"]} for other in content["others"])
+        others = (
+            {**content, **other, "training": training | other["training"]} for other in content["others"]
+        )
         model.members_ = [*model.members_, *map(BayesianBP.from_dict, others)]
         return model
 

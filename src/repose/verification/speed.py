@@ -14,9 +14,9 @@ import numba
 import numpy as np
 from llvmlite import binding
 
-from repose.apparatus import funnel
+from repose.apparatus import Scene
+from repose.apparatus.funnel import FunnelTest
 from repose.apparatus.settings import SimulationSettings
-from repose.config.cost import NEVER_RESTS
 from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
 from repose.particle.particle import Particle
 
@@ -78,10 +78,11 @@ def timed_pour(
     berry: Mapping[str, float],
 ) -> tuple[float, float]:
     """Time of a step of the settled pile [us] and wall time of the whole pour [s]: two pours, both whole."""
-    settled = {"duration_s": config["funnel"]["duration_s"] + SETTLED_S, "rest_motion_mm": NEVER_RESTS}
+    settled = {"duration_s": config["funnel"]["duration_s"] + SETTLED_S}
     longer = {**config, "funnel": {**config["funnel"], **settled}}
-    poured = funnel.pour(config, parameters, seed, particle, berry)
-    return funnel.pour(longer, parameters, seed, particle, berry).us_per_step, poured.wall_s
+    poured = FunnelTest().pour(Scene.of(config, parameters, berry, particle, seed))
+    longest = FunnelTest().pour(Scene.of(longer, parameters, berry, particle, seed), until_rest=False)
+    return longest.us_per_step, poured.wall_s
 
 
 def summary(

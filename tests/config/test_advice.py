@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from repose.apparatus import funnel
+from repose.config import advice
 from repose.config.study import Study
 from repose.core import places
 
@@ -37,46 +37,46 @@ def column(modulus_pa, height_m, gravity, layers):
 
 
 def test_the_sinking_is_that_of_a_column_added_contact_by_contact(config):
-    found = funnel.softening(config, SPHERE | {"shear_modulus_pa": 1e6})
+    found = advice.softening(config, SPHERE | {"shear_modulus_pa": 1e6})
     assert found.sinking == pytest.approx(column(1e6, 0.03, 9.81, 2000), rel=1e-4)
 
 
 def test_a_pile_of_the_softest_grain_sinks_by_what_is_allowed(config):
-    softest = funnel.softening(config, SPHERE | {"shear_modulus_pa": 7.7e7}).softest_pa
+    softest = advice.softening(config, SPHERE | {"shear_modulus_pa": 7.7e7}).softest_pa
     assert softest < 7.7e7
-    again = funnel.softening(config, SPHERE | {"shear_modulus_pa": softest})
-    assert again.sinking == pytest.approx(funnel.LARGEST_SINKING)
+    again = advice.softening(config, SPHERE | {"shear_modulus_pa": softest})
+    assert again.sinking == pytest.approx(advice.LARGEST_SINKING)
 
 
 def test_without_a_height_the_pile_is_the_cone_of_the_angle(config):
     config["targets"] = [target("aor_deg", 30.0)]
-    height = funnel.height_m(config, SPHERE)
-    assert f"a cone of 30 deg and {1e3 * height:.3g} mm Height" in funnel.filling(config, GRAIN_M3)[0]
+    height = advice.height_m(config, SPHERE)
+    assert f"a cone of 30 deg and {1e3 * height:.3g} mm Height" in advice.filling(config, GRAIN_M3)[0]
     config["targets"] = [target("aor_deg", 45.0)]
-    assert funnel.height_m(config, SPHERE) == pytest.approx(height * 3 ** (1 / 3))
+    assert advice.height_m(config, SPHERE) == pytest.approx(height * 3 ** (1 / 3))
 
 
 def test_grains_of_the_cones_volume_fill_it(config):
     cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
     config["funnel"]["berries"] = round(0.6 * cone / GRAIN_M3)
-    assert funnel.filling(config, GRAIN_M3)[1]
+    assert advice.filling(config, GRAIN_M3)[1]
     for factor in (0.5, 2.0):
         config["funnel"]["berries"] = round(factor * 0.6 * cone / GRAIN_M3)
-        sentence, fits = funnel.filling(config, GRAIN_M3)
+        sentence, fits = advice.filling(config, GRAIN_M3)
         assert not fits
         assert sentence.endswith(f"30 mm Height holds {1e6 * cone:.3g} ml")
-        assert funnel.needed_grains(config, GRAIN_M3) == math.ceil(0.6 * cone / GRAIN_M3)
+        assert advice.needed_grains(config, GRAIN_M3) == math.ceil(0.6 * cone / GRAIN_M3)
 
 
 def test_a_height_alone_asks_for_a_slope(config):
     config["targets"] = config["targets"][:1]
     slope = math.radians(25)
     config["funnel"]["berries"] = round(0.6 * math.pi * 0.03**3 / (3 * math.tan(slope) ** 2) / GRAIN_M3)
-    sentence, fits = funnel.filling(config, GRAIN_M3)
+    sentence, fits = advice.filling(config, GRAIN_M3)
     assert fits
     assert "a slope of 25 deg" in sentence
     config["funnel"]["berries"] = 50
-    sentence, fits = funnel.filling(config, GRAIN_M3)
+    sentence, fits = advice.filling(config, GRAIN_M3)
     assert not fits
     assert sentence.startswith("WARNING: 50 grains hold")
     assert sentence.endswith("; poured grains take 15 to 45 deg")
@@ -84,14 +84,14 @@ def test_a_height_alone_asks_for_a_slope(config):
 
 def test_an_angle_alone_gives_the_height_and_other_targets_nothing(config):
     config["targets"] = config["targets"][1:]
-    assert "a cone of 30 deg" in funnel.filling(config, GRAIN_M3)[0]
+    assert "a cone of 30 deg" in advice.filling(config, GRAIN_M3)[0]
     config["targets"] = []
-    assert funnel.filling(config, GRAIN_M3)[1]
+    assert advice.filling(config, GRAIN_M3)[1]
 
 
 def test_sentences_tell_what_a_softer_grain_brings(config):
     berry = SPHERE | {"shear_modulus_pa": 7.7e7}
-    softest = funnel.softening(config, berry).softest_pa
+    softest = advice.softening(config, berry).softest_pa
     asked = []
 
     def longest_step_s(other):
@@ -99,10 +99,10 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
         return 2.0 * config["simulation"]["time_step_s"]
 
     grain = SimpleNamespace(volume_m3=GRAIN_M3)
-    stiffness, volume, grains, smaller, *_ = funnel.BENCH.advice(config, berry, grain, longest_step_s)
+    stiffness, volume, grains, smaller, *_ = advice.of_funnel(config, berry, grain, longest_step_s)
     assert asked == [softest]
     assert stiffness.startswith("stiffness: the pile sinks by")
     assert stiffness.endswith("a run takes 0.5 of the time")
     assert volume.startswith("volume: ")
     assert grains.startswith("grains: the pile is 7.5 grains high.")
-    assert f"of the time of {funnel.needed_grains(config, GRAIN_M3)};" in smaller
+    assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller

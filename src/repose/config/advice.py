@@ -1,0 +1,164 @@
+"""Hints on the scene of the funnel before a study pours: stiffness, volume and number of its grains."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from repose.apparatus import scene_size
+from repose.apparatus.funnel import NAME, PACKING, FunnelSettings
+from repose.apparatus.settings import SceneSettings
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+Config = Mapping[str, Any]
+Grain = Mapping[str, Any]
+
+# A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
+LARGEST_SINKING = 0.005
+# Slopes that poured grains take; a cone that needs another one has too few grains, or too many.
+SLOPES_DEG = (15.0, 45.0)
+# A volume within this factor of the cone's fills it: real piles have a rounded top and a tail at the foot.
+VOLUME_FACTOR = 1.5
+
+
+def of_funnel(
+    config: Config, berry: Grain, particle: "Particle", longest_step_s: Callable[[Grain], float]
+) -> Iterator[str]:
+    """Yield hints on stiffness, volume and number of the grains before they are poured.
+
+    `longest_step_s(grain)` is the longest time step [s] for such grains.
+    """
+    yield f"stiffness: {_softer(config, berry, longest_step_s)}"
+    sentence, fits = filling(config, particle.volume_m3)
+    yield f"volume: {sentence}"
+    height_mm = 1e3 * height_m(config, berry)
+    outlet_mm = _funnel(config).outlet_height_mm
+    if height_mm > outlet_mm:
+        yield f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at {outlet_mm:g} mm and stops the flow"
+    grains = max(_funnel(config).berries, 0 if fits else needed_grains(config, particle.volume_m3))
+    yield from scene_size.advice(config, diameter_mm(berry), height_mm, grains)
+
+
+def _softer(config: Config, berry: Grain, longest_step_s: Callable[[Grain], float]) -> str:
+    """The allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
+    step, modulus = SceneSettings(config).simulation.time_step_s, berry["shear_modulus_pa"]
+    sinking, softest = softening(config, berry)
+    now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
+    if softest >= modulus:
+        return f"{now}; berry.shear_modulus_pa, {modulus:.3g}, should not be lower"
+    longest = longest_step_s({**berry, "shear_modulus_pa": softest})
+    return (
+        f"{now}; with berry.shear_modulus_pa {softest:.3g} instead of {modulus:.3g} it sinks by "
+        f"{100 * LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
+        f"{step / longest:.2g} of the time"
+    )
+
+
+class Softening(NamedTuple):
+    """Effect of the stiffness of the grains."""
+
+    sinking: float  # share of its Height that a pile loses under its own weight
+    softest_pa: float  # shear modulus at which it loses `LARGEST_SINKING`
+
+
+def softening(config: Config, berry: Grain) -> Softening:
+    """Sinking of a pile under its own weight, and the softest grain whose pile hardly sinks.
+
+    A grain of diameter d at depth z carries the weight above its own area, F = p rho g z d^2, with p the packing.
+    By Hertz two such grains approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean of this over the depth
+    is 3/5 of that at the bottom. Over d it is the share of the Height that is lost, and goes as the modulus to
+    -2/3.
+    """
+    diameter_m = 1e-3 * diameter_mm(berry)
+    gravity = SceneSettings(config).simulation.gravity_m_s2
+    pressure = PACKING * berry["density_kg_m3"] * gravity * height_m(config, berry)
+    young = berry["shear_modulus_pa"] / (1 - berry["poisson_ratio"])
+    approach = (3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))) ** (2 / 3)
+    sinking = 0.6 * approach / diameter_m
+    return Softening(sinking, berry["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
+
+
+def diameter_mm(berry: Grain) -> float:
+    """Equivalent diameter of the mean grain, the geometric mean of its axes."""
+    return math.prod(berry[key] for key in ("long_mm", "major_mm", "minor_mm")) ** (1 / 3)
+
+
+def poured_volume_m3(config: Config, grain_m3: float) -> float:
+    """Volume of the grains of a pour, the gaps between them included."""
+    return _funnel(config).berries * grain_m3 / PACKING
+
+
+def height_m(config: Config, berry: Grain) -> float:
+    """Height of the pile: the target; else that of the cone of the angle; else half the outlet's height."""
+    height_mm, angle_deg = _target(config, "height_mm"), _target(config, "aor_deg")
+    if height_mm is not None:
+        return 1e-3 * height_mm
+    if angle_deg is not None:
+        grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(berry)) ** 3
+        return _cone_height_m(poured_volume_m3(config, grain_m3), angle_deg)
+    return 0.5e-3 * _funnel(config).outlet_height_mm
+
+
+def _cone_height_m(volume_m3: float, angle_deg: float) -> float:
+    """Height of a cone of a volume and a slope."""
+    return (3 * volume_m3 * math.tan(math.radians(angle_deg)) ** 2 / math.pi) ** (1 / 3)
+
+
+def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
+    """A sentence on whether the grains of a pour fill the pile of the targets, and whether they do."""
+    poured, height, angle = (
+        poured_volume_m3(config, grain_m3),
+        _target(config, "height_mm"),
+        _target(config, "aor_deg"),
+    )
+    holds = f"{_funnel(config).berries} grains hold {_litres(poured)} as poured"
+    if height is None and angle is None:
+        return holds, True
+    if height is None and angle is not None:
+        reached = _cone_height_m(poured, angle)
+        return f"{holds}: a cone of {angle:g} deg and {1e3 * reached:.3g} mm Height", True
+    assert height is not None
+    if angle is None:
+        slope = math.degrees(math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured))))
+        low, high = SLOPES_DEG
+        sentence = f"{holds}: a cone of {height:g} mm Height with a slope of {slope:.3g} deg"
+        if low <= slope <= high:
+            return sentence, True
+        return f"WARNING: {sentence}; poured grains take {low:g} to {high:g} deg", False
+    cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
+    fits = (
+        1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR
+    )  # `repose.apparatus.reach` judges the pair itself
+    return f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}", fits
+
+
+def needed_grains(config: Config, grain_m3: float) -> int:
+    """Number of grains that the targets need, nearest to that of the pour; that of the pour without a Height."""
+    grains, height, angle = _funnel(config).berries, _target(config, "height_mm"), _target(config, "aor_deg")
+    if height is None:
+        return grains
+    low, high = SLOPES_DEG if angle is None else (angle, angle)
+    fewest, most = (
+        math.ceil(
+            PACKING * math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(slope)) ** 2) / grain_m3
+        )
+        for slope in (high, low)
+    )
+    return min(max(grains, fewest), most)
+
+
+def _funnel(config: Config) -> FunnelSettings:
+    """Return the section of the funnel."""
+    return SceneSettings(config).section(NAME, FunnelSettings)
+
+
+def _target(config: Config, response: str) -> float | None:
+    """Return the value of a target of the funnel; None if the response is no target."""
+    targets = SceneSettings(config).targets_of(NAME)
+    return next((target["value"] for target in targets if target["response"] == response), None)
+
+
+def _litres(volume_m3: float) -> str:
+    """A volume as text."""
+    return f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"
