@@ -338,12 +338,15 @@ def poured(number, default, mean, particles, seen):
         "share_of_limit": f"{share:.2f}",
     }
     test = bench(apparatus)
+    # the section as it is: a scene for small grains may be smaller than a configuration's may be
+    drawn_section = {apparatus: test.settings.model_construct(**config[apparatus])}
+    scene = Scene(SceneSettings(config, drawn_section), parameters, berry, particle, number)
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     faults = [
         f"{key}: {allowed}"
         for key, allowed in (
-            *test.contradictions(SceneSettings(config)),
-            *test.misfits(SceneSettings(config), axes),
+            *test.contradictions(scene.settings),
+            *test.misfits(scene.settings, axes),
         )
     ]
     faults += [
@@ -354,8 +357,8 @@ def poured(number, default, mean, particles, seen):
     seen.append(Seen())
     began = time.process_time()
     try:
-        run = test.run(Scene.of(config, parameters, berry, particle, number))
-        record = test.measure(run.record, run.arrays, Scene.of(config, {}, berry, particle))
+        run = test.run(scene)
+        record = test.measure(run.record, run.arrays, scene)
         status, reason = record["status"], record["reason"]
     except TooLong:
         status, reason = "HANG", ""

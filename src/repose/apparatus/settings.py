@@ -58,13 +58,13 @@ class SceneSettings:
     """The sections of a configuration that a scene is made of, typed; each is made when it is first read."""
 
     config: Mapping[str, Any]
-    _made: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    made: dict[str, Section] = field(default_factory=dict, repr=False, compare=False)
 
     def section(self, name: str, model: type[S]) -> S:
         """The section of a bench test."""
-        if name not in self._made:
-            self._made[name] = model.model_validate(self.config[name])
-        made: S = self._made[name]
+        if name not in self.made:
+            self.made[name] = model.model_validate(self.config[name])
+        made: Any = self.made[name]
         return made
 
     @cached_property
