@@ -419,7 +419,7 @@ def test_the_verb_writes_a_card_that_can_be_read(monkeypatch, tmp_path):
     words += ["--particle", particle, "--feasible", study / "miga/feasible.csv"]
     words += ["--summary", study / "miga/summary.json"]
     words += ["--representative", study / "validation/representative.csv", "--out", out]
-    assert main([str(word) for word in words]) == 0
+    assert main(["stage", *map(str, words)]) == 0
     found = card.read(out)
     summary = json.loads((study / "miga/summary.json").read_text())
     assert all(found["parameters"][name]["value"] == summary["representative"][name] for name in PARAMETERS)
