@@ -18,6 +18,7 @@ from repose.config import loader
 from repose.config.study import Study
 from research.answers.real_campaigns import HEIGHT_ALONE, verb
 from research.responses.__main__ import script
+from research.streams import STREAMS
 
 DRUM = {"berries": 300, "length_mm": 115.0}
 SMALL = {"discharge": {"berries": 300}, "turning": DRUM, "drum": DRUM}
@@ -43,7 +44,7 @@ def main():
     last = args.samples - 1
     chosen = [samples[k * (len(samples) - 1) // last] for k in range(args.samples)]
     berry = {name: HEIGHT_ALONE / f"berry/{name}.json" for name in ("berry", "particle")}
-    seeds = {"purpose": "joint_targets", "seeds": args.seeds}
+    seeds = {"purpose": STREAMS["joint_targets"], "seeds": args.seeds}
     for sample in chosen:
         for name in SMALL:
             job = args.out / f"{name}_runs/{sample:03d}.json"

@@ -43,9 +43,9 @@ CAMPAIGNS = 5
 
 
 def verb(name, *words, **options):
-    """Run a verb of the command line; its options by name."""
+    """Run a stage of the workflow; its options by name."""
     given = [text for key, value in options.items() for text in (f"--{key.replace('_', '-')}", str(value))]
-    if repose([name, *map(str, words), *given]):
+    if repose(["stage", name, *map(str, words), *given]):
         raise SystemExit(f"{name} failed")
 
 

@@ -31,11 +31,12 @@ from research import pool, settings
 from research.answers import seeds_rule
 from research.answers.seeds_rule import SEEDS, Judge
 from research.script import Script, option
+from research.streams import STREAMS
 
 OUT = "results/seeds_per_sample"
 SAMPLES = "results/published/recommended/design/samples.csv"
 BENCH = "funnel"
-# Streams of random numbers of this study alone, beyond all of `repose.core.seeds.PURPOSES`.
+# Streams of random numbers of this study alone, beyond all of `research.streams`.
 OF_POOL, OF_ANSWERS, OF_DRAWS, OF_JUDGE = 101, 102, 103, 104
 EVERY_S = 2.0  # a table is written at most so often
 POOL_SEEDS, DATA_SETS, FRESH_SEEDS, ANSWER_SEEDS = 16, 64, 16, 6
@@ -191,7 +192,7 @@ def pour_fresh(args, config):
     """Pour the fresh points of the pool of comparisons, which no fit sees."""
     places, X = fresh_of(args.study, config)
     seed = config["design"]["seed"]
-    seeds = [pour_seeds(seed, "fresh", place["sample"], args.fresh_seeds) for place in places]
+    seeds = [pour_seeds(seed, STREAMS["fresh"], place["sample"], args.fresh_seeds) for place in places]
     return poured(args, ["sample"], places, X, seeds)
 
 

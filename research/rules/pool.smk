@@ -52,7 +52,7 @@ use rule pour as pool_pour with:
     benchmark:
         f"{RESULTS}/benchmarks/pool/{{runs}}/{{points}}/{{sample}}.tsv"
     params:
-        purpose=lambda wildcards: wildcards.points,
+        purpose=lambda wildcards: STREAMS[wildcards.points],
         seeds=lambda wildcards: STUDIES["pool"][POOL_SETS[wildcards.points][2]],
         depends=lambda wildcards: pouring(wildcards)
         | depending("parameters", "pool.seed"),

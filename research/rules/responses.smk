@@ -49,7 +49,7 @@ if FURTHER_RUNS:
         benchmark:
             f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}.tsv"
         params:
-            purpose="joint_targets",
+            purpose=STREAMS["joint_targets"],
             seeds=JOINT["seeds"],
         message:
             "Sample {wildcards.sample} in a further bench test, {wildcards.runs}"

@@ -35,6 +35,7 @@ from research.shape.shape_cells import (
     published_sets,
 )
 from research.shape.shape_rule import COMBINATION
+from research.streams import STREAMS
 
 # Keys that are kept of a cell's particle.
 ABOUT = (
@@ -68,7 +69,7 @@ def poured(
     columns = shape_tables.run_columns(compared_targets(config))
     rows = []
     for number, row in enumerate(sets.to_dict("records")):
-        for seed in pour_seeds(own["design"]["seed"], purpose, number, own["shape_study"][key]):
+        for seed in pour_seeds(own["design"]["seed"], STREAMS[purpose], number, own["shape_study"][key]):
             path = kept / f"{cell}_{number}_{seed}.npz" if kept else None
             record = _one_pour(own, kind, row, seed, particle, berry, path)
             about = {"kind": kind, **names, "set": row["set"]}

@@ -12,6 +12,7 @@ from repose.core.seeds import PURPOSES
 from repose.core.targets import Targets
 from research.answers import seeds_per_sample, seeds_rule
 from research.answers.seeds_rule import LIMITS, SEEDS
+from research.streams import STREAMS
 
 TARGETS = Targets.of(shared.TARGETS)
 FIXED = {"e_gg": 0.25, "e_gp": 0.35, "mus_gp": 0.6, "mur_gp": 0.2}
@@ -43,7 +44,7 @@ def test_data_sets_of_one_order_share_no_pour_and_each_is_as_it_was():
 def test_the_streams_are_of_no_other_purpose():
     own = {value for name, value in vars(seeds_per_sample).items() if name.startswith("OF_")}
     assert len(own) == 4
-    assert not own & set(PURPOSES.values())
+    assert not own & {*PURPOSES.values(), *STREAMS.values()}
 
 
 def answers_of(error, random, data_sets):

@@ -18,6 +18,7 @@ from repose.core.targets import Targets
 from research import settings
 from research.shape import shape_cells, shape_piles, shape_rule, shape_study, shape_tables
 from research.shape.__main__ import depends_on
+from research.streams import STREAMS
 
 ROOT = Path(__file__).parents[2]
 PUBLISHED_PAIR = ["aor_simulated_deg", "height_simulated_mm"]
@@ -99,7 +100,10 @@ def test_a_cell_depends_on_its_own_bench_test(config):
 def test_no_two_kinds_of_pours_share_a_seed():
     kinds = [*shape_cells.KINDS.values(), shape_cells.SENSITIVITY]
     seeds = [
-        seed for _, purpose in kinds for number in range(40) for seed in pour_seeds(2026, purpose, number, 40)
+        seed
+        for _, purpose in kinds
+        for number in range(40)
+        for seed in pour_seeds(2026, STREAMS[purpose], number, 40)
     ]
     assert len(set(seeds)) == len(seeds)
 

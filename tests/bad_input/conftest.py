@@ -38,7 +38,9 @@ def refused(tmp_path, monkeypatch, capsys):
             assert len(lines) == len(output.splitlines()), output
             for line in lines:
                 assert re.match(
-                    r"repose: error: .+(: .+ is .+; allowed: .+|\[Errno \d+\] .+)", line, re.DOTALL
+                    r"repose: error: (.+: .+ is .+; allowed: .+|.+\[Errno \d+\] .+|unknown .+: expected .+)",
+                    line,
+                    re.DOTALL,
                 ), line
         assert content(tmp_path) == before, "something was written"
         return output

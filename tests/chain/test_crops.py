@@ -94,7 +94,7 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     loader.write_resolved(config, "results/config.json")
 
     def do(*words):
-        assert main([*words, "--config", "results/config.json"]) in (0, None), words
+        assert main(["stage", *words, "--config", "results/config.json"]) in (0, None), words
 
     def pour(samples, numbers, purpose, folder):
         for number in numbers:
@@ -124,7 +124,10 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         assert (row["engine"], row["scene"]) == (engine_hash(), stands_on.scene(config))
         # runs of other settings than today's are refused
         loader.write_resolved(config | {"wall": config["wall"] | {"poisson_ratio": 0.1}}, "other.json")
-        assert main(["published_sets", "results/validation/heaps/101.json", "--config", "other.json"]) == 2
+        assert (
+            main(["stage", "published_sets", "results/validation/heaps/101.json", "--config", "other.json"])
+            == 2
+        )
     do("material_card")
     assert main(["card", "show", "results/card.json"]) in (0, None)
     assert "mus_gg" in capsys.readouterr().out
@@ -140,5 +143,5 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
 )
 def test_what_a_crop_has_no_section_for_is_refused_in_one_line(words, section, monkeypatch, capsys):
     monkeypatch.chdir(CROPS / "wheat")
-    assert main([*words, "--config", "config.yaml"]) == 2
+    assert main(["stage", *words, "--config", "config.yaml"]) == 2
     assert f"configuration: {section} is None; allowed: a section of this name" in capsys.readouterr().err

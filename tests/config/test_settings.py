@@ -83,21 +83,6 @@ def test_every_key_is_explained():
         assert all(f"`{key}`" in explained for key in faults.subschema([name]).get("properties", ())), name
 
 
-def test_keys_of_earlier_configurations_are_reported_with_their_new_places():
-    def check_message(given, message):
-        with pytest.raises(InputError, match=message):
-            Study.load(overrides=given, inputs=True)
-
-    moved = (
-        ({"heap": {"seeds": 2}}, "now the section funnel"),
-        ({"funnel": {"time_step_s": 1e-4}}, "now simulation.time_step_s"),
-        ({"funnel": {"tension": "cut"}}, "now simulation.tension"),
-        ({"target": {"aor_deg": 30}}, "now the list targets"),
-        ({"network": {"weights_from_errors": True}}, "now network.replicates"),
-    )
-    check_all(check_message, [(str(given), given, message) for given, message in moved])
-
-
 def test_no_section_allows_an_unknown_key_or_forgets_one():
     schema = faults.schema()
     others = {*names(), "joint_targets", "shape_study"} - {"funnel"}
@@ -129,7 +114,6 @@ BAD_VALUES = (
     ("funnel.seeds", "8", "an integer"),
     ("simulation.rest_energy_j", 0, "above 0"),
     ("simulation.tension", "maybe", "keep or release"),
-    ("simulation.friction_limit", "total", "no longer a key: the tension decides"),
     ("funnel", 3, "a section with the keys berries"),
     ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
     ("berry.sizes", None, "a path"),

@@ -118,7 +118,7 @@ def test_partial_sum_of_squares_is_what_the_residuals_gain():
     for term, name in zip(model.terms, model.labels, strict=True):
         fewer = [one for one in model.terms if one != term]
         without = fit(model.coded, model.response, model.factors, fewer)
-        gain = float(without.ols.ssr - model.ols.ssr)
+        gain = without.residual - model.residual
         assert table.loc[name, "sum_of_squares"] == pytest.approx(gain, rel=1e-9)
 
 

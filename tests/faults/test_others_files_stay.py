@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from repose import verification
 from repose.apparatus import Run, bench_test, drum, warm_up
-from repose.cli import VERBS, main
+from repose.cli import STAGES, VERBS, main
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.files import write_text
@@ -149,7 +149,7 @@ def calls(draw):
     """A verb with good inputs and any place to write to, or with any paths at all."""
     verb = VERBS[draw(st.sampled_from(sorted(set(VERBS) - LEFT_OUT)))]
     good = draw(st.booleans())
-    words = [verb.name]
+    words = ["stage", verb.name] if verb.name in STAGES else [verb.name]
     for option in verb.options:
         name, keywords = option.names[0], option.keywords
         key = name.lstrip("-").replace("-", "_")
@@ -201,6 +201,7 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox
     words = [*words, *(f"{option}{value}" for option, value in options.items() if option != "--config")]
     words += ["--config=in/config.json"] if name != "verify" else []
     place = "made_up/a.gif" if name == "film" else "made_up"
+    words = ["stage", *words] if name in STAGES else words
     assert main([*words, f"--out={place}"]) == 0
     made = set(tree(sandbox)) - set(before)
     assert made

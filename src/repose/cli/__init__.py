@@ -35,16 +35,6 @@ GROUPS = {
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
 STAGE = "stage"
-# Verbs of earlier versions whose names are no longer near those of today.
-SUCCESSORS = {
-    "measure_heap": "measure_runs",
-    **dict.fromkeys(("refine_data", "refine_search", "refine_propose", "refine_judge"), "propose"),
-    **dict.fromkeys(("response_screening", "response_ascent", "response_surface"), "propose"),
-    **dict.fromkeys(("response_design", "response_step", "sequential_start", "sequential_batch"), "propose"),
-    **dict.fromkeys(("refine_tables", "response_check", "sequential_check"), "conclude"),
-}
-# Verbs up to version 0.2 whose studies are rules of research/Snakefile now.
-MOVED = ("compare", "joint_targets", "measurement_study", "pool", "profiles", "second_responses", "shape")
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -55,9 +45,6 @@ def main(words: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end
     words = list(sys.argv[1:] if words is None else words)
-    if words and words[0] in STAGES:  # a verb up to version 0.2
-        print(f"repose: note: `repose {words[0]}` is now `repose {STAGE} {words[0]}`", file=sys.stderr)
-        words.insert(0, STAGE)
     unknown = _unknown(words)
     if unknown is not None:
         print_fault(unknown)
@@ -123,24 +110,15 @@ class _Version(argparse.Action):
 
 
 def _unknown(words):
-    """The fault of a verb or stage that does not exist, with the nearest name; None if there is none."""
+    """Say in a sentence that a verb or stage does not exist, with the nearest name; None if it exists."""
     place, known = ("stage", STAGES) if words[:1] == [STAGE] else ("verb", (*TYPED, STAGE))
     name = words[1:2] if place == "stage" else words[:1]
     if not name or name[0].startswith("-") or name[0] in known:
         return None
-    if name[0].startswith(MOVED):
-        return InputError(
-            "command line",
-            place,
-            name[0],
-            "no verb any more: the study is in `research/README.md` of a checkout",
-        )
-    near = [SUCCESSORS[name[0]]] if name[0] in SUCCESSORS else None
-    near = near or difflib.get_close_matches(name[0], (*known, *STAGES), 1)
-    guess = near[0] if near and near[0] in known else f"{STAGE} {near[0]}" if near else ""
-    meant = f"did you mean {guess}? " if near else ""
+    near = difflib.get_close_matches(name[0], (*known, *STAGES), 1)
+    hint = "".join(f"; did you mean {guess if guess in known else f'{STAGE} {guess}'}?" for guess in near)
     listed = f"{PROGRAM} {STAGE} --help" if place == "stage" else f"{PROGRAM} --help"
-    return InputError("command line", place, name[0], f"{meant}`{listed}` lists them")
+    return f"unknown {place} {name[0]!r}: expected one of those that `{listed}` lists{hint}"
 
 
 def _verbs_in_groups():

@@ -31,16 +31,16 @@ MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representati
     ],
 )
 def card(args: argparse.Namespace) -> int:
-    from repose.chain import card
+    from repose.chain import card, card_text
 
     needed = {"show": 1, "compare": 2, "check": 1}[args.action]
     if len(args.cards) != needed:
         raise InputError("command line", f"card {args.action}", args.cards, f"files: {needed}")
     cards = [card.read(path) for path in args.cards]
     if args.action == "check":
-        print(card.verdict(cards[0]))
+        print(card_text.verdict(cards[0]))
         return 0 if cards[0]["met"] else NOT_MET
-    print(card.describe(cards[0]) if args.action == "show" else card.compared(*cards))
+    print(card_text.describe(cards[0]) if args.action == "show" else card_text.compared(*cards))
     return 0
 
 

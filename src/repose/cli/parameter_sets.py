@@ -1,6 +1,6 @@
 """Options for the contact parameters and seeds of a simulation, and their values."""
 
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,6 +29,17 @@ PARAMETER_SET = (
     ),
     Option("--sample", type=int, help="number in the column sample; the files are named by it"),
 )
+
+
+def _purpose(word):
+    """Read a purpose, by its name or by the number of a stream that another program uses."""
+    if word in streams.PURPOSES:
+        return word
+    if not word.isdecimal():
+        raise ArgumentTypeError(f"invalid choice: {word!r} (choose from {', '.join(streams.PURPOSES)})")
+    return int(word)
+
+
 SEED = Option("--seed", type=int, action="append", help="seed of a run (1); may be given several times")
 STUDY_SEEDS = (
     Option(
@@ -39,8 +50,9 @@ STUDY_SEEDS = (
     ),
     Option(
         "--purpose",
-        choices=tuple(streams.PURPOSES),
+        type=_purpose,
         default="design",
+        metavar="NAME",
         help="which of the study's streams --seeds draws from (design)",
     ),
 )

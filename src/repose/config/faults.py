@@ -8,29 +8,10 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from repose.config.keys import Origin, origin_of, owner_of
-from repose.config.models import Settings, settings_type
+from repose.config.models import settings_type
 from repose.core.errors import InputError, YamlError
 from repose.core.section import AUTO, CONTRADICTION, Section
 
-SHARED = ("time_step_s", "gravity_m_s2", "tension", "rest_energy_j")
-FRICTION_LIMIT = (
-    "no longer a key: the tension decides (keep: the elastic part of the force, release: all of it), since other pairs "
-    "break Coulomb's law; delete this line"
-)
-RESEARCH = (
-    "now of the checkout's folder research/, in a file research.yaml beside the study's; delete this section"
-)
-# Keys of earlier configurations, and their present places.
-MOVED = {
-    "heap": f"now the section funnel; its keys {', '.join(SHARED)} are in the section simulation",
-    "target": "now the list targets: one entry for each response, with value, sd, repetitions and range",
-    **{f"funnel.{key}": f"now simulation.{key}, for every bench test" for key in SHARED},
-    "funnel.friction_limit": FRICTION_LIMIT,
-    "simulation.friction_limit": FRICTION_LIMIT,
-    **{f"network.{key}": "now network.replicates" for key in ("weights_from_errors", "correlated_noise")},
-    **dict.fromkeys(("pool", "compare_search", "compare_whole"), RESEARCH),
-    **dict.fromkeys(("shape_study", "second_responses", "joint_targets"), RESEARCH),
-}
 UNKNOWN = ("extra_forbidden", "invalid_key")  # types of pydantic's errors
 WORDS = {
     "integer": "an integer",
@@ -211,9 +192,8 @@ def _faults(
             meant |= {".".join([*error.path, *near])}
             hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
             extra = f"{key}.{error.unknown}" if key else str(error.unknown)
-            words = f"no such key; {hint}"
-            words = MOVED.get(extra, words) if issubclass(model, Settings) else words
-            yield YamlError(origin_of(source, extra), extra, _at(config, error.path)[error.unknown], words)
+            value = _at(config, error.path)[error.unknown]
+            yield YamlError(origin_of(source, extra), extra, value, f"no such key; {hint}")
         elif error.type == "missing":
             if key not in meant:
                 words = f"{allowed_by(subschema(error.path, model))}; the key is missing"

@@ -2,22 +2,15 @@
 
 import zlib
 
-# Purposes of a pour's random numbers: a stream each, so that no check reuses the pours that it checks.
+# Purposes of a pour's random numbers: a stream each, so that no check reuses the pours that it checks. Numbers that are
+# missing here are of `research.streams`; a caller may give the number of a stream of its own.
 PURPOSES = {
     "design": 0,
     "validation": 1,
     "drum": 2,
-    "shape_published": 3,
-    "shape_sensitivity": 4,
-    "shape_design": 5,
     "refined": 8,
-    "pool": 6,
-    "fresh": 7,
-    "shape_fresh": 10,
-    "shape_bulk": 11,
     "response_surface": 12,
     "sequential": 13,
-    "joint_targets": 14,
     "next": 15,
     "batches": 16,  # of a strategy without a stream of its own
 }
@@ -29,14 +22,18 @@ UNNAMED = "funnel"
 OF_THE_DRUM = "drum"
 
 
-def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
+def pour_seeds(
+    study_seed: int, purpose: str | int, number: int, count: int, apparatus: str = UNNAMED
+) -> list[int]:
     """Seeds, 0 to 2^32 - 1, of the pours of a parameter set; the first k are the same for any larger count.
 
-    `number` is the sample's. Each bench test has its own streams, so that its noise is independent of the others'.
+    `purpose` is one of PURPOSES, or the number of another stream. `number` is the sample's. Each bench test has its own
+    streams, so that its noise is independent of the others'.
     """
     import numpy as np
 
     named = apparatus == UNNAMED or purpose == OF_THE_DRUM
     own = [] if named else [zlib.crc32(apparatus.encode())]
-    state = np.random.SeedSequence([study_seed, PURPOSES[purpose], number, *own]).generate_state(count)
+    stream = purpose if isinstance(purpose, int) else PURPOSES[purpose]
+    state = np.random.SeedSequence([study_seed, stream, number, *own]).generate_state(count)
     return [int(seed) for seed in state]

@@ -26,10 +26,9 @@ def pure_error(model: Model) -> tuple[float, int]:
 
 def anova(model: Model) -> pd.DataFrame:
     """The ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by."""
-    ols, first = model.ols, 1 + model.block_columns
-    residual, df_residual = float(ols.ssr), int(ols.df_resid)
-    total = float(ols.centered_tss)
-    error = _mean(residual, df_residual)
+    first = 1 + model.block_columns
+    residual, df_residual, error = model.residual, model.df, model.variance
+    total = float(((model.response - model.response.mean()) ** 2).sum())
     rows = []
     block = 0.0
     if model.block_columns:
@@ -39,7 +38,7 @@ def anova(model: Model) -> pd.DataFrame:
         rows.append(_row("block", block, model.block_columns))
     rows.append(_row("model", total - block - residual, len(model.terms), error, df_residual))
     # For a single column the partial sum of squares is b^2 / c, with c its element of (X'X)^-1.
-    inverse = np.diag(np.asarray(ols.normalized_cov_params))[first:]
+    inverse = np.diag(model.inverse)[first:]
     partial = model.coefficients**2 / inverse
     rows += [
         _row(name, float(squares), 1, error, df_residual)
@@ -61,17 +60,16 @@ def statistics(model: Model) -> dict[str, float]:
     `press` is the sum of the squared errors of predicting each run from all others. The R2 values leave the blocks'
     part out of the total. `adequate_precision` is the range of the predictions over their mean standard error.
     """
-    ols, n = model.ols, len(model.response)
-    residual, df = float(ols.ssr), int(ols.df_resid)
+    n, residual, df = len(model.response), model.residual, model.df
     table = anova(model).set_index("source")
     total = table.loc["model", "sum_of_squares"] + residual
     df_total = table.loc["model", "df"] + df
-    sigma = math.sqrt(_mean(residual, df))
-    leverage = np.einsum("ij,jk,ik->i", ols.model.exog, ols.normalized_cov_params, ols.model.exog)
+    sigma = math.sqrt(model.variance)
+    leverage = np.einsum("ij,jk,ik->i", model.matrix, model.inverse, model.matrix)
     with np.errstate(divide="ignore", invalid="ignore"):
-        press = float(((np.asarray(ols.resid) / (1 - leverage)) ** 2).sum()) if df else math.nan
-    fitted = np.asarray(ols.fittedvalues)
-    spread = sigma * math.sqrt(len(ols.params) / n)
+        press = float(((model.residuals / (1 - leverage)) ** 2).sum()) if df else math.nan
+    fitted = model.matrix @ model.fitted
+    spread = sigma * math.sqrt(model.matrix.shape[1] / n)
     return {
         "std_dev": sigma,
         "mean": float(model.response.mean()),
@@ -90,13 +88,13 @@ def effects(model: Model) -> pd.DataFrame:
     `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised effect, without sign), `p`, and
     `contribution_percent`: the term's partial sum of squares over the total.
     """
-    first = 1 + model.block_columns
     table = anova(model).set_index("source")
+    errors = np.sqrt(model.variance * np.diag(model.inverse))
     estimates = pd.DataFrame(
         {
             "term": model.labels,
             "coefficient": model.coefficients,
-            "standard_error": np.asarray(model.ols.bse)[first:] if model.ols.df_resid else math.nan,
+            "standard_error": errors[1 + model.block_columns :],
         }
     )
     estimates["t"] = (estimates["coefficient"] / estimates["standard_error"]).abs()
@@ -114,7 +112,7 @@ def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
     """
     from scipy import stats
 
-    df = int(model.ols.df_resid)
+    df = model.df
     if not df:
         return {"t": math.nan, "bonferroni": math.nan}
     tests = {"t": 1, "bonferroni": len(model.terms)}

@@ -1,9 +1,9 @@
-"""Polynomial models of a response in coded factors, fitted by ordinary least squares (statsmodels)."""
+"""Polynomial models of a response in coded factors, fitted by ordinary least squares."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,7 +46,9 @@ class Model:
     coded: np.ndarray  # (n, k), the runs
     response: np.ndarray  # (n,)
     blocks: np.ndarray | None  # (n,), number of each run's block; None without blocks
-    ols: Any  # results of `statsmodels.api.OLS`; columns: constant, blocks but the first, terms
+    matrix: np.ndarray  # (n, p), columns: constant, blocks but the first, terms
+    inverse: np.ndarray  # (p, p), of matrix' matrix
+    fitted: np.ndarray  # (p,), the coefficients of all columns
 
     @property
     def block_columns(self) -> int:
@@ -61,13 +63,33 @@ class Model:
     @property
     def coefficients(self) -> np.ndarray:
         """Of the terms, (terms,)."""
-        return np.asarray(self.ols.params[1 + self.block_columns :])
+        return self.fitted[1 + self.block_columns :]
 
     @property
     def constant(self) -> float:
         """The response at the centre, averaged over the blocks."""
-        blocks = np.asarray(self.ols.params[1 : 1 + self.block_columns])
-        return float(self.ols.params[0] + blocks.sum() / (1 + len(blocks)))
+        blocks = self.fitted[1 : 1 + self.block_columns]
+        return float(self.fitted[0] + blocks.sum() / (1 + len(blocks)))
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """Responses less the fitted ones, (n,)."""
+        return self.response - self.matrix @ self.fitted
+
+    @property
+    def residual(self) -> float:
+        """Sum of the squared residuals."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def df(self) -> int:
+        """Degrees of freedom of the residuals."""
+        return len(self.response) - self.matrix.shape[1]
+
+    @property
+    def variance(self) -> float:
+        """Mean square of the residuals; nan without a degree of freedom."""
+        return self.residual / self.df if self.df else math.nan
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
         """The response (n,) at points (n, k) in coded units, averaged over the blocks."""
@@ -78,7 +100,7 @@ class Model:
         values = columns(coded, self.terms)
         share = np.full((len(values), self.block_columns), 1.0 / (1 + self.block_columns))
         rows = np.hstack([np.ones((len(values), 1)), share, values])
-        return np.sqrt(np.einsum("ni,ij,nj->n", rows, np.asarray(self.ols.cov_params()), rows))
+        return np.sqrt(np.einsum("ni,ij,nj->n", rows, self.variance * self.inverse, rows))
 
 
 def fit(
@@ -103,6 +125,6 @@ def fit(
     rank = int(np.linalg.matrix_rank(matrix))
     if rank < matrix.shape[1]:
         raise ValueError(f"{len(coded)} runs determine {rank} coefficients; allowed: all {matrix.shape[1]}")
-    from statsmodels.api import OLS  # over half a second at start-up
-
-    return Model(tuple(factors), terms, coded, response, numbers, OLS(response, matrix).fit())
+    inverse = np.linalg.pinv(matrix)
+    fitted = inverse @ response
+    return Model(tuple(factors), terms, coded, response, numbers, matrix, inverse @ inverse.T, fitted)

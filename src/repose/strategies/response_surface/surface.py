@@ -130,13 +130,13 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
 
     rows = []
     for target, model in zip(targets, models, strict=True):
-        df = int(model.ols.df_resid)
+        df = model.df
         mean, error = (
             float(model.predict(best.coded[None])[0]),
             float(model.standard_error(best.coded[None])[0]),
         )
         t = float(stats.t.ppf((1 + LEVEL) / 2, df)) if df else np.nan
-        whole = np.sqrt(error**2 + (model.ols.mse_resid if df else np.nan) / runs)
+        whole = np.sqrt(error**2 + model.variance / runs)
         rows.append(
             {
                 "response": target.name,

@@ -1,0 +1,17 @@
+"""Number the streams of random numbers of the studies here, beyond those of `repose.core.seeds.PURPOSES`."""
+
+from repose.core.seeds import PURPOSES
+
+STREAMS = {
+    "shape_published": 3,
+    "shape_sensitivity": 4,
+    "shape_design": 5,
+    "pool": 6,
+    "fresh": 7,
+    "shape_fresh": 10,
+    "shape_bulk": 11,
+    "joint_targets": 14,
+}
+
+if set(STREAMS.values()) & set(PURPOSES.values()):
+    raise ValueError("a stream of research is one of the package; expected numbers that no other purpose has")

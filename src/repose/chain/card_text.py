@@ -1,0 +1,223 @@
+"""Material cards as text: one alone, its verdict, or two side by side."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+from repose.chain.answer import Check, in_one_line, nearness
+from repose.chain.card import with_remark
+
+MET = {True: "met", False: "NOT met", None: "not simulated again"}
+
+
+def verdict(card: Mapping[str, Any]) -> str:
+    """Whether the targets are met, in one line with numbers, and why."""
+    reason = card.get("reason", "The card is of an older version, which gave no reason.")
+    line = in_one_line(card["met"], map(_check, card["tests"]), reason, card.get("small_run", False))
+    return f"{card['material']}: {line}" + (f"\n{reason}" if card["met"] else "")
+
+
+def describe(card: Mapping[str, Any]) -> str:
+    """A card as text for people."""
+    made = card["made_by"]
+    free = list(card["correlations"])
+    pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
+    strong = sorted((pair for pair in pairs if abs(pair[0]) >= 0.5), key=lambda pair: -abs(pair[0]))
+    return "\n".join(
+        [
+            f"Material card: {card['material']}; targets {MET[card['met']]}",
+            *([card["reason"]] if "reason" in card else []),
+            *_about(card),
+            f"parameters [{card['interval']}]:",
+            *(
+                f"  {name:7} {_value(parameter):32} {with_remark(parameter['meaning'], parameter)}"
+                for name, parameter in card["parameters"].items()
+            ),
+            "correlations of 0.5 and more: "
+            + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
+            "tests:",
+            *(f"  {line}" for test in card["tests"] for line in _test_lines(test)),
+            f"  {nearness(map(_check, card['tests']))}",
+            *(f"  all within {key}: probability {_chance(value)}" for key, value in card["within"].items()),
+            *(f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()),
+            f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
+            f"engine {made['engine']}, seed {made['seed']}",
+        ]
+    )
+
+
+def _about(card):
+    """The simulated grain, wall and laws, or the other simulator."""
+    if "simulator" in card:
+        chance = card["probability"]
+        yield f"simulator: {card['simulator']}"
+        yield (
+            f"probability that the simulator's means lie within 1 % of all targets: {chance['within_1_percent']:.2f}; "
+            f"within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: {chance['inside']:.2f}"
+        )
+        return
+    grain = card["grain"]
+    axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
+    spread = f", spread {100 * grain['relative_spread']:.2g} %" if grain["relative_spread"] else ""
+    yield (
+        f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, {grain['volume_mm3']:.4g} mm3, "
+        f"{grain['mass_g']:.4g} g"
+    )
+    yield f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}"
+    yield f"wall: {_moduli(card['wall'])}"
+    yield "contact laws:"
+    yield from (f"  {name}: {law}" for name, law in card["laws"].items())
+
+
+def compared(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+    """Two cards side by side, with the differences that hinder a comparison of their parameters."""
+    names = [card["material"] for card in (first, second)]
+    rows = [["", *names]]
+    for name in dict.fromkeys([*first["parameters"], *second["parameters"]]):
+        pair = [card["parameters"].get(name) for card in (first, second)]
+        note = [_overlap_note(*pair)] if all(pair) else []
+        rows.append([name, *(_value(value) if value else "-" for value in pair), *note])
+    tests = [{test["response"]: test for test in card["tests"]} for card in (first, second)]
+    for name in dict.fromkeys([*tests[0], *tests[1]]):
+        rows.append([name, *(_simulated(own.get(name)) for own in tests)])
+    for key in ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"):
+        if "simulator" not in first and "simulator" not in second:
+            rows.append([key, *(_plain(card["grain"][key]) for card in (first, second))])
+    widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(3)]
+    lines = [
+        "  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows
+    ]
+    return "\n".join([*(line.rstrip() for line in lines), *_differences(first, second)])
+
+
+def _differences(first, second):
+    """Sentences on the differences of two cards besides the grain."""
+    simulators = [card.get("simulator", "repose") for card in (first, second)]
+    if simulators[0] != simulators[1]:
+        yield f"Another simulator: {simulators[0]} | {simulators[1]}."
+    laws = [card.get("laws", {}) for card in (first, second)]
+    for name in dict.fromkeys([*laws[0], *laws[1]] if all(laws) else []):
+        pair = [of.get(name, "none") for of in laws]
+        if pair[0] != pair[1]:
+            yield f"Another law, {name}: {pair[0]} | {pair[1]}. The same parameters would give other piles."
+    yield from _other_tests(first, second)
+    if first["interval"] != second["interval"]:
+        yield f"The intervals differ in kind: {first['interval']} | {second['interval']}."
+    if first["made_by"]["engine"] != second["made_by"]["engine"]:
+        yield "The versions of the simulator differ."
+
+
+def _other_tests(first, second):
+    """Sentences on responses with different definitions, and on bench tests with different settings."""
+    tests = [{test["response"]: test["definition"] for test in card["tests"]} for card in (first, second)]
+    for name in (name for name in tests[0] if name in tests[1]):
+        pair = [of[name] for of in tests]
+        names = [of["name"] or "not stated" for of in pair]
+        if names[0] != names[1]:
+            yield f"Another definition of {name}: {names[0]} | {names[1]}. Their numbers must not be compared."
+        elif pair[0] != pair[1]:
+            yield f"{name} is measured with other settings: {_unlike(*(of['settings'] for of in pair))}."
+    benches = [_benches(card) for card in (first, second)]
+    for name in (name for name in benches[0] if name in benches[1]):
+        if benches[0][name] != benches[1][name]:
+            yield f"Another {name}: {_unlike(benches[0][name], benches[1][name])}."
+
+
+def _unlike(first, second):
+    """Keys whose values differ, with both."""
+    keys = dict.fromkeys([*first, *second])
+    differing = [
+        (key, *(_plain(of.get(key)) for of in (first, second)))
+        for key in keys
+        if first.get(key) != second.get(key)
+    ]
+    return "; ".join(f"{key} {mine} | {theirs}" for key, mine, theirs in differing)
+
+
+def _overlap_note(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+    """Whether two intervals overlap."""
+    ends = [value for part in (first, second) for value in (part["low"], part["high"])]
+    if None in ends:
+        return ""
+    return "" if ends[0] <= ends[3] and ends[2] <= ends[1] else "intervals apart"
+
+
+def _value(parameter):
+    """A parameter with its interval."""
+    if parameter["low"] is None:
+        return f"{parameter['value']:.4g} fixed"
+    return f"{parameter['value']:.4g} [{parameter['low']:.4g}, {parameter['high']:.4g}]"
+
+
+def _simulated(test):
+    """Simulated and measured response."""
+    if test is None:
+        return "-"
+    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}"
+    return f"{simulated} {test['unit']}, measured {test['measured']:.4g}"
+
+
+def _check(test):
+    """A test of the card as a `Check`."""
+    return Check(**{field.name: test[field.name] for field in fields(Check) if field.name in test})
+
+
+def _test_lines(test):
+    """A test with the definition of its response."""
+    simulated = _mean(test["simulated"], test["standard_error"])
+    simulated += "" if test["simulated"] is None else f" {test['unit']}"
+    yield (
+        f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} (sd {test['sd']:.2g}, "
+        f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
+        f"(runs: {test['runs']}): {MET[test['met']]}"
+    )
+    off = _check(test).error_percent
+    if off is not None:
+        yield f"  predicted {test['predicted']:.4g}, {off:.1f} % off the simulated (the article's solutions: below 5 %)"
+    definition = test["definition"]
+    name, settings = definition["name"] or "not stated", _settings(definition["settings"])
+    yield f"  definition: {name}" + (f"; {settings}" if settings else "")
+    if "reach" in test:
+        yield f"  {test['reach']['sentence']}"
+    if "definitions" in test:
+        shown = (
+            f"{of['line']}: {_mean(of['simulated'], of['standard_error'])}"
+            for of in test["definitions"].values()
+        )
+        yield f"  the same piles by every line, {test['unit']}: {'; '.join(shown)}"
+
+
+def _mean(mean, error):
+    """A mean with its standard error."""
+    if mean is None:
+        return "no number"
+    return f"{mean:.4g}" + ("" if error is None else f" +- {error:.2g}")
+
+
+def _settings(section):
+    """Keys with their values."""
+    return ", ".join(f"{key} {_plain(value)}" for key, value in section.items())
+
+
+def _benches(card):
+    """Settings of each bench test with known settings, by its name."""
+    return {test["apparatus"]: test["bench"] for test in card["tests"] if test["bench"] is not None}
+
+
+def _chance(value):
+    """A probability."""
+    return "unknown; it requires two good runs of each bench test" if value is None else f"{value:.2f}"
+
+
+def _moduli(part):
+    """Moduli of a material."""
+    return f"shear modulus {part['shear_modulus_pa']:.4g} Pa, Poisson's ratio {part['poisson_ratio']:.3g}"
+
+
+def _plain(value: Any) -> str:
+    """A value of a table."""
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return " x ".join(f"{item:.4g}" for item in value)
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
+    return f"{value:.4g}" if isinstance(value, int | float) else str(value)
