@@ -1,10 +1,12 @@
 """The report: its numbers, its 3-D scene, and what it says; the page itself is tested in a browser."""
 
 import html
+import io
 import json
 import os
 import re
 from types import SimpleNamespace
+from zipfile import ZipFile
 
 import numpy as np
 import pandas as pd
@@ -20,7 +22,7 @@ from repose.core.runs import error_of
 from repose.core.targets import Targets
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import line_of
-from repose.pictures.report import page, prediction, scene
+from repose.pictures.report import page, prediction, scene, three
 from repose.surrogate import load
 
 BOTH = Targets.of(TARGETS)
@@ -196,6 +198,24 @@ def test_a_row_of_the_answer_tells_where_its_interval_was_widened_and_what_lies_
         assert ("interval widened to hold the answer" in told["e_gg"]) is posterior
         assert ("0.2 to 0.35" in told["e_gg"]) is posterior
         assert "widened" not in told["mus_gg"] + told["mur_gp"]
+
+
+def test_a_trimesh_without_a_fit_three_js_is_refused(monkeypatch):
+    script = three.library(["InstancedMesh", "sRGBEncoding"])
+    assert script.startswith("/**")
+    assert script.endswith("}));")
+    assert "Copyright 2010-2022 Three.js Authors" in script, "its licence stays"
+    assert "Trackball" not in script, "the viewer is left out"
+    assert not re.search("</script|<!--", script), "it ends no script of a page"
+    stored = io.BytesIO()
+    with ZipFile(stored, "w") as viewer:
+        viewer.writestr(three.PAGE, "<script>another library</script>")
+    refused = [three.resources.get_bytes, lambda name: stored.getvalue(), lambda name: b"no archive"]
+    cases = zip(refused, (["NoSuchMesh"], [], []), ("no NoSuchMesh", "no three.js", "not a zip"), strict=True)
+    for read, names, said in cases:
+        monkeypatch.setattr(three.resources, "get_bytes", read)
+        with pytest.raises(InputError, match=rf"trimesh \d.*{said}.*allowed: a version of trimesh"):
+            three.library(names)
 
 
 def test_faults_name_the_input(tmp_path):

@@ -3,6 +3,7 @@
 import html
 import json
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 from repose.core.files import read_table, write_text
 from repose.core.parameters import LABELS
 from repose.particle.particle import Particle
-from repose.pictures.report import prediction, scene, sections
+from repose.pictures.report import prediction, scene, sections, three
 from repose.pictures.report.study import Study, read
 
 if TYPE_CHECKING:
     import pandas as pd
 
 HERE = Path(__file__).parent
-SCRIPTS = ("network.js", "report.js")
 
 
 def write(
@@ -72,9 +72,10 @@ def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
     """The whole page as text; `body` is HTML, `values` go to the scripts as JSON."""
     # JSON allows "<" in this form; it cannot end the script early
     coded = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    view = ("three.min.js", "view.js") if values["pour"] else ()
-    scripts = "\n".join(f"<script>{_own(name)}</script>" for name in (SCRIPTS[0], *view, SCRIPTS[1]))
-    licence = f"<!--\n{_own('three.license.txt')}-->" if values["pour"] else ""
+    view = _own("view.js")
+    drawing = (three.library(re.findall(r"THREE\.(\w+)", view)), view) if values["pour"] else ()
+    parts = (_own("network.js"), *drawing, _own("report.js"))
+    scripts = "\n".join(f"<script>{script}</script>" for script in parts)
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{html.escape(title)}</title><link rel="icon" href="data:,">
@@ -85,7 +86,6 @@ def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
 <dialog id="large"><form method="dialog"><button class="act">Close</button></form>
 <div tabindex="0"><img alt=""></div></dialog>
 <script type="application/json" id="content">{coded}</script>
-{licence}
 {scripts}
 </body></html>
 """

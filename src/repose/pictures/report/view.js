@@ -2,7 +2,9 @@
 "use strict";
 
 function pourView(canvas, pour) {
+  THREE.ColorManagement.legacyMode = false; // colours are those of the page
   const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+  Object.assign(renderer, { outputEncoding: THREE.sRGBEncoding, physicallyCorrectLights: true });
   const scene = new THREE.Scene();
   scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8078, 1.9));
   const sun = new THREE.DirectionalLight(0xffffff, 1.9);
@@ -39,16 +41,24 @@ function pourView(canvas, pour) {
     return wall;
   });
 
-  const controls = new THREE.OrbitControls(camera, canvas);
-  controls.maxPolarAngle = Math.PI / 2 - 0.005; // not from below the plate
-  controls.enableZoom = false; // the wheel scrolls the page until the picture is touched
-  canvas.addEventListener("pointerdown", () => { controls.enableZoom = true; });
   const draw = () => renderer.render(scene, camera);
-  controls.addEventListener("change", draw);
   function dress(dark) {
-    renderer.setClearColor(dark ? 0x1d242c : 0xf4f5f7);
+    renderer.setClearColor(new THREE.Color(dark ? 0x1d242c : 0xf4f5f7).convertLinearToSRGB());
     plate.material.color.set(dark ? 0x55606c : 0xd9dde3);
     plate.material.emissive.set(dark ? 0x1c2126 : 0x6a6d72);
+    draw();
+  }
+
+  // Where the camera is, about a point on the axis: angles in degrees, lengths in mm.
+  const eye = { about: -90, above: 0, distance: 1, nearest: 0, middle: 0 };
+  function turn(about, above, factor) {
+    eye.about += about;
+    eye.above = Math.max(0.3, Math.min(89, eye.above + above)); // not from below the plate
+    eye.distance = Math.max(eye.nearest, Math.min(20 * eye.nearest, eye.distance * factor));
+    const [a, b] = [eye.about, eye.above].map((degrees) => degrees * (Math.PI / 180));
+    camera.position.set(Math.cos(b) * Math.cos(a), Math.cos(b) * Math.sin(a), Math.sin(b)).multiplyScalar(eye.distance);
+    camera.position.z += eye.middle;
+    camera.lookAt(0, 0, eye.middle);
     draw();
   }
 
@@ -58,27 +68,47 @@ function pourView(canvas, pour) {
   canvas.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return; // the browser's own
     if (event.key === "0") look(current);
-    else if (event.key in TURNS) {
-      const [about, above, factor] = TURNS[event.key], to = Math.PI / 180;
-      const from = camera.position.clone().sub(controls.target), distance = factor * from.length();
-      const angle = Math.atan2(from.y, from.x) + about * to;
-      const up = Math.max(-0.1, Math.min(1.55, Math.asin(from.z / from.length()) + above * to));
-      from.set(Math.cos(up) * Math.cos(angle), Math.cos(up) * Math.sin(angle), Math.sin(up)).multiplyScalar(distance);
-      camera.position.copy(from.add(controls.target));
-      controls.update(); // not from below the plate; it draws
-    } else return;
+    else if (event.key in TURNS) turn(...TURNS[event.key]);
+    else return;
     event.preventDefault();
   });
 
-  const place = new THREE.Vector3(), turn = new THREE.Quaternion(), size = new THREE.Vector3(), matrix = new THREE.Matrix4();
+  // One finger or the mouse turns, two fingers or the wheel change the distance.
+  const fingers = new Map(); // places by pointer
+  const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
+  let touched = false; // the wheel scrolls the page until then
+  canvas.style.touchAction = "none";
+  canvas.addEventListener("pointerdown", (event) => {
+    touched = true;
+    canvas.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const from = fingers.get(event.pointerId), to = { x: event.clientX, y: event.clientY };
+    if (!from) return;
+    const before = fingers.size === 2 ? apart() : 0, degrees = 360 / canvas.clientHeight;
+    fingers.set(event.pointerId, to);
+    if (before) turn(0, 0, before / Math.max(apart(), 1));
+    else turn((from.x - to.x) * degrees, (to.y - from.y) * degrees, 1);
+  });
+  for (const end of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(end, (event) => fingers.delete(event.pointerId));
+  }
+  canvas.addEventListener("wheel", (event) => {
+    if (!touched) return;
+    event.preventDefault();
+    turn(0, 0, 1.05 ** Math.sign(event.deltaY));
+  }, { passive: false });
+
+  const place = new THREE.Vector3(), pose = new THREE.Quaternion(), size = new THREE.Vector3(), matrix = new THREE.Matrix4();
   function show(frame) {
     for (let n = 0; n < pour.count; n++) {
       const at = (frame * pour.count + n) * 3, q = (frame * pour.count + n) * 4;
       const there = positions[at] !== 65535;
       place.set(...[0, 1, 2].map((i) => pour.low[i] + pour.step[i] * positions[at + i]));
-      turn.set(turns[q], turns[q + 1], turns[q + 2], turns[q + 3]).normalize();
+      pose.set(turns[q], turns[q + 1], turns[q + 2], turns[q + 3]).normalize();
       size.setScalar(there ? (scales ? scales[n] : 1) : 0);
-      bodies.setMatrixAt(n, matrix.compose(place, turn, size));
+      bodies.setMatrixAt(n, matrix.compose(place, pose, size));
     }
     bodies.instanceMatrix.needsUpdate = true;
     draw();
@@ -107,13 +137,9 @@ function pourView(canvas, pour) {
     const { elevation, half, middle, funnel: seen } = views[name];
     const angle = Math.tan((camera.fov / 2) * (Math.PI / 180));
     const distance = 1.12 * Math.max(half[0] / (angle * camera.aspect), half[1] / angle) + half[0];
-    const up = elevation * (Math.PI / 180);
-    controls.target.set(0, 0, middle);
-    [controls.minDistance, controls.maxDistance] = [0.2 * distance, 4 * distance];
-    camera.position.set(0, -distance * Math.cos(up), middle + distance * Math.sin(up));
+    Object.assign(eye, { about: -90, above: elevation, distance, nearest: 0.2 * distance, middle });
     funnel.forEach((wall) => { wall.visible = seen; });
-    controls.update();
-    draw();
+    turn(0, 0, 1);
   }
   let drawnWidth = 0;
   function resize() {
