@@ -138,6 +138,19 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
     assert found["slip_deg"] == pytest.approx(10.0, abs=0.01)
 
 
+def test_a_result_outside_its_bounds_is_no_result():
+    """A sled that creeps: the line through its speeds meets zero at a negative angle."""
+    angle = np.linspace(0.0, 20.0, 200)
+    arrays = {f"{what}_angle_deg": angle for what in (inclined_plane.SLED, inclined_plane.SINGLE)}
+    for what in (inclined_plane.SLED, inclined_plane.SINGLE):
+        arrays |= {f"{what}_speed_m_s": (angle + 5.0) ** 2, f"{what}_slide_m_s": 0.0 * angle}
+    record = {"seed": 1, "status": "ok", "reason": ""}
+    found = TEST.result(record, arrays, Scene.of(config(), {}, BEAD, SPHERE))
+    assert found["status"] == "out_of_bounds"
+    assert found["reason"] == "angle of slip is -5, outside 0 to 89 deg"
+    assert found["status"] in TEST.statuses
+
+
 def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
     values = named((0.3, 0.5, 0.3, 0.3, 0.5, 0.3))
     own = config(tilting_deg_s=10.0, steepest_deg=45.0)
@@ -156,5 +169,9 @@ def test_a_plane_that_tilts_too_fast_is_refused():
         ({"surface": "glass"}, r"surface.*wall.*berry.*glued"),
         ({"steepest_deg": 90.0}, r"steepest_deg.*1 to 89"),
     ]
+    creeping = config()
+    creeping["simulation"]["rolling_law"] = "constant_torque"
+    with pytest.raises(InputError, match=r"simulation\.rolling_law.*lets it creep"):
+        Study.of(creeping)
     wrong = [(keys, rf"inclined_plane\.{allowed}") for keys, allowed in cases]
     assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)

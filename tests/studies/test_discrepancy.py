@@ -87,6 +87,27 @@ def test_a_study_that_says_too_little_is_refused(tmp_path):
         discrepancy.of_shape_study(few, targets_of(drum_slip_deg=40.0))
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "allowed"),
+    [
+        ("eligible", "yes", "True or False"),
+        ("eligible", "", "True or False"),
+        ("distance", "far", "a number from 0"),
+        ("distance", -1.0, "a number from 0"),
+        ("aor_se_deg", -1000.0, "a number from 0"),
+        ("aor_difference_deg", "inf", "a finite number"),
+        ("height_difference_mm", "much", "a finite number"),
+    ],
+)
+def test_a_cell_that_cannot_be_is_refused_with_its_row(tmp_path, column, value, allowed):
+    path = combinations(tmp_path, np.arange(40.0).reshape(20, 2))
+    table = pd.read_csv(path, dtype=str)
+    table.loc[2, column] = str(value)
+    table.to_csv(path, index=False)
+    with pytest.raises(InputError, match=rf"row 3: {column} is .*{allowed}"):
+        discrepancy.of_shape_study(path, TARGETS)
+
+
 def test_the_study_of_the_configuration_is_the_published_one():
     root = Path(__file__).parents[2]
     published = root / "results" / "published" / "shape_study" / "combinations.csv"

@@ -34,7 +34,17 @@ def test_statements():
     row |= {"information_bits": 0.6}
     assert "weakly determined, in the high half with probability 0.55" in posterior.statement(row)
     row |= {"information_bits": 1.5}
+    assert "e_gp lies in one of several places within 0.21 to 0.49" in posterior.statement(row)
+    row |= {"width_ratio": 0.4}
     assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
+
+
+def test_a_reference_interval_has_its_share_of_a_prior_that_does_not_begin_at_0():
+    space = ParameterSpace.of(UNIT | {"mus_gg": [0.4, 0.8]})
+    k = space.free.index("mus_gg")
+    found = posterior._reference("other", space, k, np.array([0.0, 0.5, 1.0]), 0.5, 0.7)
+    assert found["other_prior_probability"] == pytest.approx(0.5)
+    assert found["other_probability"] == pytest.approx(1 / 3)
 
 
 # Any number of targets, priors and fixed parameters, on a surrogate with a closed form

@@ -206,6 +206,23 @@ class BenchTest(ABC, Generic[S]):
         )
 
 
+    def result(
+        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+    ) -> dict[str, Any]:
+        """Measure a run; a response outside its bounds is no result, and its run is not ``ok``."""
+        measured = self.measure(record, arrays, scene)
+        if measured["status"] != "ok":
+            return measured
+        for response in dict.fromkeys((*self.responses, *self.target_responses(scene.settings.config))):
+            value = response.of(measured)
+            if value is not None and not response.low <= value <= response.high:
+                bounds = f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
+                reason = f"{response.label} is {value:.4g}, outside {bounds}"
+                return measured | {"status": OUT_OF_BOUNDS, "reason": reason}
+        return measured
+
+
+OUT_OF_BOUNDS = "out_of_bounds"  # status of a run, of every bench test, with a response outside its bounds
 _REGISTRY: dict[str, BenchTest[Any]] = {}
 T = TypeVar("T", bound=type[BenchTest[Any]])
 
@@ -232,7 +249,7 @@ def register(name: str) -> Callable[[T], T]:
     def known(kind: T) -> T:
         if name in _REGISTRY:
             raise ValueError(f"bench test {name!r} is registered already")
-        kind.name = name
+        kind.name, kind.statuses = name, (*kind.statuses, OUT_OF_BOUNDS)
         test = kind()
         family = None if kind.further_response is BenchTest.further_response else test.further_response
         core.register(*test.responses, family=family)

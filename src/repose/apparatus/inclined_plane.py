@@ -28,7 +28,7 @@ from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.factory import add_above
 from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
-from repose.apparatus.settings import SceneSettings, SimulationSettings
+from repose.apparatus.settings import CREEPING_LAWS, SceneSettings, SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 from repose.core.section import Section, Seeds
@@ -290,8 +290,10 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         return 2.0 * (section.settle_s + section.steepest_deg / section.tilting_deg_s)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Refuse a tilting so fast that there are fewer than 100 looks at the grain."""
-        section = self.section(settings)
+        """Refuse a law under which a sled creeps, and a tilting with fewer than 100 looks at the grain."""
+        section, law = self.section(settings), settings.simulation.rolling_law
+        if law in CREEPING_LAWS:
+            yield "simulation.rolling_law", f"a law that can hold a sled, for inclined_plane: {law} lets it creep"
         fastest = section.steepest_deg / (100 * LOOK_S)
         if section.tilting_deg_s > fastest:
             yield f"{NAME}.tilting_deg_s", f"at most {fastest:g}, or the angle has too few steps"

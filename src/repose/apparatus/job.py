@@ -30,7 +30,7 @@ Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | No
 def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
     """Run and measure once, without files; the measured run, and the run."""
     run = test.run(scene)
-    return test.measure(run.record, run.arrays, scene), run
+    return test.result(run.record, run.arrays, scene), run
 
 
 def about_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
@@ -133,5 +133,5 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
             test.required_arrays if pour["status"] == "ok" else ()
         )  # the arrays of a spoiled run may hold anything
         kept = pour_arrays(arrays, pour["seed"], path, needed)
-        runs.append(test.measure(pour, kept, scene))
+        runs.append(test.result(pour, kept, scene))
     return job | {"summary": summarise_runs(runs, test.recorded_for(scene.settings.config)), "runs": runs}

@@ -10,6 +10,7 @@ from pydantic import Field
 from repose.core.section import Berries, Section, Seeds
 
 S = TypeVar("S", bound=Section)
+CREEPING_LAWS = ("constant_torque",)  # rolling laws that hold no body still where a torque acts on it
 
 
 @dataclass(frozen=True)

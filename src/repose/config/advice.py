@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.apparatus import scene_size
 from repose.apparatus.funnel import NAME, PACKING, FunnelSettings
-from repose.apparatus.settings import SceneSettings
+from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -29,6 +29,8 @@ def of_funnel(
 
     `longest_step_s(grain)` is the longest time step [s] for such grains.
     """
+    if (law := SceneSettings(config).simulation.rolling_law) in CREEPING_LAWS:
+        yield f"rolling law: WARNING: {law} lets grains creep where a torque acts, so runs may end not_at_rest"
     yield f"stiffness: {_softer(config, berry, longest_step_s)}"
     sentence, fits = filling(config, particle.volume_m3)
     yield f"volume: {sentence}"

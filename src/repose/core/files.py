@@ -118,7 +118,7 @@ def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file
         table = pd.read_csv(io.StringIO(text))
     except UNREADABLE as error:
         raise InputError(path, "table", str(error), what) from error
-    for column in filter(is_number, columns):
+    for column in filter(is_number, table.columns):
         numbers = pd.to_numeric(table[column], errors="coerce")
         bad = ~np.isfinite(numbers.to_numpy(float)) & table[column].notna().to_numpy()
         if bad.any():

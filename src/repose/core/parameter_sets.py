@@ -34,7 +34,10 @@ def job_files(words: Iterable[str], samples_csv: str | os.PathLike, ending: str 
 
 def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
     """The parameters of a sample of a table, without rounding; InputError beyond the contact law's limits."""
-    rows = {row["sample"]: row for row in read_rows(path, COLUMNS)}
+    rows: dict[str, dict[str, str]] = {}
+    for row in read_rows(path, COLUMNS):
+        if rows.setdefault(row["sample"], row) is not row:
+            raise InputError(path, "sample", row["sample"], "each sample once")
     if str(number) not in rows:
         raise InputError(path, "sample", number, f"one of {len(rows)}: {', '.join(list(rows)[:3])}, ...")
     source = f"{path}, sample {number}"

@@ -62,7 +62,8 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     if missing:
         allowed = "a shape study of these targets; without one posterior.shape_study: null"
         raise InputError(combinations_csv, f"column {missing[0]}", "missing", allowed)
-    plausible = table[table["eligible"].astype(bool)].dropna(subset=["distance", *columns])
+    table = _checked(combinations_csv, table, targets.errors)
+    plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
     squares = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
@@ -80,6 +81,23 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     spread = np.sqrt(np.maximum(np.diag(raw) - noise, 0.0))
     covariance = raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
     return OfModels(np.average(values, axis=0, weights=weight), covariance, float(models))
+
+
+def _checked(path: str | os.PathLike, table: pd.DataFrame, errors: Sequence[str]) -> pd.DataFrame:
+    """Return the table, or refuse an `eligible` that is not true or false, and distances or errors below 0."""
+
+    def refuse(column: str, wrong: "pd.Series[bool]", allowed: str) -> None:
+        if wrong.any():
+            row = int(wrong.to_numpy().argmax())
+            raise InputError(f"{path}, row {row + 1}", column, table[column].tolist()[row], allowed)
+
+    eligible = table["eligible"].astype(str)
+    refuse("eligible", ~eligible.isin(["True", "False"]), "True or False")
+    numbers = {name: pd.to_numeric(table[name], errors="coerce") for name in ("distance", *errors)}
+    for name, column in numbers.items():
+        wrong = table[name].notna() & ~((column >= 0) & np.isfinite(column))
+        refuse(name, wrong, "a number from 0, or nothing")
+    return table.assign(eligible=eligible == "True", **numbers)
 
 
 def sizes(

@@ -33,6 +33,7 @@ DRAWS_KEPT = 4000
 LARGEST_R_HAT, FEWEST_EFFECTIVE = 1.01, 400  # Vehtari et al. 2021, Bayesian Analysis 16, 667
 # Kullback-Leibler information, in bits: half the range is worth 1 bit.
 DETERMINED, UNDETERMINED = 1.0, 0.2
+WIDE = 0.75  # of the prior's width: a parameter of so wide an interval is not determined, whatever its bits
 MOSTLY = 0.5
 
 
@@ -215,6 +216,8 @@ def statement(row: Mapping[str, Any]) -> str:
         end = "low" if row["below_centre"] > 0.5 else "high"
         sure = max(row["below_centre"], 1 - row["below_centre"])
         return f"{name} is weakly determined, in the {end} half with probability {sure:.2f}: {share}"
+    if row["width_ratio"] > WIDE:
+        return f"{name} lies in one of several places within {where}: {share}"
     return f"{name} is determined, {where}: {share}"
 
 
