@@ -58,7 +58,6 @@ def test_a_berry_has_to_fit():
 
 def slopes(above_deg, below_deg):
     """Centres of small spheres that fill two wedges above and a pile below, of these slopes, 0.5 mm apart."""
-    own = config()["drawdown"]
     box = drawdown.Box.of(TEST.section(SceneSettings(config())))
     x, z = np.meshgrid(np.arange(-0.13, 0.13, 5e-4), np.arange(5e-4, 0.1, 5e-4), indexing="ij")
     x, z = x.ravel(), z.ravel()
@@ -87,6 +86,13 @@ def test_both_slopes_are_measured():
     assert found["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
     below = int(arrays["in_pile"].sum())
     assert found["drawdown_mass_g"] == pytest.approx(below * SPHERE.mass_kg)  # 0.1^3 kg are g
+
+
+def test_an_opened_box_waits_until_its_grains_rest():
+    few = SMALL | {"berries": 12, "rate_per_s": 200.0, "open_from_s": 0.4, "longest_s": 1.0}
+    record, run = run_once(bench("drawdown"), Scene.of(config(**few), SET, BEAD, SPHERE, 1))
+    assert record["status"] in ("ok", "no_flank"), record["reason"]
+    assert np.isfinite(run.arrays["exit_s"]).any()
 
 
 @pytest.mark.slow

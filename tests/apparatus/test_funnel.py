@@ -15,6 +15,7 @@ from goji import AXES_MM, BERRY, ROOT, named, particle
 from numba import typeof
 
 from repose.apparatus import Scene, bench, funnel, scene
+from repose.apparatus.bounds import Bounded
 from repose.apparatus.job import measure_job, pour_job, run_once
 from repose.apparatus.settings import SceneSettings
 from repose.config.study import Study
@@ -177,6 +178,14 @@ def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(p
     assert np.allclose(np.diff(filmed.frames["time_s"]), 0.01)
     assert np.isnan(filmed.frames["position"][0]).any()
     assert np.allclose(filmed.frames["position"][-1], filmed.centres_m, atol=1e-6)
+
+
+def test_frames_may_be_a_time_step_apart():
+    made = TEST.build(Scene.of(small(), named(CENTRE), BERRY, particle()))
+    made.add("berry", (0.0, 0.0, 0.05))
+    film = scene.Filmed(Bounded(made, 0.1), interval_s=made.time_step_s)
+    film.run_to(5)
+    assert film.frames()["time_s"] == pytest.approx(made.time_step_s * np.arange(1, 6))
 
 
 def test_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):

@@ -395,6 +395,8 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     assert any("no number" in line for line in lines)
     assert "Another funnel: outlet_diameter_mm 32 | 40." in lines
     assert "height_mm is measured with other settings: views 18 | 6." in lines
+    assert "Another simulator" not in card_text.compared(one, other)
+    assert "Another simulator: repose | theirs." in card_text.compared(one, other | {"simulator": "theirs"})
     other["tests"][0]["definition"]["name"] = "angle, secant"
     assert any(
         "Another definition of height_mm" in line for line in card_text.compared(one, other).splitlines()

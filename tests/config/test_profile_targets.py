@@ -67,6 +67,12 @@ def test_a_profile_becomes_a_target_for_each_score(quick, entry):
     assert {target.whole for target in own} == {profile.whole}
 
 
+def test_a_profile_has_five_functions_unless_it_says_otherwise(quick, entry):
+    own = {key: value for key, value in entry.items() if key != "functions"}
+    with pytest.raises(InputError, match="rows is 5; allowed: more than functions, 5"):
+        study_of(quick, own)
+
+
 def test_the_errors_of_the_heights_may_be_a_column(quick, entry):
     own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]
     assert own.sd == pytest.approx(1 / np.sqrt(3))

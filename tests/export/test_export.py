@@ -71,6 +71,13 @@ def test_liggghts_gets_the_numbers(job):
     assert steps * step == pytest.approx(job.duration_s, rel=1e-3)
 
 
+def test_the_plate_of_a_deck_is_the_configured_one(config, job):
+    assert job.plate_radius_m == pytest.approx(0.5e-3 * config["funnel"]["plate_diameter_mm"])
+    for program, name in DECK.items():
+        if program != "yade":  # its plate is a box under all of the scene
+            assert f"{job.plate_radius_m:.6g}" in export.PROGRAMS[program](job)[name], program
+
+
 def test_liggghts_primes():
     primes = [prime(seed) for seed in range(200)]
     assert len(set(primes)) == 200
@@ -258,6 +265,7 @@ def test_the_funnel_is_the_simulated_one(job):
     areas = 0.5 * np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
+    assert areas.min() > 0.0
     lengths, middles = np.linalg.norm(np.diff(line, axis=0), axis=1), 0.5 * (line[1:, 0] + line[:-1, 0])
     around = (
         2 * surface.AROUND * math.sin(math.pi / surface.AROUND)

@@ -2,10 +2,12 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
+from export.jobs import THREE
 
 from repose.core.errors import InputError
 from repose.dem.rotations import sphere_directions
@@ -122,6 +124,19 @@ def test_support_is_what_the_mesh_says():
     for axis, unit in enumerate(np.eye(3)):
         slope = (particle.support(n + step * unit) - particle.support(n - step * unit)) / (2 * step)
         np.testing.assert_allclose(points[..., axis], slope, atol=1e-9)
+
+
+def test_the_support_of_unequal_spheres_is_the_farthest_of_all():
+    centres, radii = (
+        np.array([[-4.0, 0, 0], [3.0, 1.0, 0], [0, 0, 2.0]]) * 1e-3,
+        np.array([2.0, 5.0, 3.0]) * 1e-3,
+    )
+    clump = replace(THREE, spheres_m=np.column_stack([centres, radii]))
+    n = sphere_directions(200)
+    own = (centres[None] * n[:, None]).sum(axis=-1) + radii
+    np.testing.assert_allclose(clump.support(n), own.max(axis=1), rtol=1e-12)
+    farthest = centres[own.argmax(axis=1)] + radii[own.argmax(axis=1), None] * n
+    np.testing.assert_allclose(clump.support_point(n), farthest, rtol=1e-12)
 
 
 def test_bounding_radius_of_crossed_components():

@@ -23,6 +23,11 @@ def test_objective_is_eq_11_and_its_target_eq_12():
     np.testing.assert_allclose(F, 1 / 3 + 1 / 5)
 
 
+def test_a_prior_counts_by_a_hundredth():
+    """A choice: at one standard deviation it is worth 0.005 of a range's width."""
+    assert PRIOR_WEIGHT == 0.01
+
+
 def test_any_feasible_point_is_fitter_than_any_other():
     objective = Objective((0, 0), (1, 1), (0.0, 0.0))
     fitness = objective.fitness(*objective(np.array([[1.0, 1.0], [-1e-9, 0.0], [-1.0, 0.0]])))

@@ -6,6 +6,7 @@ import pytest
 
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
+from repose.core.variance import variance_components
 from repose.studies import next_measurement
 
 
@@ -33,6 +34,14 @@ def test_bits_of_known_variances(between, within, percent):
     if not percent:  # the interval is exact without a discrepancy
         covered = np.mean([row.bits_low <= known <= row.bits_high for row in rows])
         assert covered == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 100))
+
+
+def test_bits_with_a_discrepancy_by_hand():
+    runs = made_up(1.0, 0.5)
+    parts = variance_components(runs["value"], runs["sample"])
+    ratio = parts.within * parts.icc / (1 - parts.icc) / (parts.within / 10 + (0.2 * parts.mean) ** 2)
+    bits = next_measurement.information(runs, 10, 20.0)["bits"].iloc[0]
+    assert bits == pytest.approx(0.5 * np.log2(1 + ratio), rel=1e-9)
 
 
 def test_most_informative_first_and_what_says_nothing():

@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 from shared import TARGETS, targets_of
 
+from repose.cli import main
+from repose.core import places
 from repose.core.errors import InputError
 from repose.core.targets import Targets
 from repose.studies import noise
@@ -50,6 +52,14 @@ def test_tables_of_a_study_with_failed_pours(tmp_path):
     assert "height_mm: sd 2." in noise.message(summary, TWO)
     # height is twice the angle plus noise of one: 2 / sqrt(5)
     assert summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
+
+
+def test_the_verb_writes_the_tables(tmp_path, capsys):
+    out = tmp_path / "verb"
+    words = ["--config", str(places.root() / "config/quick.yaml"), "--out", str(out)]
+    assert main(["noise", "--runs", str(write_runs(tmp_path)), *words]) == 0
+    assert "height_mm: sd 2." in capsys.readouterr().out
+    assert len(pd.read_csv(out / "seeds.csv")) == 64
 
 
 def test_one_target_has_no_correlation():
