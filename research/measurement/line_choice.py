@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from repose.apparatus.reach import carried
 from repose.core.targets import Target
 from research.measurement.measurement_study import VARIANTS
 
@@ -30,12 +31,6 @@ FARTHEST_SD, LEAST_P, ALIKE_DEG = 2.0, 0.05, 0.5
 # The same rule by other limits, to show what hangs on them.
 OTHER_SD, OTHER_P = (1.5, 2.0, 2.5), (0.01, 0.05, 0.1)
 NEAR = 0.05  # share of the measured means
-
-
-def carried(angle_deg: np.ndarray, height_mm: np.ndarray, to_mm: float) -> np.ndarray:
-    """Angles of piles [deg] if the same volume stood `to_mm` high: tan(angle) ~ Height^1.5."""
-    tangent = np.tan(np.radians(angle_deg)) * (to_mm / np.asarray(height_mm)) ** 1.5
-    return np.degrees(np.arctan(tangent))
 
 
 def scatter_p(measured_sd: float, piles: int, scatter: float) -> float:
@@ -71,13 +66,11 @@ def facts(
     near = (means["Height"] / height.value - 1).abs() <= NEAR
     rows = []
     for name in VARIANTS:
-        at = carried(means[name].to_numpy(), means["Height"].to_numpy(), height.value)
+        at = carried(means[name], means["Height"], height.value)
         mean, sd = float(np.nanmean(at)), float(np.nanstd(at, ddof=1))
         others = [
             row["aor_simulated_deg"]
-            - np.nanmean(
-                carried(means[name].to_numpy(), means["Height"].to_numpy(), row["height_simulated_mm"])
-            )
+            - np.nanmean(carried(means[name], means["Height"], row["height_simulated_mm"]))
             for row in published
         ]
         within = float(noise.loc[name, "within_view"])

@@ -121,7 +121,7 @@ def lines_of(study, path):
     """What `repose check` says of the grain of a study."""
     path.write_text(yaml.safe_dump(study))
     loaded = Study.load(path, inputs=True)
-    return list(checking._about_the_grain(loaded.config, loaded.grain, loaded.particle))
+    return list(checking._about(loaded))
 
 
 @pytest.mark.parametrize("response", ["flank", "secant"])

@@ -28,6 +28,7 @@ def test_random_and_best_of_20_are_latin_hypercubes():
     assert strata_are_filled_once(design.lhsdesign(150, 6, rng=rng))
 
 
+@pytest.mark.slow
 def test_optimal_is_a_latin_hypercube_far_better_than_best_of_20():
     optimal = design.optimal_lhs(150, 6, seed=2026)
     assert optimal.shape == (150, 6)
@@ -57,34 +58,34 @@ def test_small_designs_work():
 
 
 def test_a_seed_gives_one_design():
-    first, again, other = (design.optimal_lhs(20, 6, seed=seed) for seed in (7, 7, 8))
+    first, again, other = (design.optimal_lhs(8, 3, seed=seed) for seed in (7, 7, 8))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
+    # as published designs were made: a rounding that differs leads to another design
+    assert design.minimum_distance(design.optimal_lhs(16, 2, seed=1)) == 0.2312518711027318
 
 
 def test_gain_of_an_exchange_against_recomputation():
     rng = np.random.default_rng(4)
     points = design.random_lhs(25, 4, rng)
-    squared, repulsion = np.zeros((25, 25)), np.zeros((25, 25))
     doublings = 3
-    for row in range(25):
-        exchange_search._update_pairs(points, squared, repulsion, doublings, row)
+    pairs = exchange_search.Pairs(points, doublings)
+    points = pairs.points
 
     def total(p):
         return sum(np.sum((a - b) ** 2) ** -(2.0**doublings) for i, a in enumerate(p) for b in p[:i])
 
-    assert exchange_search._totals(squared, repulsion) == pytest.approx(
-        (total(points), design.minimum_distance(points) ** 2)
-    )
+    assert pairs.total() == pytest.approx(total(points))
+    assert pairs.squared.min() == pytest.approx(design.minimum_distance(points) ** 2)
     for _ in range(20):
         column = rng.integers(4)
         i, j = rng.choice(25, 2, replace=False)
-        gain = exchange_search._exchange_gain(points, squared, repulsion, doublings, column, i, j)
+        (gain,) = pairs.gains(column, np.array([i]), np.array([j]))
         before = total(points)
-        exchange_search._exchange(points, squared, repulsion, doublings, column, i, j)
+        pairs.exchange(column, i, j)
         after = total(points)
         assert gain == pytest.approx(after - before, rel=1e-6, abs=1e-9 * max(before, after))
-        assert exchange_search._totals(squared, repulsion)[0] == pytest.approx(after)
+        assert pairs.total() == pytest.approx(after)
 
 
 def test_criteria_against_slow_twins():
@@ -97,10 +98,10 @@ def test_criteria_against_slow_twins():
 
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
 def test_written_samples_are_still_stratified(tmp_path, method):
-    design.run(ParameterSpace.of(RANGES), 40, method, 2026, tmp_path)
+    design.run(ParameterSpace.of(RANGES), 15, method, 2026, tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
     assert list(table.columns) == ["sample", *PARAMETERS]
-    assert list(table["sample"]) == list(range(1, 41))
+    assert list(table["sample"]) == list(range(1, 16))
     unit = np.stack([(table[p] - RANGES[p][0]) / (RANGES[p][1] - RANGES[p][0]) for p in PARAMETERS], axis=1)
     assert strata_are_filled_once(unit)
     comparison = pd.read_csv(tmp_path / "comparison.csv").set_index("method")
@@ -112,11 +113,11 @@ def test_written_samples_are_still_stratified(tmp_path, method):
 
 def test_a_fixed_parameter_is_a_column_and_a_prior_leaves_its_range_filled():
     section = RANGES | {"e_gp": {"fixed": 0.4}, "mus_gg": {"prior": {"mean": 0.5, "sd": 0.02}}}
-    table, comparison = design.design(ParameterSpace.of(section), 30, "optimal", 1)
-    assert table["e_gp"].tolist() == 30 * [0.4]
-    strata = np.floor(30 * (table["mus_gg"] - 0.44) / 0.12)
-    assert sorted(strata) == list(range(30))
-    assert comparison["samples"].tolist() == [30, 30, 30]
+    table, comparison = design.design(ParameterSpace.of(section), 12, "optimal", 1)
+    assert table["e_gp"].tolist() == 12 * [0.4]
+    strata = np.floor(12 * (table["mus_gg"] - 0.44) / 0.12)
+    assert sorted(strata) == list(range(12))
+    assert comparison["samples"].tolist() == [12, 12, 12]
 
 
 @pytest.mark.parametrize(

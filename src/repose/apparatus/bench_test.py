@@ -205,7 +205,6 @@ class BenchTest(ABC, Generic[S]):
             tuple(response.name for response in self.target_responses(config))
         )
 
-
     def result(
         self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
     ) -> dict[str, Any]:

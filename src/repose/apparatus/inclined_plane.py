@@ -293,7 +293,10 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         """Refuse a law under which a sled creeps, and a tilting with fewer than 100 looks at the grain."""
         section, law = self.section(settings), settings.simulation.rolling_law
         if law in CREEPING_LAWS:
-            yield "simulation.rolling_law", f"a law that can hold a sled, for inclined_plane: {law} lets it creep"
+            yield (
+                "simulation.rolling_law",
+                f"a law that can hold a sled, for inclined_plane: {law} lets it creep",
+            )
         fastest = section.steepest_deg / (100 * LOOK_S)
         if section.tilting_deg_s > fastest:
             yield f"{NAME}.tilting_deg_s", f"at most {fastest:g}, or the angle has too few steps"

@@ -109,6 +109,11 @@ def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float |
     return math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST)))
 
 
+def carried(angle_deg: "pd.Series", height_mm: "pd.Series", to_mm: float) -> "pd.Series":
+    """Carry angles of piles [deg] to the Height that the same volume would have: tan(angle) ~ Height^1.5."""
+    return np.degrees(np.arctan(np.tan(np.radians(angle_deg)) * (to_mm / height_mm) ** 1.5))
+
+
 def _of(config, particle, target, height_mm, definition, dataset_csv):
     """The reach of one target."""
     grains, line = config["funnel"]["berries"], line_of(config["measure"], definition)
@@ -143,10 +148,9 @@ def _own_band(dataset_csv, angle, height_mm):
         table = read_table(dataset_csv, ("status", angle, "height_mm"))
         table = table[table["status"] == "ok"]
         if len(table) >= FEWEST_SAMPLES:
-            tan = np.tan(np.radians(table[angle])) * (height_mm / table["height_mm"]) ** 1.5
-            carried = np.degrees(np.arctan(tan))
+            angles = carried(table[angle], table["height_mm"], height_mm)
             source = f"{len(table)} samples of this study"
-            return Band(float(carried.mean()), float(carried.std()), float(carried.max()), source)
+            return Band(float(angles.mean()), float(angles.std()), float(angles.max()), source)
     return None
 
 

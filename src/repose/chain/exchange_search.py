@@ -6,82 +6,60 @@ Sudjianto 2005, J. Stat. Plan. Inference 134:268.
 
 import numpy as np
 
-from repose.dem.kernels.jit import compiled
+
+class Pairs:
+    """Points (n, d) with the repulsions distance^-power of all pairs, for power = 2^(doublings + 1).
+
+    Sums go one by one (`cumsum`), since ties decide: their rounding is that of the published designs.
+    """
+
+    def __init__(self, points: np.ndarray, doublings: int) -> None:
+        n = len(points)
+        self.points, self.doublings = points.copy(), doublings
+        self.below = np.tril_indices(n, -1)
+        self.squared = np.full((n, n), np.inf)  # no point repels itself
+        self.repulsion = np.zeros((n, n))
+        for row in range(n):
+            self._update(row)
+
+    def _repulsions(self, squared: np.ndarray) -> np.ndarray:
+        value = 1.0 / squared
+        for _ in range(self.doublings):
+            value *= value
+        return value
+
+    def _update(self, row: int) -> None:
+        squared = np.cumsum((self.points - self.points[row]) ** 2, axis=1)[:, -1]
+        squared[row] = np.inf
+        self.squared[row] = self.squared[:, row] = squared
+        self.repulsion[row] = self.repulsion[:, row] = self._repulsions(squared)
+
+    def total(self) -> float:
+        """Sum up the repulsions of all pairs."""
+        return float(np.cumsum(self.repulsion[self.below])[-1])
+
+    def gains(self, column: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        """Change of `total` for each pair of rows i and j that swap their values in a column."""
+        x, rows, k = self.points[:, column], np.array([i, j]), np.arange(len(i))
+        ends = x[rows][:, :, None] - x
+        ends *= ends
+        shift = ends[1] - ends[0]
+        value = self._repulsions(self.squared[rows] + np.array([shift, -shift]))
+        value -= self.repulsion[rows]
+        value[:, k, rows] = 0.0  # where the two rows meet themselves
+        return value.transpose(2, 0, 1).reshape(-1, len(i)).cumsum(axis=0)[-1]
+
+    def exchange(self, column: int, i: int, j: int) -> None:
+        """Swap the values of rows i and j in a column."""
+        self.points[[i, j], column] = self.points[[j, i], column]
+        self._update(i)
+        self._update(j)
 
 
-@compiled
-def _repulsion(squared_distance, doublings):
-    """distance^-power for power = 2^(doublings + 1), by repeated squaring."""
-    value = 1.0 / squared_distance
-    for _ in range(doublings):
-        value *= value
-    return value
-
-
-@compiled
-def _exchange_gain(points, squared, repulsion, doublings, column, i, j):
-    """Change of sum(distance^-power) when rows i and j swap their values in column: O(n)."""
-    xi, xj = points[i, column], points[j, column]
-    gain = 0.0
-    for k in range(points.shape[0]):
-        if k in (i, j):
-            continue
-        xk = points[k, column]
-        shift = (xj - xk) ** 2 - (xi - xk) ** 2
-        gain += _repulsion(squared[i, k] + shift, doublings) - repulsion[i, k]
-        gain += _repulsion(squared[j, k] - shift, doublings) - repulsion[j, k]
-    return gain
-
-
-@compiled
-def _exchange(points, squared, repulsion, doublings, column, i, j):
-    """Swap rows i and j in column and bring their pairs up to date."""
-    points[i, column], points[j, column] = points[j, column], points[i, column]
-    for row in (i, j):
-        _update_pairs(points, squared, repulsion, doublings, row)
-
-
-@compiled
-def _update_pairs(points, squared, repulsion, doublings, row):
-    """Squared distances and repulsions between row and every other row."""
-    for k in range(points.shape[0]):
-        if k == row:
-            continue
-        total = 0.0
-        for c in range(points.shape[1]):
-            total += (points[row, c] - points[k, c]) ** 2
-        squared[row, k] = squared[k, row] = total
-        repulsion[row, k] = repulsion[k, row] = _repulsion(total, doublings)
-
-
-@compiled
-def _totals(squared, repulsion):
-    """(sum of the repulsions over pairs, smallest squared distance)."""
-    total, smallest = 0.0, np.inf
-    for i in range(squared.shape[0]):
-        for j in range(i):
-            total += repulsion[i, j]
-            smallest = min(smallest, squared[i, j])
-    return total, smallest
-
-
-@compiled
-def _best_of_candidates(points, squared, repulsion, doublings, column, candidates, rng):
-    """(i, j, gain) of the best among a few random exchanges in column."""
-    n = points.shape[0]
-    chosen_i, chosen_j, chosen_gain = 0, 1, np.inf
-    for _ in range(candidates):
-        i = rng.integers(0, n)
-        j = (i + 1 + rng.integers(0, n - 1)) % n
-        gain = _exchange_gain(points, squared, repulsion, doublings, column, i, j)
-        if gain < chosen_gain:
-            chosen_i, chosen_j, chosen_gain = i, j, gain
-    return chosen_i, chosen_j, chosen_gain
-
-
-@compiled
-def _next_threshold(threshold, better, accepted, improved, inner, warming):
-    """(threshold, warming) of the next round: Jin et al. 2005, section 3.2.
+def _next_threshold(
+    threshold: float, better: bool, accepted: int, improved: int, inner: int, warming: bool
+) -> tuple[float, bool]:
+    """Choose the threshold of the next round, and whether it is being raised: Jin et al. 2005, section 3.2.
 
     While the best design improves, the threshold keeps acceptance low; once it stalls, it is raised until
     most exchanges pass, then lowered until few do, and so on.
@@ -99,7 +77,7 @@ def _next_threshold(threshold, better, accepted, improved, inner, warming):
     return (threshold / 0.7 if warming else threshold * 0.9), warming
 
 
-@compiled
+@np.errstate(divide="ignore", over="ignore", invalid="ignore")
 def evolve(
     start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -109,44 +87,36 @@ def evolve(
     of a threshold. The results are the design of smallest phi_p, and the design of the largest minimum distance.
     """
     n, d = start.shape
-    points = start.copy()
-    squared = np.zeros((n, n))
-    repulsion = np.zeros((n, n))
-    for i in range(n):
-        _update_pairs(points, squared, repulsion, doublings, i)
-    exponent = 1.0 / 2.0 ** (doublings + 1)
-    total, widest = _totals(squared, repulsion)
-    phi = total**exponent
-    widest_points = points.copy()
-    best_phi, best_points = phi, points.copy()
-    threshold = 0.005 * phi
+    pairs, exponent = Pairs(start, doublings), 1.0 / 2.0 ** (doublings + 1)
+    total = pairs.total()
+    phi = best_phi = total**exponent
+    widest, best_points, widest_points = pairs.squared.min(), start.copy(), start.copy()
+    threshold, warming = 0.005 * phi, True
     candidates = min(50, max(1, n * (n - 1) // 10))
     inner = min(100, 2 * candidates * d)
-    warming = True
+    highs = np.tile([n, n - 1], candidates)
     for _ in range(rounds):
-        phi_before = best_phi
-        accepted = 0
-        improved = 0
+        phi_before, accepted, improved = best_phi, 0, 0
         for step in range(inner):
             column = step % d
-            i, j, gain = _best_of_candidates(points, squared, repulsion, doublings, column, candidates, rng)
-            trial = max(total + gain, 0.0) ** exponent
+            i, offset = rng.integers(0, highs).reshape(-1, 2).T
+            j = (i + 1 + offset) % n
+            gains = pairs.gains(column, i, j)
+            k = int(gains.argmin())
+            trial = max(total + gains[k], 0.0) ** exponent
             if trial - phi > threshold * rng.random():
                 continue
-            _exchange(points, squared, repulsion, doublings, column, i, j)
-            total += gain
-            phi = trial
+            pairs.exchange(column, i[k], j[k])
+            total, phi = total + gains[k], trial
             accepted += 1
             if phi < best_phi:
-                best_phi = phi
-                best_points[:] = points
+                best_phi, best_points = phi, pairs.points.copy()
                 improved += 1
         # Summed afresh, or the rounding of thousands of gains would pile up.
-        total, smallest = _totals(squared, repulsion)
+        total, smallest = pairs.total(), pairs.squared.min()
         phi = total**exponent
         if smallest > widest:
-            widest = smallest
-            widest_points[:] = points
+            widest, widest_points = smallest, pairs.points.copy()
         threshold, warming = _next_threshold(
             threshold, best_phi < phi_before, accepted, improved, inner, warming
         )

@@ -35,6 +35,7 @@ GROUPS = {
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
 STAGE = "stage"
+EXTRAS = ("cv2", "llvmlite", "matplotlib", "numba", "PIL", "trimesh")  # libraries that only some verbs need
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -60,6 +61,13 @@ def main(words: Sequence[str] | None = None) -> int:
             status = verb(args) or 0
         sys.stdout.flush()
         return status
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in EXTRAS:
+            raise
+        print_fault(
+            f"{error.name} is not installed: expected `pip install 'repose-dem[workflow]'`, which has all"
+        )
+        return BAD_INPUT
     except BrokenPipeError:
         # Python flushes stdout once more when it ends; with the null device that cannot fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -14,7 +14,6 @@ from repose.core.errors import InputError, InputErrors
 if TYPE_CHECKING:
     from repose.config.study import Study
     from repose.dem.time_steps import Limit
-    from repose.particle.particle import Particle
 
 # A smaller difference between the volumes of particle and mesh does not matter to a pile.
 LARGEST_VOLUME_CHANGE = 0.05
@@ -76,12 +75,7 @@ def check(args: argparse.Namespace, study: "Study") -> None:
     numbers = [f"{setting.key} {get(config, setting.key)}" for setting in computed.to_compute(written)]
     if numbers:
         print(f"computed, since they are auto or not given: {', '.join(numbers)}")
-    about = (
-        *_about_the_reach(study),
-        *_about_the_grain(config, berry, particle),
-        *_about_the_targets(config),
-    )
-    print(*about, sep="\n")
+    print(*_about(study), *_about_the_targets(config), sep="\n")
     measured = _berry_step_s(config, berry, particle)
     print(*_trials(study, measured), sep="\n")
     work = cost.work(config, measured, strategies.pours(config))
@@ -94,22 +88,16 @@ def check(args: argparse.Namespace, study: "Study") -> None:
     )
 
 
-def _about_the_reach(study: "Study") -> Iterator[str]:
-    """Whether piles of the grains can have angle and Height of the targets."""
+def _about(study: "Study") -> Iterator[str]:
+    """Tell whether piles can have the targets, time step and particle, and hints of the bench tests."""
     from repose.apparatus import reach
-    from repose.config import stands_on
-
-    return reach.said(study.config, study.particle, stands_on.own_dataset(study.config))
-
-
-def _about_the_grain(
-    config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle"
-) -> Iterator[str]:
-    """Sentences on time step and particle, and hints of the bench tests."""
     from repose.apparatus.settings import SimulationSettings
-    from repose.config import advice, computed
+    from repose.config import advice, computed, stands_on
 
-    def longest(berry):
+    config, berry, particle = study.config, study.grain, study.particle
+    yield from reach.said(config, particle, stands_on.own_dataset(config))
+
+    def longest(berry: Mapping[str, Any]) -> "Limit":
         return computed.longest_step(config, particle, berry)
 
     yield about_step(SimulationSettings.of(config).time_step_s, longest(berry))
@@ -213,7 +201,7 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
     own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
     path = args.runs or next(iter(own), None)
     runs = None if path is None else plan.read_runs(path, targets)
-    print(*_about_the_reach(study), *_about_the_grain(config, study.grain, study.particle), sep="\n")
+    print(*_about(study), sep="\n")
     result = plan.plan(config, runs, path)
     for name, percent in zip(targets.names, result.noise_percent, strict=True):
         source = f"measured in {path}" if result.measured else "assumed, as there are no runs yet"

@@ -107,13 +107,15 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
 def calibrate(args: argparse.Namespace, study: "Study") -> None:
-    from repose.pictures.report import own
     from repose.strategies.runs import read_runs
     from repose.studies import calibration
 
     found = calibration.calibrate(study, read_runs(args.runs, study))
     calibration.write(found, args.out)
-    own.write(found, Path(args.out) / "report.html")
     print(calibration.describe(found))
     _warn(found.summary["warning"])
-    print(f"Tables, material card and report: {args.out}")
+    print(f"Tables and material card: {args.out}", flush=True)
+    from repose.pictures.report import own  # last: an installation without pictures has all but the report
+
+    own.write(found, Path(args.out) / "report.html")
+    print(f"Report: {Path(args.out) / 'report.html'}")

@@ -137,14 +137,12 @@ def hash_of_file(path: str | PathLike) -> str:
 @cache
 def machine() -> dict[str, str | None]:
     """Versions, commit (None where it is not known) and processor type."""
-    from importlib import metadata  # slow to import, which the help of a verb should avoid
-
     return {
         "repose": __version__,
         "commit": _commit(),
         "processor": _processor(),
         "python": platform.python_version(),
-        **{name: metadata.version(name) for name in ("numpy", "numba")},
+        **{name: _version(name) for name in ("numpy", "numba")},
     }
 
 
@@ -152,6 +150,16 @@ def machine() -> dict[str, str | None]:
 def _content(path):
     """Hash of a file without a record."""
     return hash_of_file(path)
+
+
+def _version(name):
+    """Tell the version of a library; None where it is not installed."""
+    from importlib import metadata  # slow to import, which the help of a verb should avoid
+
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def _commit():

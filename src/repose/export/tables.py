@@ -137,7 +137,12 @@ def _scene(job: Job, geometry: str, factory: str) -> Iterable[Row]:
 
 def _page(program: str, job: Job, rows: Iterable[Row], notes: Iterable[str]) -> str:
     """The page of a program."""
-    lines = [f"# `{job.label}` in {program}", "", "| where | field | value |", "|---|---|---|"]
+    lines = [
+        f"# `{job.label}` in {program}: nobody has tried this table in the program",
+        "",
+        "| where | field | value |",
+        "|---|---|---|",
+    ]
     lines += [f"| {where} | {field} | {value} |" for where, field, value in rows]
-    lines += ["", "Not as in the study, or not tried here:", "", "- the program was not run here"]
+    lines += ["", "Not as in the study:", ""]
     return "\n".join([*lines, *(f"- {note}" for note in notes), ""])

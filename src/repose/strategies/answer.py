@@ -13,9 +13,9 @@ from repose.chain import validate
 from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import error_of, mean_and_error, of_bench
+from repose.core.seeds import UNNAMED
 from repose.core.targets import Targets
 from repose.measure.angles import MEAN_KEYS
-from repose.measure.further_responses import BENCH
 from repose.strategies.base import Answer, Studied
 
 
@@ -127,7 +127,7 @@ def _simulated(runs, targets):
         counts.append(len(values))
         row[target.response.simulated] = values.mean() if len(values) else np.nan
         row[target.response.error] = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
-    piles = of_bench(runs, BENCH)
+    piles = of_bench(runs, UNNAMED)
     for name in (name for name in MEAN_KEYS.values() if name in piles):
         mean, error = mean_and_error(piles.loc[piles["status"] == "ok", name].dropna().to_numpy(float))
         row[name], row[error_of(name)] = mean, error
