@@ -132,7 +132,7 @@ def test_means_with_the_scatter_of_their_replicates_are_the_single_runs():
     owner = np.repeat(np.arange(25), runs)
     t = 0.5 + 0.2 * np.sin(4 * x[owner]) + 0.05 * random.normal(size=(len(owner), 2))
     means = np.array([t[owner == i].mean(axis=0) for i in range(25)])
-    settings = levenberg_marquardt.Settings(80, 0.0, 0.005, 0.1, 10.0, 1e10, 1e-7, "inputs")
+    settings = levenberg_marquardt.TrainingSettings(80, 0.0, 0.005, 0.1, 10.0, 1e10, 1e-7, "inputs")
     single = train_start(w, x[owner], t, np.ones(t.shape), t.size, settings)
     scatter = float(np.sum((t - means[owner]) ** 2)), float(t.size - means.size)
     root = np.sqrt(np.column_stack([runs, runs]))

@@ -1,4 +1,4 @@
-"""The sections of the configuration as typed models, and `Settings`, the whole.
+"""The sections of the configuration as typed models, and `StudySettings`, the whole.
 
 Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); config/README.md explains the keys.
 """
@@ -471,7 +471,7 @@ class Figures(Section):
 # --- the whole --------------------------------------------------------------------------------------------------
 
 
-class Settings(Section):
+class StudySettings(Section):
     """The whole configuration, without the sections of strategies and bench tests (`settings_type`)."""
 
     label: Label
@@ -500,8 +500,8 @@ class Settings(Section):
     figures: Figures = Field(default_factory=Figures)
 
 
-def settings_type() -> type[Settings]:
-    """The model of a whole configuration: `Settings`, and a section for each strategy and each bench test."""
+def settings_type() -> type[StudySettings]:
+    """The model of a whole configuration: `StudySettings`, and a section for each strategy and each bench test."""
     from repose import strategies
 
     return _settings_type(names(), strategies.names())
@@ -516,7 +516,7 @@ def _settings_type(apparatus, strategies):
         name: (strategy(name).settings, ...) for name in strategies if strategy(name).settings is not None
     }
     sections |= {name: (bench(name).settings, ... if name == "funnel" else ABSENT) for name in apparatus}
-    return create_model("Configuration", __base__=Settings, **sections)
+    return create_model("Configuration", __base__=StudySettings, **sections)
 
 
 def named_files() -> tuple[str, ...]:

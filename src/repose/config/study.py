@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from repose.apparatus import Scene
     from repose.config.making import Making
-    from repose.config.models import Settings
+    from repose.config.models import StudySettings
     from repose.config.record import Record
     from repose.core.parameter_space import ParameterSpace
     from repose.core.targets import Targets
@@ -258,7 +258,7 @@ class Study:
         return Making(self.config, self._source)
 
     @cached_property
-    def settings(self) -> "Settings":
+    def settings(self) -> "StudySettings":
         """The configuration as typed sections, such as `study.settings.funnel.seeds`."""
         from repose.config.models import settings_type
 

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.evidence import of_each_weight, posterior_root
-from repose.surrogate.levenberg_marquardt import CONVERGED, STATISTICS, Settings, train_start
+from repose.surrogate.levenberg_marquardt import CONVERGED, STATISTICS, TrainingSettings, train_start
 from repose.surrogate.samples import checked_points, checked_samples, independent_mixing, pure_error
 from repose.surrogate.two_layer import (
     ARRAYS,
@@ -271,7 +271,9 @@ class BayesianBP(Surrogate):
         low, high = self.scaled_range
         if not low < high:
             raise ValueError(f"scaled_range is {self.scaled_range!r}; allowed: its first below its second")
-        return Settings(**{field.name: getattr(self, field.name) for field in fields(Settings)})
+        return TrainingSettings(
+            **{field.name: getattr(self, field.name) for field in fields(TrainingSettings)}
+        )
 
     def _stretch(self):
         """Units of y in one unit of a scaled output, (outputs,)."""

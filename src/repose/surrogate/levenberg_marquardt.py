@@ -39,7 +39,7 @@ SMALLEST_MU = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
-class Settings:
+class TrainingSettings:
     """Settings of the training of a start, as of `repose.surrogate.bayesian_bp.BayesianBP`."""
 
     epochs: int
@@ -113,7 +113,7 @@ def train_start(
     t: np.ndarray,
     root_weight: np.ndarray,
     n: float,
-    settings: Settings,
+    settings: TrainingSettings,
     pure_error: tuple[float, float] = (0.0, 0.0),
 ) -> dict[str, Any]:
     """Train from the weights w (N,) (FH 1-4); x, t and `root_weight` have a row for each sample, x and t are scaled.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 FITTED = ("anova", "effects", "statistics")  # tables of a step's models
 
 
-class Settings(Section):
+class ResponseSurfaceSettings(Section):
     """Screening, steepest ascent and a quadratic surface."""
 
     seeds: Seeds
@@ -33,7 +33,7 @@ class Settings(Section):
 class ResponseSurface(Strategy):
     """Screening, steepest ascent, surface, check: each a batch."""
 
-    settings = Settings
+    settings = ResponseSurfaceSettings
     repeats_points = True
     files = (
         *(f"{step}_{table}.csv" for step in ("screening", "surface") for table in FITTED),

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Settings(Section):
+class SequentialSettings(Section):
     """Few pours, each where it says most."""
 
     start_samples: int = Field(ge=4, le=999)
@@ -28,7 +28,7 @@ class Settings(Section):
 class Sequential(Strategy):
     """A space-filling start, then batches where the targets are probably met."""
 
-    settings = Settings
+    settings = SequentialSettings
     reads = ("parameters", "targets", "design.seed", "sequential", "miga.solutions", "miga.distance")
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
