@@ -17,7 +17,7 @@ from numba import typeof
 from repose.apparatus import Scene, bench, funnel, scene
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.job import measure_job, pour_job, run_once
-from repose.apparatus.settings import SceneSettings
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.config.study import Study
 from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
@@ -54,14 +54,22 @@ def config(**keys):
     return whole
 
 
+class LimitedByAll(SimulationSettings):
+    """Friction is limited by all of the normal force, as in the other implementation."""
+
+    @property
+    def laws(self):
+        return super().laws | {"friction_limit": "total"}
+
+
 def one_run(task):
     """One pour of a reference row (a top-level function, so that processes can take it)."""
     name, seed = task
     axes = np.full(3, np.prod(AXES_MM) ** (1.0 / 3.0)) if name == "spheres" else AXES_MM
     whole = config()
-    whole["simulation"]["friction_limit"] = "total"  # as the other implementation limits it
+    settings = SceneSettings(whole, {"simulation": LimitedByAll(**whole["simulation"])})
     record, _ = run_once(
-        bench("funnel"), Scene.of(whole, named(REFERENCES[name][0]), BERRY, particle(axes), seed)
+        bench("funnel"), Scene(settings, named(REFERENCES[name][0]), BERRY, particle(axes), seed)
     )
     return name, record
 

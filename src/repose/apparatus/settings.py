@@ -2,40 +2,38 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import Field
 
-from repose.core.section import Berries, Section, Seeds
+from repose.core.section import OF_OTHERS, Berries, OneOf, OrAuto, Section, Seeds
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
 S = TypeVar("S", bound=Section)
 CREEPING_LAWS = ("constant_torque",)  # rolling laws that hold no body still where a torque acts on it
 
 
-@dataclass(frozen=True)
-class SimulationSettings:
-    """Settings of every simulation of a study."""
+class SimulationSettings(Section):
+    """The section `simulation`: settings of every simulation of a study."""
 
-    time_step_s: float
-    gravity_m_s2: float  # along -z
-    tension: str  # how the normal force ends an impact; see `repose.dem.Simulation`
-    rest_energy_j: float  # a bed is at rest when its mean kinetic energy of a berry is below this
-    contact_law: str = "hertz_mindlin"  # a name of `repose.dem.laws.CONTACT_LAWS`
-    rolling_law: str = "budget"  # a name of `repose.dem.laws.ROLLING_LAWS`
-    # No key of a configuration: for comparisons with programs whose limit does not go with their tension.
-    friction_limit: str | None = None
+    time_step_s: OrAuto[Annotated[float, Field(ge=1.0e-7, le=1.0e-2)]] = OF_OTHERS
+    gravity_m_s2: float = Field(ge=0.1, le=100)  # along -z
+    tension: Literal["keep", "release"]  # how the normal force ends an impact
+    rest_energy_j: float = Field(
+        gt=0, le=1.0e-3
+    )  # a bed is at rest when its mean energy of a grain is below this
+    contact_law: Annotated[str, OneOf(lambda: CONTACT_LAWS)] = "hertz_mindlin"
+    rolling_law: Annotated[str, OneOf(lambda: ROLLING_LAWS)] = "budget"
 
     @classmethod
-    def of(cls, config: Mapping[str, Any]) -> "SimulationSettings":
-        """Settings of a configuration."""
-        return cls(**config["simulation"])
+    def of(cls, config: Mapping[str, Any]) -> Self:
+        """Read the section of a configuration."""
+        return cls.model_validate(config["simulation"])
 
     @property
     def laws(self) -> dict[str, Any]:
         """The force laws, as `repose.dem.Simulation` takes them."""
-        laws = {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
-        return laws if self.friction_limit is None else laws | {"friction_limit": self.friction_limit}
+        return {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
 
     def not_at_rest(self, energy_j: float, when: str = "") -> tuple[str, str]:
         """Status and reason of a run that ends with this mean energy of a berry; when: further words."""
@@ -68,10 +66,10 @@ class SceneSettings:
         made: Any = self.made[name]
         return made
 
-    @cached_property
+    @property
     def simulation(self) -> SimulationSettings:
         """Time step, gravity and force laws."""
-        return SimulationSettings.of(self.config)
+        return self.section("simulation", SimulationSettings)
 
     @property
     def wall(self) -> WallSettings:

@@ -76,9 +76,10 @@ def _of_the_validation(config):
 def _of_the_contact_law(config):
     """Parameters that the force laws lack, or that are of another law."""
     simulation = config["simulation"]
-    law = simulation.get("contact_law", SimulationSettings.contact_law)
+    fields = SimulationSettings.model_fields
+    law = simulation.get("contact_law", fields["contact_law"].default)
     needed = of_law(law)
-    rolling = simulation.get("rolling_law", SimulationSettings.rolling_law)
+    rolling = simulation.get("rolling_law", fields["rolling_law"].default)
     missing = [f"parameters.{name} ({LABELS[name]})" for name in needed if name not in config["parameters"]]
     if missing:
         yield "simulation.contact_law", f"{law} with {' and '.join(missing)}, each a range or a fixed value"

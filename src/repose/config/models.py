@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, cre
 from pydantic_core import core_schema
 
 from repose.apparatus import bench, names
-from repose.apparatus.settings import WallSettings
+from repose.apparatus.settings import SimulationSettings, WallSettings
 from repose.config import results_folder
 from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import ALLOWED, FURTHER
@@ -24,7 +24,6 @@ from repose.core.profiles import OfProfile
 from repose.core.responses import named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
 from repose.core.targets import LARGEST, LEAST_RANGE, range_about
-from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
 from repose.particle.particle import KINDS, SURFACES
@@ -182,8 +181,6 @@ ParameterOfAnySize = Annotated[
     _Parameter(-sys.float_info.max, sys.float_info.max),
     Field(description="a pair [low, high] of numbers with low < high; or fixed; or prior with mean and sd"),
 ]
-ContactLaw = Annotated[str, OneOf(lambda: CONTACT_LAWS)]
-RollingLaw = Annotated[str, OneOf(lambda: ROLLING_LAWS)]
 StrategyName = Annotated[str, OneOf(_strategies)]
 SurrogateName = Annotated[str, OneOf(_surrogates)]
 
@@ -253,17 +250,6 @@ class Design(Section):
     method: Literal["optimal", "lhsdesign"]
     samples: int = Field(ge=12, le=10000)
     seed: Seed
-
-
-class Simulation(Section):
-    """Settings shared by all bench tests."""
-
-    time_step_s: Annotated[float, Field(ge=1.0e-7, le=1.0e-2)] | Auto = AUTO
-    gravity_m_s2: float = Field(ge=0.1, le=100)
-    tension: Literal["keep", "release"]
-    rest_energy_j: float = Field(gt=0, le=1.0e-3)
-    contact_law: ContactLaw = "hertz_mindlin"
-    rolling_law: RollingLaw = "budget"
 
 
 class Measure(Section):
@@ -484,7 +470,7 @@ class StudySettings(Section):
     wall: WallSettings
     parameters: Parameters  # type: ignore[valid-type]
     design: Design
-    simulation: Simulation
+    simulation: SimulationSettings
     measure: Measure
     surrogate: SurrogateName
     network: Network
