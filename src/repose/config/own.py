@@ -142,8 +142,11 @@ class OwnSettings(Section):
 def _bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Names that no column of the table of runs may have."""
     for name in names:
-        if name in RESERVED or name != name.strip() or not name:
-            yield name, f"another name: text without spaces around it, and none of {', '.join(RESERVED)}"
+        if name in RESERVED or name != name.strip() or not name or not name.isprintable():
+            yield (
+                name,
+                f"another name: one line of text without spaces around it, and none of {', '.join(RESERVED)}",
+            )
 
 
 @cache

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -84,6 +84,9 @@ class Study:
         from repose.config.own import completed
         from repose.config.profiles import expanded_own
 
+        for name, given in (("parameters", parameters), ("targets", targets)):
+            if not isinstance(given, Mapping):
+                raise InputError("study", name, given, f"a mapping from the names of {name}")
         given = {
             "simulator": simulator,
             "label": label,
@@ -160,6 +163,7 @@ class Study:
 
         if isinstance(content, Mapping):
             return cls._of(completed(content), None, file)
+        _check_path("content", content)
         return cls._of(completed(read(content), content), None, file)
 
     @classmethod
@@ -192,6 +196,8 @@ class Study:
         InputError
             With all faults at once: for each the file, the key, the value and what is allowed.
         """
+        for file in files:
+            _check_path("file", file)
         if not overrides and not inputs and loader.is_resolved(*files):
             return cls.of_results(files[0])
         study = cls.of(*loader.read_layers(files, overrides), inputs=inputs)
@@ -222,6 +228,8 @@ class Study:
         """
         from repose.config.making import Making
 
+        if not isinstance(config, Mapping):
+            raise InputError(source, "configuration", config, "a mapping of sections")
         making = Making(dict(config), source)
         making.complete(inputs)
         study = cls._of(making.config, source)
@@ -410,20 +418,48 @@ class Study:
             return self._record.asked
 
     def tell(self, runs: "pd.DataFrame") -> None:
-        """Add the results of the runs that `ask` gave; with a file they are on the disk afterwards.
+        """Add results; with a file they are on the disk afterwards, and several processes may add to it.
 
         Parameters
         ----------
         runs : pandas.DataFrame
-            `sample` and a column for each response, in any order of the rows; NaN for a run that failed. With a column
-            `run` by the number of the run. Other columns are not read, but parameters must equal the rows of `ask`.
+            `sample` and a column for each response, for any of the runs that `ask` gave, in any order; NaN for a run
+            that failed. With a column `run` by the number of the run. Other columns are not read, but parameters must
+            equal the rows of `ask`. Without `sample` they are runs made before: a column for each parameter, too.
 
         Raises
         ------
         InputError
-            If these are not the runs that `ask` gave, or a number is not finite. Nothing is added then.
+            If these are not runs that `ask` gave, or a number is not finite. Nothing is added then.
         """
         self._record.add(runs)
+
+    def calibrate(self, simulate: Callable[[dict[str, Any]], Mapping[str, float]]) -> "Calibration":
+        """Simulate all that the strategy asks for, and return the answer.
+
+        Parameters
+        ----------
+        simulate : function
+            It takes a row of `ask` as a mapping, and returns the responses by name; NaN for a run that failed.
+
+        Returns
+        -------
+        Calibration
+
+        Raises
+        ------
+        InputError
+            If a response is missing or not a number.
+        """
+        while not self.done:
+            asked = self.ask()
+            found = [dict(simulate(row)) for row in asked.to_dict("records")]
+            names = list(self.targets.names)
+            missing = [name for name in names if any(name not in row for row in found)]
+            if missing:
+                raise InputError("study", "simulate", "its result", f"a mapping with {', '.join(missing)}")
+            self.tell(asked.assign(**{name: [row[name] for row in found] for name in names}))
+        return self.answer()
 
     def answer(self) -> "Calibration":
         """The parameters that meet the targets, with their certainty.
@@ -442,6 +478,8 @@ class Study:
         """
         from repose.studies.calibration import calibrate
 
+        if self.runs.empty:
+            raise InputError("study", "runs", 0, "results of the runs that `ask` gave: `tell` adds them")
         with _one_thread():
             return calibrate(self, self.runs, self.proposal)
 
@@ -468,8 +506,17 @@ def _target(given):
     return dict(zip(("value", "sd", "repetitions"), (*given, 1)[:3], strict=True))
 
 
-def _settings_of(file):
-    """Where the settings of a study with a file of runs lie."""
+def _check_path(name: str, path: Any) -> None:
+    """Refuse what is no path."""
+    if not isinstance(path, str | os.PathLike):
+        raise InputError("study", name, path, "the path of a file")
+
+
+def _settings_of(file: str | os.PathLike) -> Path:
+    """Return the file of the settings beside a file of runs."""
+    _check_path("file", file)
+    if not Path(file).parent.is_dir():
+        raise InputError("study", "file", str(file), "a path in a folder that is there")
     if Path(file).suffix != ".csv":
         raise InputError("study", "file", str(file), "a path that ends in .csv")
     return Path(file).with_suffix(".json")

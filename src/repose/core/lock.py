@@ -5,7 +5,6 @@ file systems of clusters have none: there nothing is held, and nothing is refuse
 """
 
 import errno
-import fcntl
 import os
 import sys
 from collections.abc import Iterator
@@ -14,6 +13,11 @@ from pathlib import Path
 from typing import IO
 
 from repose.core.errors import InputError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 # Errors of a file system without locks.
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
@@ -28,13 +32,13 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     mine = (folder / WORKFLOW).open("a+", encoding="utf-8")
-    if not _locked(mine, fcntl.LOCK_EX):
+    if not _locked(mine, exclusively=True):
         mine.seek(0)
         raise InputError(
             folder, "workflow", mine.read() or "running", "one at a time; wait until it has ended"
         )
     with (folder / JOBS).open("a", encoding="utf-8") as jobs:
-        if not _locked(jobs, fcntl.LOCK_EX):
+        if not _locked(jobs, exclusively=True):
             message = f"repose: {folder}: waiting until the jobs of a workflow that was killed have ended"
             print(message, file=sys.stderr, flush=True)
             fcntl.flock(jobs, fcntl.LOCK_EX)
@@ -51,13 +55,37 @@ def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
     if not os.access(path, os.W_OK):
         yield
         return
-    with path.open("a", encoding="utf-8") as jobs:
-        _locked(jobs, fcntl.LOCK_SH)
+    with path.open("a+", encoding="utf-8") as jobs:
+        _locked(jobs, exclusively=False)
         yield
 
 
-def _locked(file, kind):
-    """Whether a lock of this kind was free, and is now held."""
+@contextmanager
+def exclusive(path: str | os.PathLike) -> Iterator[None]:
+    """Hold a file against other processes of this program while it is read, changed and written."""
+    beside = Path(path).with_name(f".{Path(path).name}.lock")
+    if fcntl is None:
+        print(
+            f"repose: {path}: no locks on this system; one process at a time may add to it", file=sys.stderr
+        )
+        yield
+        return
+    with beside.open("a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX)
+        except OSError as error:
+            if error.errno not in NO_LOCKS:
+                raise
+            why = "the file system has no locks; one process at a time may add to it"
+            print(f"repose: {path}: {why}", file=sys.stderr)
+        yield
+
+
+def _locked(file: IO[str], exclusively: bool) -> bool:
+    """Whether a lock was free, and is now held."""
+    if fcntl is None:
+        return True
+    kind = fcntl.LOCK_EX if exclusively else fcntl.LOCK_SH
     try:
         fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -11,6 +11,7 @@ import pandas as pd
 
 from repose.core.errors import InputError
 from repose.core.files import check_columns, read_rows, write_table
+from repose.core.lock import exclusive
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import mean_and_error
 from repose.core.targets import Targets
@@ -106,9 +107,11 @@ def add_runs(study: Studied, new: str | os.PathLike, record: str | os.PathLike) 
     """
     rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.parameters)
     checked_runs(study, rows, new, enough=False)
-    before = read_rows(record, what="a CSV file of runs") if Path(record).exists() else []
-    table = checked_runs(study, [*before, *rows], f"{record} with {new}", enough=False)
-    write_table(record, pd.DataFrame([*before, *rows]))
+    Path(record).parent.mkdir(parents=True, exist_ok=True)
+    with exclusive(record):
+        before = read_rows(record, what="a CSV file of runs") if Path(record).exists() else []
+        table = checked_runs(study, [*before, *rows], f"{record} with {new}", enough=False)
+        write_table(record, pd.DataFrame([*before, *rows]))
     return table
 
 
@@ -192,6 +195,7 @@ def _refuse_twice(table, rows, source):
         if named.duplicated().any():
             k = int(named.duplicated().to_numpy().argmax())
             raise InputError(f"{source}, row {k + 1}", "sample and run", list(named[k]), "each once")
+        return  # the numbers tell runs apart whose results are equal, as of a simulator without random numbers
     ok = table[table["status"] == OK]
     if ok.duplicated().any():
         k = int(ok.index[ok.duplicated()][0])

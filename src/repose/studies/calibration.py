@@ -3,6 +3,7 @@
 import os
 from dataclasses import replace
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from repose.strategies.base import Answer, Batch, Studied, strategy
 from repose.strategies.runs import OK
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, SpaceKriging
+from repose.strategies.sequential.noise import REPLICATES
 from repose.strategies.sequential.strategy import noise_from, observed_of
 from repose.studies.posterior import FREEDOM, Posterior, infer
 from repose.surrogate.base import Predictor
@@ -60,6 +62,22 @@ class Calibration(NamedTuple):
         """A row for each response: `target`, predicted `mean` and its standard `error`."""
         return pd.DataFrame(self.summary["responses"]).T
 
+    @property
+    def card(self) -> dict[str, Any]:
+        """The material card, as `save` writes it."""
+        return card_of(self, Path())
+
+    def save(self, out_dir: str | os.PathLike) -> None:
+        """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
+        write(self, out_dir)
+
+    def report(self, path: str | os.PathLike) -> None:
+        """Write the page to read, one HTML file; it takes the extra `pictures`."""
+        import_module("repose.pictures.report.own").write(self, Path(path))  # a room above this one
+
+    def __repr__(self) -> str:
+        return f"<Calibration of {self.study.config['label']}>\n{describe(self)}"
+
     def _repr_html_(self) -> str:
         """The answer in a notebook: parameters with their intervals, predictions, probabilities."""
         parameters = pd.DataFrame(self.intervals).T.drop(columns=["at_bound", "widened"], errors="ignore")
@@ -85,7 +103,8 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     samples = _samples(study, runs)
     low, high = space.complete(np.array([space.low, space.high]))
     support = Support(space.values(observed.unit), low, high, space.names)
-    settings = posterior_settings(study, observed.freedom)
+    vary = REPLICATES in noise.sources.values()
+    settings = posterior_settings(study, observed.freedom if vary else 0)
     posterior = infer(model, support, runs, space, targets, settings, {})
     feasible, message = answer.verdict(best, targets)
     section = config["sequential"]
@@ -137,30 +156,36 @@ def posterior_settings(study: Studied, freedom: int) -> dict[str, Any]:
 
 def write(result: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
     """Write the tables of a calibration and its material card; return the card."""
-    out, study = Path(out_dir), result.study
+    out = Path(out_dir)
     tables = {"samples": result.samples, "solutions": result.solutions}
     tables |= {"posterior": result.posterior.parameters, "draws": result.posterior.draws}
     for name, table in tables.items():
         write_table(out / f"{name}.csv", table)
     write_json(out / "posterior.json", result.posterior.summary)
     write_json(out / "summary.json", result.summary)
+    made = card_of(result, out)
+    card.check(made, out / "card.json")
+    write_json(out / "card.json", made)
+    return made
+
+
+def card_of(result: Calibration, folder: Path) -> dict[str, Any]:
+    """Return the material card of a calibration whose files lie in a folder."""
+    study = result.study
     about = {"simulator": study.config.get("simulator", "repose"), "probability": result.probability}
     tests: dict[str, dict[str, Any]] = {
         name: {"definition": {"name": study.config["definitions"].get(name), "settings": {}}, "bench": None}
         for name in study.targets.names
     }
-    made = card.assembled(
+    return card.assembled(
         about,
         tests,
-        as_answer(result, out),
+        as_answer(result, folder),
         study.parameters,
         study.targets,
         result.solutions,
         (result.posterior.parameters, result.posterior.draws),
     )
-    card.check(made, out / "card.json")
-    write_json(out / "card.json", made)
-    return made
 
 
 def as_answer(result: Calibration, folder: Path) -> Result:

@@ -54,13 +54,15 @@ def noise_of(
 ) -> Noise:
     """The noise of a single run, from replicates or from the given standard deviations `noise_sd` and an estimate.
 
-    InputError if the replicates are all alike, or if replicates, `noise_sd` and single runs are all too few.
+    Replicates that are all alike, of a simulator without random numbers or of rounded results, count as one run.
+    InputError if replicates, `noise_sd` and single runs are all too few.
     """
+    counts = observed.counts
     if observed.freedom > len(names):
         try:
             return Noise(observed.noise(), dict.fromkeys(names, REPLICATES))
-        except ValueError as error:
-            raise InputError(source, "replicates", str(error), "runs with other random numbers") from None
+        except ValueError:
+            counts = np.ones_like(counts)
     fewest = RUNS_PER_PARAMETER * observed.unit.shape[1]
     if set(names) - set(noise_sd) and len(observed.unit) < fewest:
         allowed = (
@@ -70,9 +72,7 @@ def noise_of(
         raise InputError(source, "runs beyond the first of a sample", observed.freedom, allowed)
     sources = {name: GIVEN if name in noise_sd else ESTIMATED for name in names}
     variances = [
-        noise_sd[name] ** 2
-        if name in noise_sd
-        else nugget(observed.unit, observed.means[:, k], 1.0 / observed.counts)
+        noise_sd[name] ** 2 if name in noise_sd else nugget(observed.unit, observed.means[:, k], 1.0 / counts)
         for k, name in enumerate(names)
     ]
     return Noise(np.diag(variances), sources)

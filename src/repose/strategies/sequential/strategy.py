@@ -33,10 +33,14 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return Batch(samples_of(space, unit, section["seeds"]))
     goal = _goal(study)
     observed, failed = observed_of(data, space, study.targets)
-    noise = known_noise(study, observed)
     try:
+        noise = known_noise(study, observed)
         advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
-    except ValueError as error:
+    except (InputError, ValueError) as error:
+        if len(failed) and len(data) < section.get("most_pours", section.get("most_runs", 0)):
+            return _further_start(study, data, len(failed))
+        if isinstance(error, InputError):
+            raise
         raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
     notes = _notes(advice, study)
     if advice.stop is None:
@@ -45,6 +49,14 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     if advice.stop == "out_of_reach":
         best = _at(advice.answer, best, study, data)
     return replace(best, why=WHY[advice.stop], notes=notes | _end(notes, study, data))
+
+
+def _further_start(study: Studied, data: pd.DataFrame, failed: int) -> Batch:
+    """Samples all over the ranges again, where too few of the start are good for a model."""
+    space, section = study.parameters, study.config["sequential"]
+    unit = start(space, section, study.config["design"]["seed"] + len(data))
+    why = f"{failed} samples failed, and the others are too few for a model: a further start"
+    return Batch(samples_of(space, unit, section["seeds"], next_number(data)), {"why": why})
 
 
 def answer(study: Studied, data: pd.DataFrame) -> Answer:
