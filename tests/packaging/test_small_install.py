@@ -26,6 +26,7 @@ def without_extras(code, *words):
 
 
 @pytest.mark.slow
+@pytest.mark.essential
 def test_ones_own_simulator_needs_no_extra(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.yaml").write_text(STUDY)

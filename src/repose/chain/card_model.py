@@ -25,6 +25,16 @@ Text = Annotated[str, Field(min_length=1)]
 Three = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 
 
+def said(words: str, **bounds: Any) -> Any:
+    """Describe a key that every card has."""
+    return Field(description=words, **bounds)
+
+
+def absent(words: str) -> Any:
+    """Describe a key that a card may lack."""
+    return Field(ABSENT, description=words)
+
+
 class Part(Section):
     """A part of a card; the schema shows no name of a class, and the description of every key."""
 
@@ -41,22 +51,17 @@ class Wall(Part):
 class Grain(Wall):
     """The grain as simulated."""
 
-    mean_axes_mm: Three = Field(description="full axes, the longest first")
-    measured: int = Field(ge=1, description="number of grains")
-    relative_spread: float = Field(
-        ge=0,
-        description="standard deviation of the size over its mean; 0 where all grains are simulated alike",
-    )
+    mean_axes_mm: Three = said("full axes, the longest first")
+    measured: int = said("number of grains", ge=1)
+    relative_spread: float = said("standard deviation of the size over its mean; 0 where all are alike", ge=0)
     density_kg_m3: Positive
     elastic_modulus_pa: Positive
     shape: Literal["ellipsoid", "smooth", "multisphere"]
     volume_mm3: Positive
     mass_g: Positive
-    ellipsoids_mm: list[Three] = Field(
-        description="half axes of the ellipsoids whose support functions add up to the body's; none of a multisphere"
-    )
-    spheres_mm: list[Annotated[list[float], Field(min_length=4, max_length=4)]] = Field(
-        description="x, y, z and radius of a multisphere's spheres; none of the others"
+    ellipsoids_mm: list[Three] = said("half axes of the ellipsoids that add up to the body")
+    spheres_mm: list[Annotated[list[float], Field(min_length=4, max_length=4)]] = said(
+        "x, y, z, radius of a multisphere's spheres"
     )
 
 
@@ -75,26 +80,18 @@ class Parameter(Part):
     value: float
     low: float | None
     high: float | None
-    at_bound: Literal["lower", "upper"] = Field(
-        ABSENT,
-        description="the bound of the searched range at which the value lies, within 0.1 % of its width; the interval "
-        "may then not hold the value",
-    )
-    widened: Literal[True] = Field(
-        ABSENT, description="low or high is the value itself, which the interval did not hold"
-    )
+    at_bound: Literal["lower", "upper"] = absent("the end of the range at which the value lies")
+    widened: Literal[True] = absent("low or high is the value itself, which the interval did not hold")
     given: Literal["calibrated", "calibrated from a prior", "fixed"]
 
 
 class Reach(Part):
     """Whether piles of the grains can have an angle at the targeted Height."""
 
-    line: str = Field(description="whose slope the angle is")
-    bound_deg: float | None = Field(
-        description="the steepest by mass alone; null where mass alone sets no bound to this line"
-    )
-    band_deg: Annotated[list[float], Field(min_length=3, max_length=3)] = Field(
-        description="mean, standard deviation and largest of piles of this mass and Height"
+    line: str = said("whose slope the angle is")
+    bound_deg: float | None = said("the steepest by mass alone; null where mass sets no bound")
+    band_deg: Annotated[list[float], Field(min_length=3, max_length=3)] = said(
+        "mean, standard deviation and largest of such piles"
     )
     possible: bool
     sentence: str
@@ -103,11 +100,8 @@ class Reach(Part):
 class Definition(Part):
     """How a response is measured."""
 
-    name: str | None = Field(
-        description="which of the definitions in `repose docs measurement`, or the words of another simulator's user; "
-        "null where he told none"
-    )
-    settings: dict[str, JsonValue] = Field(description="what the definition reads, units in the keys")
+    name: str | None = said("one of `repose docs measurement`, or another simulator's user's words")
+    settings: dict[str, JsonValue] = said("what the definition reads, units in the keys")
 
 
 class Line(Part):
@@ -129,75 +123,51 @@ class TestRow(Part):
     repetitions: int = Field(ge=1)
     low: float
     high: float
-    whole: Positive = Field(ABSENT, description="100 % of a score of a profile, which may be 0 itself")
-    predicted: float = Field(ABSENT, description="by the surrogate, before the runs of the check")
+    whole: Positive = absent("100 % of a score of a profile, which may be 0 itself")
+    predicted: float = absent("by the surrogate, before the runs of the check")
     simulated: float | None
     standard_error: NotNegative | None
     runs: int = Field(ge=0)
     status: str
     met: bool | None
-    reach: Reach = Field(
-        ABSENT, description="whether piles of the grains can have this angle at the targeted Height"
-    )
+    reach: Reach = absent("whether piles can have this angle at the targeted Height")
     definition: Definition
-    line: str = Field(ABSENT, description="of an angle of a pile: the line whose slope it is, in words")
-    definitions: dict[str, Line] = Field(
-        ABSENT,
-        description="of an angle of a pile: the same simulated piles by every definition, in the unit of the test",
-    )
-    bench: dict[str, JsonValue] | None = Field(
-        description="how the bench test is done, as in the configuration's section of its name; "
-        "null of another simulator"
-    )
+    line: str = absent("of an angle of a pile: the line whose slope it is, in words")
+    definitions: dict[str, Line] = absent("of an angle of a pile: the same piles by every definition")
+    bench: dict[str, JsonValue] | None = said("as in the configuration; null of another simulator")
 
 
 class MadeBy(Part):
     """What made the card."""
 
-    version: str | None = Field(description="of repose")
+    version: str | None = said("of repose")
     commit: str | None
-    configuration: str | None = Field(description="hash of all settings")
-    engine: str | None = Field(description="hash of simulator and bench tests")
+    configuration: str | None = said("hash of all settings")
+    engine: str | None = said("hash of simulator and bench tests")
     seed: int | None
 
 
 class AnyCard(Part):
     """What the cards of all simulators have."""
 
-    card: Literal[1] = Field(description="version of this schema")
-    material: Text = Field(description="label of the study")
+    card: Literal[1] = said("version of this schema")
+    material: Text = said("label of the study")
     parameters: Annotated[dict[str, Parameter], Field(min_length=1)]
-    interval: Literal["central 95 % of the posterior", "range of the parameter sets found"] = Field(
-        description="what low and high are"
+    interval: Literal["central 95 % of the posterior", "range of the parameter sets found"] = said(
+        "what low and high are"
     )
-    correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = Field(
-        description="of the free parameters, within the same sets"
+    correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = said(
+        "of the free parameters, within the same sets"
     )
     tests: Annotated[list[TestRow], Field(min_length=1)]
-    met: bool | None = Field(
-        description="whether the parameters are predicted to meet every target and their simulated piles do; null "
-        "where the answer was not simulated again"
+    met: bool | None = said("whether prediction and simulated piles meet every target; null if not simulated")
+    out_of_reach: bool = absent("no set is predicted to meet the targets; these are the nearest")
+    reason: Text = absent("why the targets are met or not; cards of older versions lack it")
+    small_run: Literal[True] = absent("the run shows that the chain works; its numbers are no calibration")
+    within: dict[str, Chance | None] = said(
+        "probability that all means are so near their targets; null with too few runs"
     )
-    out_of_reach: bool = Field(
-        ABSENT,
-        description="no parameter set is predicted to meet the targets (sequential: probably none meets them), and the "
-        "parameters are the nearest; cards of older versions lack it where it is false",
-    )
-    reason: Text = Field(
-        ABSENT,
-        description="why the targets are met or not, a sentence; cards of older versions lack it",
-    )
-    small_run: Literal[True] = Field(
-        ABSENT,
-        description="the run shows that the chain works, and its numbers are no calibration; absent from other cards",
-    )
-    within: dict[str, Chance | None] = Field(
-        description="probability that all means lie within so many percent of their targets, by the runs of the tests "
-        "alone; null where a test has fewer than two good runs"
-    )
-    provenance: dict[str, JsonValue] = Field(
-        ABSENT, description="what the file stands on, as every result of repose carries it"
-    )
+    provenance: dict[str, JsonValue] = absent("what the file stands on, as every result of repose carries it")
     made_by: MadeBy
 
     def impossible(self) -> Faults:
@@ -219,7 +189,7 @@ class Card(AnyCard):
 
     grain: Grain
     wall: Wall
-    laws: Annotated[dict[str, str], Field(min_length=1)] = Field(description="contact laws by name")
+    laws: Annotated[dict[str, str], Field(min_length=1)] = said("contact laws by name")
     parameters: dict[Annotated[str, OneOf(lambda: PHYSICAL_LIMITS)], Parameter]
     met: bool
 
@@ -238,12 +208,11 @@ class Card(AnyCard):
 class OtherCard(AnyCard):
     """The card of a study that another program simulated."""
 
-    simulator: Text = Field(
-        description="another simulator than repose's; the parameters and responses are then columns of its user's table"
+    simulator: Text = said(
+        "another one than repose's; parameters and responses are columns of its user's table"
     )
-    probability: Probability = Field(
-        ABSENT,
-        description="that the simulator's mean responses lie within 1 % and 2 % of all targets, and inside all ranges",
+    probability: Probability = absent(
+        "that the simulator's means lie within 1 % and 2 % of all targets, and inside all ranges"
     )
 
 

@@ -137,12 +137,8 @@ def _scene(job: Job, geometry: str, factory: str) -> Iterable[Row]:
 
 def _page(program: str, job: Job, rows: Iterable[Row], notes: Iterable[str]) -> str:
     """The page of a program."""
-    lines = [
-        f"# `{job.label}` in {program}: nobody has tried this table in the program",
-        "",
-        "| where | field | value |",
-        "|---|---|---|",
-    ]
+    head = f"# `{job.label}` in {program}: a table that nobody has tried there"
+    lines = [head, "", "| where | field | value |", "|---|---|---|"]
     lines += [f"| {where} | {field} | {value} |" for where, field, value in rows]
     lines += ["", "Not as in the study:", ""]
     return "\n".join([*lines, *(f"- {note}" for note in notes), ""])
