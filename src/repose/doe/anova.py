@@ -119,18 +119,20 @@ def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
     return {name: float(stats.t.isf(alpha / 2 / count, df)) for name, count in tests.items()}
 
 
-def _mean(total, df):
-    """Mean square."""
+def _mean(total: float, df: float) -> float:
+    """Return the mean square, or nan without degrees of freedom."""
     return total / df if df else math.nan
 
 
-def _ratio(above, below):
-    """Quotient, or nan."""
+def _ratio(above: float, below: float) -> float:
+    """Divide, or return nan for a zero below."""
     return above / below if below else math.nan
 
 
-def _row(source, total, df, error=math.nan, df_error=0):
-    """A row of the table, tested against a mean square."""
+def _row(
+    source: str, total: float, df: int, error: float = math.nan, df_error: int = 0
+) -> tuple[str, float, int, float, float, float]:
+    """Make a row of the table, tested against a mean square."""
     from scipy import stats
 
     mean = _mean(total, df)

@@ -1,6 +1,6 @@
 """Optimum of fitted models inside the region of their design."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,10 +52,10 @@ def optimum(
     count = len(models[0].factors)
     bounds = [(-1.0, 1.0)] * count
 
-    def misses(point):
+    def misses(point: np.ndarray) -> np.ndarray:
         return np.array([float(model.predict(point[None])[0]) for model in models]) - aims
 
-    def squared(point):
+    def squared(point: np.ndarray) -> float:
         return float(((misses(point) / scale) ** 2).sum())
 
     starts = np.vstack([np.zeros(count), 0.5 * two_level(count), np.eye(count), -np.eye(count)])
@@ -72,8 +72,13 @@ def optimum(
     return Optimum(best, predicted, met, float(desirability(predicted, aims, low, high)[0]))
 
 
-def _nearest(start, misses, scale, bounds):
-    """The point nearest to the centre at which every target is met, searched from a point that nearly does so."""
+def _nearest(
+    start: np.ndarray,
+    misses: Callable[[np.ndarray], np.ndarray],
+    scale: np.ndarray,
+    bounds: Sequence[tuple[float, float]],
+) -> np.ndarray:
+    """Find the point nearest to the centre at which every target is met, from a point that nearly does so."""
     from scipy import optimize
 
     return optimize.minimize(

@@ -1,7 +1,7 @@
 """The data of an export: a sphere or a clump, materials, contacts and the pour, independent of any program."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -131,7 +131,7 @@ def make(
     step = min(share * min(limit, settings.time_step_s), RAYLEIGH_SHARE * rayleigh)
     funnel = scene.settings.section("funnel", FunnelSettings).funnel
 
-    def pair(suffix, other, effective_radius):
+    def pair(suffix: str, other: str, effective_radius: float) -> Pair:
         restitution = parameters[f"e_{suffix}"]
         return Pair(
             restitution,
@@ -206,8 +206,8 @@ def sphere_of_volume(particle: "Particle") -> "Particle":
     )
 
 
-def _notes(config):
-    """Features of the study that no deck can represent."""
+def _notes(config: Mapping[str, Any]) -> Iterator[str]:
+    """Name the features of the study that no deck can represent."""
     if config["berry"]["size_distribution"] != "none":
         yield "the study's grains differ in size; here all are the mean grain"
     if config["funnel"]["orientation"] != "random":

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from repose.apparatus.funnel import ConeLine
 from repose.export.job import Job, Pair
 from repose.export.laws import (
     damped_alone,
@@ -97,16 +98,16 @@ def molecule(job: Job) -> str:
     return "\n".join([*lines, ""])
 
 
-def _on_line(cone, place):
-    """Point (r, z) at a place along the cone's line."""
+def _on_line(cone: ConeLine, place: float) -> tuple[float, float]:
+    """Return the point (r, z) at a place along the cone's line."""
     return (
         cone.offset * cone.normal_r + place * cone.up_r,
         cone.offset * cone.normal_z + place * cone.up_z,
     )
 
 
-def _tube(job, law):
-    """The lines of a tube below the cone."""
+def _tube(job: Job, law: str) -> str:
+    """Write the lines of a tube below the cone."""
     if job.funnel.tube_length_m == 0.0:
         return ""
     radius, low, high = (
@@ -120,8 +121,8 @@ def _tube(job, law):
     )
 
 
-def _differences(job):
-    """Differences of LAMMPS from this engine."""
+def _differences(job: Job) -> list[str]:
+    """List the differences between LAMMPS and this engine."""
     lines = [
         rolled(job),
         *damped_alone(job),

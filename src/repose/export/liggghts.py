@@ -48,8 +48,8 @@ def deck(job: Job) -> dict[str, str]:
     return files
 
 
-def _cohesion(job):
-    """Properties for the laws of cohesion."""
+def _cohesion(job: Job) -> str:
+    """Write the properties for the laws of cohesion."""
     lines = []
     if job.contact_law == "sjkr":
         gg, gp = (pair.constants[COHESION_ENERGY_DENSITY.name] for pair in (job.grains, job.on_wall))
@@ -71,8 +71,8 @@ def prime(seed: int) -> int:
     return number
 
 
-def _differences(job):
-    """Differences of LIGGGHTS from this engine."""
+def _differences(job: Job) -> list[str]:
+    """List the differences between LIGGGHTS and this engine."""
     lines = [rolled(job), *damped_alone(job), undamped_tangent(), *limited_friction(job)]
     if job.tension == "release":
         lines.append(

@@ -47,8 +47,8 @@ def deck(job: Job) -> dict[str, str]:
     return {"Pour.cpp": text, "funnel.stl": stl(job.funnel)}
 
 
-def _differences(job):
-    """Differences of MercuryDPM from this engine, and features that were not tried."""
+def _differences(job: Job) -> list[str]:
+    """List the differences between MercuryDPM and this engine, and features that were not tried."""
     lines = [
         "this driver was neither compiled nor run by those who wrote it",
         rolled(job),

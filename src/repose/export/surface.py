@@ -18,7 +18,7 @@ def profile(funnel: Funnel) -> np.ndarray:
     core = 0.5 * funnel.outlet_diameter_m + edge
     neck, outlet = funnel.neck_height_m, funnel.outlet_height_m
 
-    def arc(height, begin, end):
+    def arc(height: float, begin: float, end: float) -> list[tuple[float, float]]:
         angles = np.radians(np.linspace(begin, end, 1 + math.ceil((end - begin) / ARC_DEG)))
         return [(core + edge * math.cos(a), height + edge * math.sin(a)) for a in angles]
 
@@ -30,8 +30,8 @@ def profile(funnel: Funnel) -> np.ndarray:
     return _divided(np.array(points))
 
 
-def _divided(points):
-    """The same line with pieces of at most `LONGEST_ROW_M`."""
+def _divided(points: np.ndarray) -> np.ndarray:
+    """Divide a line into pieces of at most `LONGEST_ROW_M`."""
     line = [points[:1]]
     for a, b in pairwise(points):
         pieces = max(1, math.ceil(np.linalg.norm(b - a) / LONGEST_ROW_M))
@@ -70,6 +70,6 @@ def stl(funnel: Funnel) -> str:
     return "\n".join([*lines, "endsolid funnel", ""])
 
 
-def _words(point):
-    """Three numbers."""
+def _words(point: np.ndarray) -> str:
+    """Write three numbers."""
     return " ".join(f"{value:.9g}" for value in point)

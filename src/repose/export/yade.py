@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from repose.export.job import Job
 from repose.export.laws import (
@@ -64,16 +65,16 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
     return weights, (job.inertia_kg_m2 - job.mass_kg * squares @ weights) / len(x)
 
 
-def _listed(values):
-    """Nested lists of numbers as text of Python."""
+def _listed(values: ArrayLike) -> str:
+    """Write nested lists of numbers as text of Python."""
     values = np.asarray(values)
     if values.ndim == 1:
         return "[" + ", ".join(f"{value:.9g}" for value in values) + "]"
     return "[\n" + "".join(f"    {_listed(row)},\n" for row in values) + "]"
 
 
-def _differences(job):
-    """Differences of YADE from this engine."""
+def _differences(job: Job) -> list[str]:
+    """List the differences between YADE and this engine."""
     lines = [
         rolled(job),
         *damped_alone(job),

@@ -204,14 +204,19 @@ def measure_sides(
     return measured, reasons
 
 
-def _height_of(end, height, berry):
-    """Height in pixels of an end of the flank: a fraction of the pile's height, or "berry"."""
-    return berry if end == "berry" else end * height
+def _height_of(end: float | str, height: float, berry: float | None) -> float:
+    """Return the height in pixels of an end of the flank: a fraction of the pile's height, or "berry"."""
+    if isinstance(end, str):
+        return math.nan if berry is None else berry
+    return end * height
 
 
-def _one_side(name, profile, low, high, berry, rule, smallest):
-    """One side by one definition."""
+def _one_side(
+    name: str, profile: np.ndarray, low: float, high: float, berry: float | None, rule: str, smallest: float
+) -> Line:
+    """Fit the line of one side by one definition."""
     if name == "secant":
+        assert berry is not None
         return secant(profile, berry)
     if name == "whole":
         return whole(profile)

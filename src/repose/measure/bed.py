@@ -69,8 +69,15 @@ def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_sha
     return Surface(math.degrees(math.atan(slope)), np.column_stack([x, z]), line)
 
 
-def _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales):
-    """Pixels (H, W) of the drum's cross-section that the bed covers, seen along the axis."""
+def _side_view(
+    centres_m: np.ndarray,
+    quaternions: np.ndarray,
+    particle: silhouette.ConvexBody,
+    radius_m: float,
+    mm_per_pixel: float,
+    scales: np.ndarray | None,
+) -> np.ndarray:
+    """Mark the pixels (H, W) of the drum's cross-section that the bed covers, seen along the axis."""
     lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
     image = silhouette.silhouette(
         lifted, quaternions, particle, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m), scales

@@ -97,21 +97,21 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
     return Camera(guess, np.zeros(5), note)
 
 
-def _focal(views, guess, long_side):
-    """Focal length [px] with the best fit to the corners, or the assumed one if that lies within three errors."""
+def _focal(views: Sequence[Seen], guess: np.ndarray, long_side: float) -> float:
+    """Find the focal length [px] that fits the corners best; keep the assumed one if it lies within three errors."""
     tried = np.append(long_side * np.geomspace(*FOCALS), guess[0, 0])
     misses = np.array([_squares(views, _with_focal(guess, focal)) for focal in tried])
     scatter = misses.min() / (2 * sum(len(view.pixels) for view in views) - 6 * len(views) - 1)
     return float(tried[-1] if misses[-1] - misses.min() < 9 * scatter else tried[misses.argmin()])
 
 
-def _with_focal(matrix, focal):
-    """The camera's matrix with another focal length."""
+def _with_focal(matrix: np.ndarray, focal: float) -> np.ndarray:
+    """Replace the focal length in a camera's matrix."""
     return np.array([[focal, 0, matrix[0, 2]], [0, focal, matrix[1, 2]], [0, 0, 1.0]])
 
 
-def _squares(views, matrix):
-    """Sum of the squared distances [px] of the corners from those of flat sheets, without distortion."""
+def _squares(views: Sequence[Seen], matrix: np.ndarray) -> float:
+    """Sum the squared distances [px] between the corners and the corners of flat sheets, without distortion."""
     total = 0.0
     for view in views:
         flat = np.column_stack([view.places_mm, np.zeros(len(view.places_mm))])
@@ -122,8 +122,10 @@ def _squares(views, matrix):
     return total
 
 
-def _poses(flat, pixels, matrix, lens):
-    """Both rotations and translations of a flat sheet (z = 0) that its corners allow; far away they differ little."""
+def _poses(
+    flat: np.ndarray, pixels: np.ndarray, matrix: np.ndarray, lens: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Find both poses (rotation, translation) of a flat sheet that its corners allow; from afar they are alike."""
     found = cv2.solvePnPGeneric(flat, pixels, matrix, lens, flags=cv2.SOLVEPNP_IPPE)
     return [cv2.solvePnPRefineLM(flat, pixels, matrix, lens, *pose) for pose in zip(*found[1:3], strict=True)]
 
@@ -131,7 +133,7 @@ def _poses(flat, pixels, matrix, lens):
 class Pose:
     """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels."""
 
-    def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]):
+    def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]) -> None:
         self.camera, self.size = camera, size
         x, z = sheet.places_mm.T
         world = np.column_stack([x, np.zeros_like(x), z])
@@ -239,8 +241,8 @@ def side_view(
     return SideView(shown, seen, sheet > 0, scale, base, tilt), low
 
 
-def _extent(pose, origin, right):
-    """Left, right and top of the part of a plane that a photograph shows [mm]."""
+def _extent(pose: Pose, origin: np.ndarray, right: np.ndarray) -> tuple[float, float, float]:
+    """Return left, right and top [mm] of the part of a plane that a photograph shows."""
     width, height = pose.size
     along = np.linspace(0, 1, 9)
     edge = np.concatenate(
@@ -268,8 +270,8 @@ def _extent(pose, origin, right):
     return float((at @ right).min()), float((at @ right).max()), float(at[:, 2].max())
 
 
-def _meet(eye, points, origin, right):
-    """Points (along, up) in mm at which the lines from the camera to `points` meet a plane."""
+def _meet(eye: np.ndarray, points: np.ndarray, origin: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Intersect the lines from the camera to `points` with a plane; points (along, up) in mm."""
     normal = np.cross(right, [0, 0, 1.0])
     ways = points - eye
     far = (origin - eye) @ normal / (ways @ normal)

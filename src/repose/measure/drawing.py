@@ -34,8 +34,8 @@ def overlay_of_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarr
     return picture
 
 
-def _outlined(image, contour):
-    """A copy of the picture in colours with a boundary drawn into it, and the thickness of its lines."""
+def _outlined(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, int]:
+    """Draw a boundary into a copy of the picture in colours; also return the thickness of its lines."""
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
     thick = max(1, round(max(picture.shape) / 500))
     outline = np.zeros(picture.shape[:2], np.uint8)

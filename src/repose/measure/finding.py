@@ -132,8 +132,14 @@ def features(image: np.ndarray) -> np.ndarray:
     )
 
 
-def _seen(image, hidden, above, grain_px=None, pile=None):
-    """Features above the plate; with the height of a grain, roughness in place of brightness.
+def _seen(
+    image: np.ndarray,
+    hidden: np.ndarray,
+    above: int,
+    grain_px: float | None = None,
+    pile: np.ndarray | None = None,
+) -> np.ndarray:
+    """Compute the features above the plate; with the height of a grain, roughness in place of brightness.
 
     Roughness is the least gradient of any direction about a pixel (Shi and Tomasi 1994): a straight edge, as of a
     table, has none. It is counted from that of the row without the pile, in units of the background's scatter.
@@ -157,8 +163,8 @@ def _seen(image, hidden, above, grain_px=None, pile=None):
     return colours
 
 
-def _fill(colours, hidden):
-    """Colours with those of the nearest visible pixel in the row in place of the hidden pixels."""
+def _fill(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """Replace the colours of hidden pixels by the colours of the nearest visible pixel in the row."""
     columns = np.arange(hidden.shape[1])
     left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
     right = np.minimum.accumulate(np.where(hidden, 10**6, columns)[:, ::-1], axis=1)[:, ::-1]
@@ -168,8 +174,8 @@ def _fill(colours, hidden):
     return np.take_along_axis(colours, nearest[..., None], axis=1)
 
 
-def _background(colours, hidden):
-    """Background behind each pixel: a line through each row, fitted without outliers, at first to the outer parts."""
+def _background(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """Estimate the background: a line through each row, fitted without outliers, at first to the outer parts."""
     width = hidden.shape[1]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
     outer = (np.abs(x) > 1 - 2 * SIDES) & ~hidden[..., None]
@@ -189,16 +195,18 @@ def _background(colours, hidden):
     return centre
 
 
-def _roughness(colours):
-    """Scatter (H, W) of the brightness about each pixel: grains with gaps between them are rough, a shadow is not."""
+def _roughness(colours: np.ndarray) -> np.ndarray:
+    """Compute the scatter (H, W) of the brightness about each pixel: grains with gaps are rough, a shadow is not."""
     tone, size = colours[..., 2], (5, 5)
     return np.sqrt(np.maximum(cv2.blur(tone * tone, size) - cv2.blur(tone, size) ** 2, 0))
 
 
-def _first_guess(difference, rough, hidden):
-    """Masks of the largest part that stands on the plate, wider than high, and of other objects, such as a ruler.
+def _first_guess(
+    difference: np.ndarray, rough: np.ndarray, hidden: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Mark the largest part that stands on the plate, wider than high, and other objects, such as a ruler.
 
-    And whether another heap stands beside it.
+    Also tell whether another heap stands beside it.
     """
     shown = np.where(hidden & ~hidden.all(axis=1, keepdims=True), np.nan, rough)
     usual = np.nanmedian(shown, axis=1, keepdims=True)  # of the row: an edge of the table is rough, too
@@ -226,8 +234,8 @@ def _first_guess(difference, rough, hidden):
     raise NotPlainError(NOTHING)
 
 
-def _standing(mask):
-    """Masks of the largest part that stands on the plate, wider than high (None without one), and of high objects."""
+def _standing(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+    """Mark the largest part that stands on the plate, wider than high (None without one), and high objects."""
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask)
     rows = mask.shape[0]
@@ -243,25 +251,27 @@ def _standing(mask):
     return labels == best if best else None, others
 
 
-def _grab(colours, start):
-    """The pile's mask by GrabCut, from its start marks."""
+def _grab(colours: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Find the pile's mask by GrabCut, from its start marks."""
     picture = np.clip(colours, 0, 255).astype(np.uint8)
     marks = start.copy()
     cv2.setRNGSeed(1)
-    cv2.grabCut(picture, marks, None, np.zeros((1, 65)), np.zeros((1, 65)), ROUNDS, cv2.GC_INIT_WITH_MASK)
+    cv2.grabCut(
+        picture, marks, (0, 0, 0, 0), np.zeros((1, 65)), np.zeros((1, 65)), ROUNDS, cv2.GC_INIT_WITH_MASK
+    )
     mask = ((marks == cv2.GC_FGD) | (marks == cv2.GC_PR_FGD)).astype(np.uint8)
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
 
 
-def _without_shadow(mask, difference, rough):
-    """The mask without parts that have the background's colour and are darker, unless the whole pile is like that."""
+def _without_shadow(mask: np.ndarray, difference: np.ndarray, rough: np.ndarray) -> np.ndarray:
+    """Remove parts that have the background's colour and are darker, unless the whole pile is like that."""
     shadow = _of_a_shadow(mask, difference) & (rough < SMOOTH * np.median(rough[mask > 0]))
     shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
 
-def _of_a_shadow(mask, difference):
-    """Pixels of the mask with the background's colour, but darker; none if the upper part of the pile is the same."""
+def _of_a_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    """Mark pixels with the background's colour, but darker; none if the upper part of the pile is the same."""
     distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
     darker = -difference[..., 2] / BRIGHTNESS_GAIN
     shadow = (mask > 0) & (distance < ITS_OWN_COLOUR) & (darker > 0.08) & (darker < SHADOW_DARKEST)
@@ -272,15 +282,15 @@ def _of_a_shadow(mask, difference):
     return shadow
 
 
-def _without_floating(mask, gap_px):
-    """The mask without parts above background: a loose grain on the plate behind the pile."""
+def _without_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
+    """Remove parts above background: a loose grain on the plate behind the pile."""
     upwards = mask[::-1] > 0
     empty = np.cumsum(~upwards, axis=0)
     return np.where((upwards & (empty <= gap_px))[::-1], 1, 0).astype(np.uint8)
 
 
-def _without_touching(mask, radius):
-    """The mask without loose grains at its foot: low parts joined only by a neck narrower than two radii."""
+def _without_touching(mask: np.ndarray, radius: int) -> np.ndarray:
+    """Remove loose grains at the foot: low parts joined only by a neck narrower than two radii."""
     if radius < 1:
         return mask
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
@@ -297,8 +307,8 @@ def _without_touching(mask, radius):
     return np.where(loose[owner[nearest]], 0, mask).astype(np.uint8)
 
 
-def _means(colours, mask, reach_px):
-    """Mean colours (H, W, 3) of the pile and of the rest about each pixel."""
+def _means(colours: np.ndarray, mask: np.ndarray, reach_px: float) -> list[np.ndarray]:
+    """Average the colours (H, W, 3) of the pile and of the rest about each pixel."""
     box = (2 * max(3, round(reach_px)) + 1,) * 2
     means = []
     for part in (mask.astype(np.float32), 1 - mask.astype(np.float32)):
@@ -310,8 +320,8 @@ def _means(colours, mask, reach_px):
     return means
 
 
-def _largest(mask):
-    """The largest part, holes filled."""
+def _largest(mask: np.ndarray) -> np.ndarray:
+    """Keep the largest part alone and fill its holes."""
     contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     if not contours:
         raise NotPlainError(NOTHING)

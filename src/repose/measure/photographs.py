@@ -121,7 +121,9 @@ def measure_all(
     return results
 
 
-def _measure_with_sheet(photograph, where, lens, how, square_mm):
+def _measure_with_sheet(
+    photograph: Photograph, where: sheet.Seen, lens: camera.Camera, how: MeasureSettings, square_mm: float
+) -> None:
     """Measure a photograph that shows the sheet, by colour, or else by roughness, without a doubt.
 
     NoFlankError has the reason for a refusal.
@@ -141,7 +143,14 @@ def _measure_with_sheet(photograph, where, lens, how, square_mm):
             raise by_colour from None
 
 
-def _measure_seen(photograph, image, pose, how, on_paper, by_roughness=False):
+def _measure_seen(
+    photograph: Photograph,
+    image: np.ndarray,
+    pose: camera.Pose,
+    how: MeasureSettings,
+    on_paper: tuple[float, float],
+    by_roughness: bool = False,
+) -> None:
     """Find the pile as it is seen from a pose, and measure it."""
     coarse, low = camera.side_view(image, pose, on_paper, None, COARSE_PX)
     photograph.view = coarse.image
@@ -206,8 +215,9 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
     return photograph
 
 
-def _measured(photograph, how):
-    """Measurement of the part taken for the pile; NoFlankError if its sides differ too much."""
+def _measured(photograph: Photograph, how: MeasureSettings) -> Measurement:
+    """Measure the part taken for the pile; NoFlankError if its sides differ too much."""
+    assert photograph.pile is not None
     how = replace(how, mm_per_pixel=photograph.facts["mm_per_pixel"])
     measurement = with_response(measure_segmented(photograph.pile, how))
     difference = abs(measurement.left_deg - measurement.right_deg)
@@ -219,8 +229,8 @@ def _measured(photograph, how):
     return measurement
 
 
-def _doubts(pile, measurement, grain_mm, mm_per_pixel):
-    """Sentences with evidence against a single heap; NoFlankError for a layer."""
+def _doubts(pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float) -> list[str]:
+    """Write a sentence for each sign that this is not a single heap; NoFlankError for a layer."""
     high = measurement.height_mm
     if high < LOWEST_PILE * grain_mm:
         raise NoFlankError(f"it is {high:.1f} mm high, less than {LOWEST_PILE:g} grains: a layer, no pile")
@@ -245,8 +255,8 @@ def _doubts(pile, measurement, grain_mm, mm_per_pixel):
     return doubts
 
 
-def _coarse(measurement, mm_per_pixel):
-    """Sentence about a pile of few pixels: the change of its angle by an error of a pixel at either end of a flank."""
+def _coarse(measurement: Measurement, mm_per_pixel: float) -> list[str]:
+    """Say how much an error of a pixel at either end of a flank changes the angle of a pile of few pixels."""
     high = math.floor(measurement.height_mm / mm_per_pixel)
     if high >= LEAST_PX:
         return []
@@ -258,8 +268,8 @@ def _coarse(measurement, mm_per_pixel):
     ]
 
 
-def _meeting(lines, base_row):
-    """Height over the plate in pixels at which two lines meet; each has two ends (column, row)."""
+def _meeting(lines: tuple, base_row: float) -> float:
+    """Return the height over the plate in pixels at which two lines meet; each has two ends (column, row)."""
     ((u, v), (a, b)), ((x, y), (c, d)) = lines
     first, second = (b - v) / (a - u), (d - y) / (c - x)
     return base_row - (v + first * (y - v + second * (u - x)) / (first - second))
@@ -272,7 +282,7 @@ def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
     """
     lost = math.tan(math.radians(look_down_deg)) ** 2
 
-    def level(angle):
+    def level(angle: float) -> float:
         return math.degrees(math.atan(math.sqrt(math.tan(math.radians(angle)) ** 2 + lost)))
 
     angles = {
@@ -282,8 +292,10 @@ def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
     return replace(measurement, angles=angles)
 
 
-def _onto(mask, coarse, coarse_left, fine, fine_left):
-    """A mask of one view in the pixels of another; the left borders are in mm from the axis."""
+def _onto(
+    mask: np.ndarray, coarse: camera.SideView, coarse_left: float, fine: camera.SideView, fine_left: float
+) -> np.ndarray:
+    """Draw a mask of one view in the pixels of another; the left borders are in mm from the axis."""
     rows, columns = fine.image.shape[:2]
     x = (fine_left + fine.mm_per_pixel * np.arange(columns) - coarse_left) / coarse.mm_per_pixel
     y = coarse.base_row - (fine.base_row - np.arange(rows)) * fine.mm_per_pixel / coarse.mm_per_pixel
@@ -291,7 +303,7 @@ def _onto(mask, coarse, coarse_left, fine, fine_left):
     return cv2.remap(mask, *where, cv2.INTER_NEAREST)
 
 
-def _require_whole(mask, hidden):
+def _require_whole(mask: np.ndarray, hidden: np.ndarray) -> None:
     """Raise NoFlankError if the pile touches a border of the picture or hidden pixels."""
     grown = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
     touching = (grown & hidden[: len(mask)]).sum()
@@ -299,7 +311,7 @@ def _require_whole(mask, hidden):
         raise NoFlankError("the pile runs out of the picture, or the sheet hides a part of it")
 
 
-def _require_foot(image, pile, how):
+def _require_foot(image: np.ndarray, pile: Segmentation, how: MeasureSettings) -> None:
     """Raise NoFlankError if the base is not seen, or is a shadow or the near rim of a pile seen from above."""
     if pile.mask[-1].any():
         raise NoFlankError(
@@ -321,8 +333,8 @@ def _require_foot(image, pile, how):
             )
 
 
-def _levelled(image, level_deg, base_row):
-    """A photograph turned by `level_deg`, and the plate's row in it, in its middle column."""
+def _levelled(image: np.ndarray, level_deg: float, base_row: float | None) -> tuple[np.ndarray, float | None]:
+    """Turn a photograph by `level_deg`; also return the plate's row in its middle column."""
     if level_deg == 0:
         return image, base_row
     rows, columns = image.shape[:2]
@@ -336,8 +348,8 @@ def _levelled(image, level_deg, base_row):
     return image, base_row
 
 
-def _stated_focal(path, long_side):
-    """Focal length in pixels from the EXIF entry of the equivalent on 36 mm film; None without an entry."""
+def _stated_focal(path: Path, long_side: float) -> float | None:
+    """Read the focal length in pixels from the EXIF entry of the equivalent on 36 mm film; None without an entry."""
     from PIL import Image
 
     try:

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from repose.core.errors import InputError, NoFlankError
-from repose.measure.angles import DEFINITIONS, measure_sides
+from repose.measure.angles import DEFINITIONS, Measured, measure_sides
 from repose.measure.profile_points import FLANK_RULES
 from repose.measure.results import Angle, Measurement, PileResult
 from repose.measure.segmentation import (
@@ -114,8 +114,8 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
     )
 
 
-def _sides(profile, crest, settings):
-    """`measure_sides` by the settings."""
+def _sides(profile: np.ndarray, crest: int, settings: MeasureSettings) -> Measured:
+    """Call `measure_sides` with the settings."""
     berry = None if settings.berry_height_mm is None else settings.berry_height_mm / settings.mm_per_pixel
     return measure_sides(
         profile,
@@ -201,7 +201,7 @@ def pile_views(
     scale = settings.mm_per_pixel
     polygons = outlines(*bodies, azimuths, inset_m=scale * 0.5e-3, scales=sizes)
 
-    def views():
+    def views() -> Iterator[Segmentation]:
         for shown in polygons:
             image = paint(shown, scale, frame(shown, scale))
             if min(image.shape) < SMALLEST:

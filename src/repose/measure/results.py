@@ -88,6 +88,6 @@ class PileResult:
         return {"aor_deg": self.aor_deg, **heights, **means, **views}
 
 
-def _or_none(value):
-    """A finite number, else None."""
+def _or_none(value: float) -> float | None:
+    """Return a finite number, else None."""
     return float(value) if np.isfinite(value) else None

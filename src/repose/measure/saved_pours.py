@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -60,7 +60,7 @@ def pour_arrays(
     return selected
 
 
-def _check_grains(arrays, source, ending):
+def _check_grains(arrays: Mapping[str, np.ndarray], source: object, ending: str) -> None:
     """Raise InputError for arrays of different numbers of grains, or with impossible values."""
     grains = arrays["position"].shape[-2:-1]
     for kind in filter(arrays.__contains__, (*COLUMNS, *ONE_A_GRAIN)):

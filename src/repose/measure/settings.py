@@ -24,7 +24,7 @@ class MeasureSettings:
     flank: str = "levels"  # rule for the points of a line, one of `FLANK_RULES`
     smallest_window: float = 0.333  # of `straightest`: share of a side's points
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if isinstance(self.views, bool) or not isinstance(self.views, int) or not 1 <= self.views <= 360:
             raise InputError("measure", "views", self.views, "a whole number from 1 to 360")
         if not isinstance(self.largest_pile_only, bool):
@@ -40,7 +40,7 @@ class MeasureSettings:
             raise InputError("measure", "smallest_window", self.smallest_window, "a number from 0.1 to 1")
         self._check_band()
 
-    def _check_band(self):
+    def _check_band(self) -> None:
         """Raise InputError unless the two ends of the flank can be used together."""
         start, end = self.fit_from, self.fit_to
         if start != "berry" and not (isinstance(start, int | float) and 0 <= start <= 0.9):
@@ -49,7 +49,7 @@ class MeasureSettings:
             good = start != end and (end == "berry" or (isinstance(end, int | float) and 0.1 <= end <= 1))
             if not good:
                 raise InputError("measure", "fit_to", end, "from 0.1 to 1, or berry where fit_from is not")
-        elif not (isinstance(end, int | float) and start + 0.1 <= end <= 1):
+        elif isinstance(start, str) or isinstance(end, str) or not start + 0.1 <= end <= 1:
             raise InputError("measure", "fit_to", end, "berry, or at least fit_from + 0.1, at most 1")
 
     @property
@@ -94,5 +94,5 @@ def line_for(section: Mapping[str, Any] | None, response: str) -> str:
     return next((line_of(section, name) for name, key in MEAN_KEYS.items() if key == response), "")
 
 
-def _positive(value):
+def _positive(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf

@@ -5,10 +5,13 @@ are (x, z) in millimetres from its lower left corner.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.patches import Rectangle
 
 SQUARE_MM = 20.0
 COLUMNS, ROWS = 6, 8
@@ -96,14 +99,14 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     return stream.getvalue()
 
 
-def _rectangle(corner, wide, high):
-    """The line along which the sheet is cut."""
+def _rectangle(corner: tuple[float, float], wide: float, high: float) -> "Rectangle":
+    """Draw the line along which the sheet is cut."""
     from matplotlib.patches import Rectangle
 
     return Rectangle(corner, wide, high, fill=False, linewidth=0.3, edgecolor="0.5")
 
 
-def _board(square_mm):
-    """OpenCV's board."""
+def _board(square_mm: float) -> cv2.aruco.CharucoBoard:
+    """Make OpenCV's board."""
     words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     return cv2.aruco.CharucoBoard((COLUMNS, ROWS), square_mm, MARKER_SHARE * square_mm, words)

@@ -164,8 +164,8 @@ def run(section: Mapping[str, Any], table1_csv: str | PathLike | None, out_dir: 
     write_json(Path(out_dir) / "berry.json", berry, indent=2)
 
 
-def _spread(sizes, published):
-    """Relative sd and extremes of the equivalent diameter; for reconstructed sizes from the published range."""
+def _spread(sizes: pd.DataFrame, published: pd.DataFrame) -> tuple[float, float, float]:
+    """Return relative sd and extremes of the equivalent diameter; for reconstructed sizes from the published range."""
     rows = published.set_index("dimension")
     if not sizes.attrs["reconstruction"] or "equivalent_diameter_mm" not in rows.index:
         return size_distribution.of_sizes(equivalent_diameter(*(sizes[column] for column in SIZE_COLUMNS)))

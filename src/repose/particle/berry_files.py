@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,8 +93,8 @@ def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> di
     return berry
 
 
-def _read_numbers(path, columns):
-    """CSV with these columns of positive numbers, indexed by row number from 1; comments start with #."""
+def _read_numbers(path: str | PathLike, columns: Sequence[str]) -> "pd.DataFrame":
+    """Read a CSV with these columns of positive numbers, indexed by row number from 1; comments start with #."""
     import pandas as pd  # slow to import: where there is a table
 
     path = Path(path)
@@ -106,7 +106,7 @@ def _read_numbers(path, columns):
         raise InputError(path, "file", "not text", "a CSV file in UTF-8") from None
     lines = text.splitlines()
     comments = [line for line in lines if line.lstrip('"').startswith("#")]
-    records = []
+    records: list[list[str]] = []
     for number, line in enumerate(lines, start=1):
         if line.strip() and line not in comments:
             try:
@@ -133,8 +133,8 @@ def _read_numbers(path, columns):
     return table
 
 
-def _positive(text, source, column):
-    """The text as a positive finite number, or InputError."""
+def _positive(text: str, source: str, column: str) -> float:
+    """Return the text as a positive finite number, or raise InputError."""
     try:
         value = math.nan if "_" in text else float(text)
     except ValueError:

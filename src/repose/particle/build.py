@@ -133,7 +133,7 @@ def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
 def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
     """Rows of the particles of one mesh, the mesh first: volume, mass, principal moments, extents, deviations."""
     made = [particle for particle in particles.values() if isinstance(particle, Particle)]
-    rows = [_row("mesh", made[0].mesh)] if made else []
+    rows = [_row("mesh", mesh)] if made and (mesh := made[0].mesh) else []
     for name, particle in particles.items():
         if not isinstance(particle, Particle):
             rows.append({"body": name, "refused": str(particle)})
@@ -199,8 +199,8 @@ def of_settings(berry: Mapping[str, Any], section: Mapping[str, Any]) -> Particl
     return make_particle(mesh, berry["density_kg_m3"], *how, MESH_FILE, source)
 
 
-def _stl(berry, scan, mass_g):
-    """Content of the mesh file: the user's scan, or a mesh of the mean axes."""
+def _stl(berry: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float | None) -> bytes:
+    """Return the content of the mesh file: the user's scan, or a mesh of the mean axes."""
     if scan is not None:
         return stl_of(scan)
     axes_mm = [berry[name] for name in AXES]
@@ -228,21 +228,21 @@ def run(
     return made.particle
 
 
-def _row(name, body):
-    """Volume, mass, principal moments and extents of a `Particle` or a `Body`."""
+def _row(name: str, body: Particle | Body) -> dict[str, Any]:
+    """List volume, mass, principal moments and extents of a `Particle` or a `Body`."""
     row = {"body": name, "volume_mm3": body.volume_m3 / MM**3, "mass_g": body.mass_kg * 1e3}
     row |= {f"inertia_{x}_g_mm2": 1e9 * value for x, value in zip("xyz", body.inertia_kg_m2, strict=True)}
     return row | {f"axis_{x}_mm": value / MM for x, value in zip("xyz", body.axes_m, strict=True)}
 
 
-def _check_density(density_kg_m3, source):
-    """InputError unless the density is a positive number."""
+def _check_density(density_kg_m3: float, source: object) -> None:
+    """Raise InputError unless the density is a positive number."""
     if not (math.isfinite(density_kg_m3) and density_kg_m3 > 0):
         raise InputError(source, "density_kg_m3", density_kg_m3, "a positive number")
 
 
-def _check_fit(relative_deviation, volume_ratio, tolerance, source):
-    """InputError if the fitted particle does not represent the mesh."""
+def _check_fit(relative_deviation: float, volume_ratio: float, tolerance: float, source: object) -> None:
+    """Raise InputError if the fitted particle does not represent the mesh."""
     if relative_deviation > LARGEST_DEVIATION:
         key = "largest deviation of the particle over the mesh's mean radius"
         allowed = f"at most {LARGEST_DEVIATION:g}: the particle is smooth and symmetric to three planes"

@@ -28,8 +28,8 @@ def profile_exponents(shape: float) -> tuple[float, float]:
     return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
 
 
-def _profile(shape, taper):
-    """Places t and radii r (RINGS + 1,) of the cross-sections, evenly spread along the outline; largest radius 1."""
+def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
+    """Place cross-sections evenly along the outline: places t and radii r (RINGS + 1,), the largest radius 1."""
     m, k = profile_exponents(shape)
     angle = np.linspace(0, math.pi / 2, 4000)
     t = np.cos(angle) ** (2 / m)
@@ -42,8 +42,10 @@ def _profile(shape, taper):
     return np.interp(even, length, t), np.interp(even, length, r)
 
 
-def _mesh(axes_mm, shape, taper, wrinkles, depth_mm):
-    """The closed mesh (mm), x along the long axis."""
+def _mesh(
+    axes_mm: Sequence[float] | np.ndarray, shape: float, taper: float, wrinkles: int, depth_mm: float
+) -> trimesh.Trimesh:
+    """Make the closed mesh (mm), x along the long axis."""
     t, r = _profile(shape, taper)
     turn = np.arange(SECTORS) * (2 * math.pi / SECTORS)
     half = np.asarray(axes_mm, float) / 2

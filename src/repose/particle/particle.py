@@ -6,6 +6,7 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from repose import dem
 from repose.core.errors import InputError
@@ -27,7 +28,7 @@ class Body:
     axes_m: np.ndarray  # (3,), full extents along x, y, z
 
 
-def _no_spheres():
+def _no_spheres() -> np.ndarray:
     return np.zeros((0, 4))
 
 
@@ -136,8 +137,8 @@ class Particle:
         return cls.of_record(record)
 
 
-def _check_numbers(path, key, value, shape):
-    """Raise unless the values are finite numbers of this shape, positive where necessary."""
+def _check_numbers(path: str | PathLike, key: str, value: object, shape: tuple[int, ...]) -> None:
+    """Raise InputError unless the values are finite numbers of this shape, positive where necessary."""
     try:
         numbers = np.array(value, dtype=float)
         numbers = numbers.reshape(shape) if numbers.size == 0 and shape else numbers
@@ -170,8 +171,8 @@ FIELDS = {
 }
 
 
-def _rounded(values):
-    """Twelve significant digits, as float or nested lists: enough for the particle, readable in a file."""
+def _rounded(values: ArrayLike) -> Any:
+    """Round to twelve significant digits, as float or nested lists: enough for the particle, readable in a file."""
     values = np.asarray(values, dtype=float)
     rounded = [float(f"{value:.12g}") for value in values.ravel()]
     return np.reshape(rounded, values.shape).tolist()

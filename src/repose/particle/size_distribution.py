@@ -60,8 +60,8 @@ def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: floa
     return np.clip(x, low, high) / normalisation(sd, low, high)
 
 
-def _spread(berry):
-    """The three numbers of the spread, or InputError."""
+def _spread(berry: Mapping[str, float]) -> list[float]:
+    """Return the three numbers of the spread, or raise InputError."""
     for key in KEYS:
         if key not in berry or not (math.isfinite(berry[key]) and berry[key] >= 0):
             raise InputError("berry.json", key, berry.get(key), "a number, as the verb berry writes it")

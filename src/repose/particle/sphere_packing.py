@@ -70,27 +70,27 @@ def pack(
 class _Filling:
     """Fillings of one mesh with one kind of surface."""
 
-    def __init__(self, mesh, surface):
+    def __init__(self, mesh: trimesh.Trimesh, surface: str) -> None:
         self.mesh, self.surface = mesh, surface
         self.points, self.normals = surface_points(mesh)
         self.centres, self.depths = _inside(mesh, self.points)
         self.box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
 
-    def placed(self, count):
-        """Spheres (M, 4) inside the mesh, before they grow."""
+    def placed(self, count: int) -> np.ndarray:
+        """Place spheres (M, 4) inside the mesh, before they grow."""
         if self.surface == "smooth":
             return _cover(self.centres, self.depths, self.points, count)
         return _bumps(self.points, self.normals, ROUGH_SHARE * self.depths.max(), count)
 
-    def grown(self, count):
-        """Spheres (M, 4) of a given number."""
+    def grown(self, count: int) -> np.ndarray:
+        """Fill the mesh with at most `count` spheres (M, 4)."""
         spheres = self.placed(count)
         if self.surface != "rough":
             spheres[:, 3] += _growth(spheres, self.mesh, self.box)
         return spheres
 
-    def fewest(self, source):
-        """The fewest spheres (M, 4) with about the mesh's volume and shortest axis."""
+    def fewest(self, source: object) -> np.ndarray:
+        """Find the fewest spheres (M, 4) with about the mesh's volume and shortest axis."""
         extents = np.ptp(self.box, axis=0)
         shortest, volume = int(extents.argmin()), abs(self.mesh.volume)
         for count in range(FEWEST_FROM, FEWEST_TO + 1):
@@ -114,8 +114,8 @@ class _Filling:
         raise InputError(source, "spheres", FEWEST, allowed)
 
 
-def _extent(spheres, axis):
-    """Length of a union of spheres along an axis."""
+def _extent(spheres: np.ndarray, axis: int) -> float:
+    """Measure the length of a union of spheres along an axis."""
     return float(np.max(spheres[:, axis] + spheres[:, 3]) - np.min(spheres[:, axis] - spheres[:, 3]))
 
 
@@ -129,8 +129,8 @@ def surface_points(mesh: trimesh.Trimesh, count: int = SURFACE_POINTS) -> tuple[
     return np.einsum("nk,nki->ni", weights, mesh.triangles[face]), mesh.face_normals[face]
 
 
-def _inside(mesh, points):
-    """Candidate centres (N, 3) inside a mesh on a grid symmetric about the origin, and their distances (N,) from it."""
+def _inside(mesh: trimesh.Trimesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find candidate centres (N, 3) in a mesh, on a grid symmetric about the origin, and their depths (N,)."""
     spacing = np.cbrt(mesh.volume / CANDIDATES)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     lines = [
@@ -168,8 +168,8 @@ def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINT
     return inside / count * float(np.prod(high - low))
 
 
-def _growth(spheres, mesh, box, count=VOLUME_POINTS):
-    """Growth of all radii with which the union has the mesh's volume."""
+def _growth(spheres: np.ndarray, mesh: trimesh.Trimesh, box: np.ndarray, count: int = VOLUME_POINTS) -> float:
+    """Find the growth of all radii with which the union has the mesh's volume."""
     margin = 0.2 * np.abs(box).max()
     low, high = box[0] - margin, box[1] + margin
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
@@ -177,15 +177,16 @@ def _growth(spheres, mesh, box, count=VOLUME_POINTS):
     return float(np.quantile(away, mesh.volume / np.prod(high - low)))
 
 
-def _cover(centres, depths, points, count):
-    """At most `count` inscribed balls (M, 4) whose union comes near the surface points."""
+def _cover(centres: np.ndarray, depths: np.ndarray, points: np.ndarray, count: int) -> np.ndarray:
+    """Choose at most `count` inscribed balls (M, 4) whose union comes near the surface points."""
     wide = depths > 0.25 * depths.max()
     centres, depths = centres[wide], depths[wide]
     gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - depths
     squares = np.square(gaps).astype(np.float32)
     separated = np.linalg.norm(centres[:, None] - centres[None], axis=2) >= SPACING * depths.max()
     least = (SMALLEST_GAIN * depths.max()) ** 2
-    chosen, reached = [], np.inf
+    chosen: list[int] = []
+    reached = np.inf
     for _ in range(count):
         score = _scores(squares, separated, chosen)
         if reached - score.min() < least:
@@ -203,16 +204,16 @@ def _cover(centres, depths, points, count):
     return np.column_stack([centres[chosen], depths[chosen]])
 
 
-def _scores(squares, separated, chosen):
-    """Mean squared distance of the surface from the chosen balls and each candidate (N,); infinite for one too near."""
+def _scores(squares: np.ndarray, separated: np.ndarray, chosen: list[int]) -> np.ndarray:
+    """Average the squared distance of the surface from the chosen balls and each candidate (N,); inf where too near."""
     if not chosen:
         return squares.mean(axis=0)
     score = np.minimum(squares[:, chosen].min(axis=1)[:, None], squares).mean(axis=0)
     return np.where(separated[chosen].all(axis=0), score, np.inf)
 
 
-def _bumps(points, normals, radius, count):
-    """Balls (count, 4) of one radius below the surface, each as far as possible from those before it."""
+def _bumps(points: np.ndarray, normals: np.ndarray, radius: float, count: int) -> np.ndarray:
+    """Place balls (count, 4) of one radius below the surface, each as far as possible from those before it."""
     below = points - radius * normals
     chosen = [int(np.argmax(below[:, 0]))]
     away = np.linalg.norm(below - below[chosen[0]], axis=1)

@@ -77,11 +77,11 @@ def fit_components(
     return best[np.argsort(-best[:, 0], kind="stable")]
 
 
-def _evened(n, measured, radius, semi_axes):
-    """Half axes (K, 3) near the given ones, of least sixth powers: a smaller largest deviation for a larger rms."""
+def _evened(n: np.ndarray, measured: np.ndarray, radius: float, semi_axes: np.ndarray) -> np.ndarray:
+    """Fit half axes (K, 3) near the given ones by sixth powers: a smaller largest deviation for a larger rms."""
     largest = np.abs(support(semi_axes, n) - measured).max()
 
-    def residuals(logs):
+    def residuals(logs: np.ndarray) -> np.ndarray:
         return ((support(np.exp(logs).reshape(-1, 3) * radius, n) - measured) / largest) ** 3
 
     bounds = np.log(AXIS_BOUNDS)
@@ -90,8 +90,8 @@ def _evened(n, measured, radius, semi_axes):
     return radius * np.exp(fit.x).reshape(-1, 3)
 
 
-def _starts(count, extents, radius):
-    """Start values (count, 3) for the fit: the body's extents shared out in several ways."""
+def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
+    """Make start values (count, 3) for the fit: the body's extents shared out in several ways."""
     if count == 1:
         return [extents[None]]
     rng = np.random.default_rng(count)
@@ -106,14 +106,16 @@ def _starts(count, extents, radius):
     return [np.clip(share * extents, low, high) for share in shares]
 
 
-def _least_squares_fit(n, measured, radius, start):
-    """(half axes (K, 3), rms deviation) of the local fit from start, over the logarithms of the axes."""
+def _least_squares_fit(
+    n: np.ndarray, measured: np.ndarray, radius: float, start: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Fit half axes (K, 3) from a start, over the logarithms of the axes; also return the rms deviation."""
     squares = np.square(n)
 
-    def residuals(logs):
+    def residuals(logs: np.ndarray) -> np.ndarray:
         return support(np.exp(logs).reshape(start.shape), n) - measured / radius
 
-    def jacobian(logs):
+    def jacobian(logs: np.ndarray) -> np.ndarray:
         semi_axes = np.exp(logs).reshape(start.shape)
         values = component_supports(semi_axes, n)
         # d h_k / d log s_ki = s_ki^2 n_i^2 / h_k
@@ -125,8 +127,8 @@ def _least_squares_fit(n, measured, radius, start):
     return radius * np.exp(fit.x).reshape(start.shape), radius * math.sqrt(np.mean(fit.fun**2))
 
 
-def _surface_quadrature(latitudes=200, longitudes=250):
-    """Directions (N, 3) in one octant and weights of dOmega (N,) for all eight, for functions even in x, y and z.
+def _surface_quadrature(latitudes: int = 200, longitudes: int = 250) -> tuple[np.ndarray, np.ndarray]:
+    """Return directions (N, 3) in one octant and weights of dOmega (N,) for all eight, for functions even in x, y, z.
 
     Gauss-Legendre along x, equal steps around it.
     """

@@ -108,20 +108,22 @@ class MIGA:
         self._keep_best(children, points[order[:, 0]])
         self._points = children.reshape(islands * population, dimensions)
 
-    def _migrate(self, points, fitness, order):
-        """Migration round the ring."""
+    def _migrate(
+        self, points: np.ndarray, fitness: np.ndarray, order: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Migrate round the ring."""
         return migrate(points, fitness, order)
 
-    def _cross(self, a, b, step):
-        """Arithmetic crossover of parents a and b (islands, population, dimensions)."""
+    def _cross(self, a: np.ndarray, b: np.ndarray, step: int) -> np.ndarray:
+        """Cross parents a and b (islands, population, dimensions) arithmetically."""
         return b + self._share[step] * (a - b)
 
-    def _keep_best(self, children, best):
-        """Each island's best (islands, dimensions) in place of its first child."""
+    def _keep_best(self, children: np.ndarray, best: np.ndarray) -> None:
+        """Put each island's best (islands, dimensions) in place of its first child."""
         children[:, 0] = best
 
-    def _draw(self):
-        """All random numbers of one round at once: a call of the generator costs more than its numbers."""
+    def _draw(self) -> None:
+        """Draw all random numbers of one round at once: a call of the generator costs more than its numbers."""
         islands, population, dimensions = self.shape
         shape, random = (self.generations, islands, population), self.random
         ranks = random.randint(population, size=(self.tournament, self.generations, islands, 2 * population))
@@ -130,8 +132,8 @@ class MIGA:
         mutated = random.uniform(size=(*shape, dimensions)) < self.mutation_probability
         self._mutation = np.where(mutated, self.mutation_amplitude * random.normal(size=mutated.shape), 0.0)
 
-    def _ranked(self, fitness):
-        """Row numbers (islands, population) of each island's individuals, best first."""
+    def _ranked(self, fitness: np.ndarray) -> np.ndarray:
+        """Return row numbers (islands, population) of each island's individuals, best first."""
         islands, population, _ = self.shape
         return fitness.reshape(islands, population).argsort(axis=1, kind="stable") + self._first
 
@@ -184,7 +186,7 @@ def islands_ga(
     miga = MIGA(len(bounds), **settings)
     half_width, history = (high - low) / 2, []
 
-    def in_units(points):
+    def in_units(points: np.ndarray) -> np.ndarray:
         return np.clip(low + (points + 1) * half_width, low, high)
 
     for _ in range(rounds * miga.generations):

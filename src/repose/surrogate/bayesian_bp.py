@@ -135,7 +135,7 @@ class BayesianBP(Surrogate):
         other._keep(self.ends_[k])
         return other
 
-    def _keep(self, end):
+    def _keep(self, end: Mapping[str, Any]) -> None:
         """Take over the end of a start, with its outputs as they were before mixing."""
         if end["log_evidence"] == -math.inf:
             raise ValueError(f"none of {self.starts} starts ended with a finite evidence")
@@ -232,8 +232,8 @@ class BayesianBP(Surrogate):
             model._restore_errors(content.get("samples") or range(len(model.training_["inputs"])))
         return model
 
-    def _restore_errors(self, samples):
-        """Noise and covariance of the weights, from the training samples in the order of their numbers.
+    def _restore_errors(self, samples: Sequence[int]) -> None:
+        """Compute noise and covariance of the weights, from the training samples in the order of their numbers.
 
         The Hessian is a sum over the samples; its last bits depend on their order.
         """
@@ -249,22 +249,22 @@ class BayesianBP(Surrogate):
         alpha_of_weight = of_each_weight(np.atleast_1d(self.alpha_), classes, w.size)
         self._set_errors(posterior_root(alpha_of_weight, self.beta_, J.T @ J), mixing)
 
-    def _set_errors(self, root, mixing):
-        """The weights' posterior and the noise, both of the outputs as they were before mixing."""
+    def _set_errors(self, root: np.ndarray, mixing: np.ndarray) -> None:
+        """Set the weights' posterior and the noise, both for the outputs as they were before mixing."""
         unmix = np.linalg.inv(mixing)
         # a root (N, N) of the covariance of the weights; noise of a single value of precision 1, in units of y
         self.posterior_root_ = mix_outputs(root, unmix, self.hidden)
         self.noise_std_ = np.linalg.norm(unmix, axis=0) * self._stretch() / math.sqrt(2 * self.beta_)
 
-    def _weights(self):
-        """All weights (N,)."""
+    def _weights(self) -> np.ndarray:
+        """Return all weights (N,)."""
         return np.concatenate([self.W1_.ravel(), self.b1_, self.W2_.ravel(), self.b2_])
 
-    def _arrays(self):
-        """Scalings and weights, as `two_layer.evaluate` reads them."""
+    def _arrays(self) -> dict[str, Any]:
+        """Collect scalings and weights, as `two_layer.evaluate` reads them."""
         return {key: getattr(self, key + "_") for key in ARRAYS} | {"scaled_range": self.scaled_range}
 
-    def _checked_settings(self):
+    def _checked_settings(self) -> Settings:
         for name in ("hidden", "starts"):
             if not getattr(self, name) >= 1:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: at least 1")
@@ -275,8 +275,8 @@ class BayesianBP(Surrogate):
             **{field.name: getattr(self, field.name) for field in fields(TrainingSettings)}
         )
 
-    def _stretch(self):
-        """Units of y in one unit of a scaled output, (outputs,)."""
+    def _stretch(self) -> np.ndarray:
+        """Return the size (outputs,) of one unit of a scaled output, in units of y."""
         low, high = self.scaled_range
         return width(self.output_min_, self.output_max_) / (high - low)
 

@@ -7,7 +7,7 @@ Sources of the lines, named where they are used
   (A35)   Aitken 1935, on least squares and linear combination of observations: independent combinations of outputs
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -54,7 +54,9 @@ class GaussianProcess(Combined, Surrogate):
         self._fit([first] * Y.shape[1])
         return self
 
-    def _take(self, X, Y, precision, noise_covariance):
+    def _take(
+        self, X: np.ndarray, Y: np.ndarray, precision: np.ndarray, noise_covariance: ArrayLike | None
+    ) -> None:
         """Keep the samples and the scaling that follows from them."""
         if len(Y) < 2:
             raise ValueError(f"{len(Y)} samples; allowed: at least 2")
@@ -64,8 +66,8 @@ class GaussianProcess(Combined, Surrogate):
         self.offset_ = np.zeros(Y.shape[1])
         self._combine(Y, independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision))
 
-    def _fit(self, kernels, fixed=False):
-        """A process for each combination of the outputs, from hyperparameters as in `report`, as `processes_`."""
+    def _fit(self, kernels: Sequence[Mapping[str, Any]], fixed: bool = False) -> None:
+        """Fit a process to each combination of the outputs, from hyperparameters as in `report`, as `processes_`."""
         from repose.surrogate.process import Process, SampleNoise, smooth
 
         bounds = 3 * ["fixed"] if fixed else [VARIANCE_BOUNDS, LENGTH_BOUNDS, NOISE_BOUNDS]
@@ -75,8 +77,8 @@ class GaussianProcess(Combined, Surrogate):
             noise = SampleNoise(one["noise_variance"], bounds[2], precision)
             self.processes_.append(Process(kernel, x, values, noise=noise))
 
-    def _scaled(self, X):
-        """Parameter sets in ranges of the inputs."""
+    def _scaled(self, X: ArrayLike) -> np.ndarray:
+        """Scale parameter sets to ranges of the inputs."""
         return (checked_points(X, len(self.low_)) - self.low_) / self.width_
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
@@ -91,8 +93,8 @@ class GaussianProcess(Combined, Surrogate):
         """Covariance of the predicted means; diagonal without a `noise_covariance`."""
         return self._covariance(self._variances(self._scaled(X)))
 
-    def _variances(self, x):
-        """Variances (n, k) of the scaled combinations, without noise."""
+    def _variances(self, x: np.ndarray) -> np.ndarray:
+        """Predict variances (n, k) of the scaled combinations, without noise."""
         return np.column_stack([one.moments(x)[1] for one in self.processes_])
 
     def report(self) -> dict[str, Any]:
@@ -110,8 +112,8 @@ class GaussianProcess(Combined, Surrogate):
             "training": {key: value.tolist() for key, value in self.training_.items()},
         }
 
-    def _kernels(self):
-        """Hyperparameters of each process, in variances of its values and ranges of the inputs."""
+    def _kernels(self) -> list[dict[str, Any]]:
+        """List the hyperparameters of each process, in variances of its values and ranges of the inputs."""
         return [
             {
                 "variance": float(process.kernel.k1.constant_value),

@@ -17,6 +17,7 @@ start ends when its evidence has not risen for `PATIENCE` epochs. The alpha and 
 and the weights go to the minimum of F with them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -91,18 +92,18 @@ class _State(NamedTuple):
     beta: float
     gamma: np.ndarray
 
-    def half_gradient(self):
+    def half_gradient(self) -> np.ndarray:
         return self.beta * self.at.Je + self.of_weight * self.at.w
 
-    def half_hessian(self):
+    def half_hessian(self) -> np.ndarray:
         return self.beta * self.at.JJ + np.diag(self.of_weight)
 
-    def decrement(self):
-        """Height of F above the minimum of its quadratic model."""
+    def decrement(self) -> float:
+        """Return the height of F above the minimum of its quadratic model."""
         g = self.half_gradient()
         return float(g @ np.linalg.solve(self.half_hessian(), g))
 
-    def evidence(self, data):
+    def evidence(self, data: _Data) -> float:
         Ed = self.at.Ed + data.pure_error
         return log_evidence(self.alpha, self.beta, Ed, self.at.Ew, self.at.JJ, data.n, data.classes)
 
@@ -142,8 +143,8 @@ def train_start(
     }
 
 
-def _train(w, data, n, settings):
-    """State at the end, number of epochs, and the reason of the end."""
+def _train(w: np.ndarray, data: _Data, n: float, settings: Settings) -> tuple[_State, int, str]:
+    """Train to the end; return the state there, the number of epochs, and the reason of the end."""
     # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
     alpha, mu = np.full(len(data.classes), 0.01), max(settings.mu, SMALLEST_MU)
     of_weight = of_each_weight(alpha, data.classes, w.size)
@@ -173,8 +174,8 @@ def _train(w, data, n, settings):
     return (state if best is None else _descend(best, data, settings)), epoch, reason
 
 
-def _descend(state, data, settings):
-    """The minimum of F with alpha and beta kept, and the gamma there."""
+def _descend(state: _State, data: _Data, settings: Settings) -> _State:
+    """Descend to the minimum of F with alpha and beta kept; compute gamma there."""
     mu = max(settings.mu, SMALLEST_MU)
     for _ in range(DESCENT):
         if state.decrement() < CONVERGED / 100:
@@ -186,7 +187,7 @@ def _descend(state, data, settings):
     return state._replace(gamma=_gamma(state.at, state, data))
 
 
-def _step(state, mu, data, settings):
+def _step(state: _State, mu: float, data: _Data, settings: Settings) -> tuple[np.ndarray | None, float]:
     """Damp until F falls (HM94): the weights there, or None, and the next mu."""
     alpha, beta, at, half_gradient = state.alpha, state.beta, state.at, state.half_gradient()
     identity = np.eye(at.w.size)
@@ -200,15 +201,15 @@ def _step(state, mu, data, settings):
     return None, mu
 
 
-def _gamma(at, state, data):
-    """Weights of each class that the data determine, at these weights with the state's alpha and beta."""
+def _gamma(at: _Point, state: _State, data: _Data) -> np.ndarray:
+    """Count the weights of each class that the data determine, at these weights with the state's alpha and beta."""
     # gamma = N - 2 alpha tr(H^-1), H = 2 beta J'J + 2 alpha I, class by class  (FH 2), (M92)
     inverse = np.diagonal(np.linalg.inv(state._replace(at=at).half_hessian()))
     return data.size - state.alpha * np.array([inverse[c].sum() for c in data.classes])
 
 
-def _re_estimated(at, state, data):
-    """The state at new weights: alpha, gamma and beta re-estimated there."""
+def _re_estimated(at: _Point, state: _State, data: _Data) -> _State:
+    """Re-estimate alpha, gamma and beta at new weights."""
     gamma = _gamma(at, state, data)
     # (FH 3); gamma of a class that has faded may be lost in rounding
     alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), state.alpha)
@@ -217,14 +218,14 @@ def _re_estimated(at, state, data):
     return _State(at, alpha, of_each_weight(alpha, data.classes, at.w.size), beta, gamma)
 
 
-def _point(w, data):
-    """The linear model about w."""
+def _point(w: np.ndarray, data: _Data) -> _Point:
+    """Linearise the model about w."""
     e, J = linearise(w, data.x, data.t, data.root_weight)
     return _Point(w, e @ e, _square_sums(w, data.classes), J.T @ J, J.T @ e)
 
 
-def _square_sums(w, classes):
-    """E_w of each class."""
+def _square_sums(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
+    """Compute E_w of each class."""
     return np.array([w[c] @ w[c] for c in classes])
 
 

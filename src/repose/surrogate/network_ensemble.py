@@ -121,8 +121,8 @@ class NetworkEnsemble(Surrogate):
         model.members_ = [*model.members_, *map(BayesianBP.from_dict, others)]
         return model
 
-    def _means(self, X):
-        """Means (members, n, k) of all networks, in one pass through their hidden layers.
+    def _means(self, X: ArrayLike) -> np.ndarray:
+        """Predict means (members, n, k) of all networks, in one pass through their hidden layers.
 
         The last ones are kept: a sampler asks for the mean and the covariance at the same points.
         """
@@ -138,15 +138,15 @@ class NetworkEnsemble(Surrogate):
         self._kept |= {"points": X.copy(), "means": means}
         return means
 
-    def _stacked(self, key):
-        """One of the arrays of `OF_EACH`, or all weights, for all networks (members, ...)."""
+    def _stacked(self, key: str) -> np.ndarray:
+        """Stack one of the arrays of `OF_EACH`, or all weights, for all networks (members, ...)."""
         if key not in self._kept:
             of_one = BayesianBP._weights if key == "all weights" else attrgetter(f"{key}_")
             self._kept[key] = np.array([of_one(member) for member in self.members_])
         return self._kept[key]
 
-    def _as_one(self):
-        """Arrays of the network that has the neurons of all members."""
+    def _as_one(self) -> dict[str, Any]:
+        """Make the arrays of the network that has the neurons of all members."""
         return self.members_[0].to_dict() | {
             "W1": np.concatenate(self._stacked("W1")),
             "b1": np.concatenate(self._stacked("b1")),
@@ -155,7 +155,7 @@ class NetworkEnsemble(Surrogate):
         }
 
 
-def _own_part(content):
-    """Weights and their regularisation; scalings and samples are the same in all networks."""
+def _own_part(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Keep weights and their regularisation; scalings and samples are the same in all networks."""
     own = {key: content[key] for key in OF_EACH}
     return own | {"training": {key: content["training"][key] for key in ("alpha", "beta")}}

@@ -87,12 +87,16 @@ class Process:
 class SampleNoise(WhiteKernel):
     """Noise of variance noise_level / precision_i for sample i of the training data, noise_level for a new sample."""
 
-    def __init__(self, noise_level=1.0, noise_level_bounds=(1e-5, 1e5), precision=()):
+    def __init__(
+        self, noise_level: float = 1.0, noise_level_bounds: Any = (1e-5, 1e5), precision: ArrayLike = ()
+    ) -> None:
         super().__init__(noise_level, noise_level_bounds)
         self.precision = precision
 
-    def __call__(self, X, Y=None, eval_gradient=False):
-        """Covariance of the noise: between the training samples X, or zeros between X and other points Y."""
+    def __call__(
+        self, X: np.ndarray, Y: np.ndarray | None = None, eval_gradient: bool = False
+    ) -> np.ndarray | tuple[np.ndarray, np.ndarray]:
+        """Compute the noise's covariance between the training samples X, or zeros between X and other points Y."""
         if Y is not None:
             return np.zeros((len(X), len(Y)))
         K = np.diag(self.noise_level / np.asarray(self.precision))

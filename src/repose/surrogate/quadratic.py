@@ -115,13 +115,15 @@ class QuadraticSurface(Surrogate):
         """Terms of the model: 1, x_i and x_i x_j."""
         return quadratic_terms(unit)
 
-    def _terms(self, X):
-        """The terms at points, (n, terms)."""
+    def _terms(self, X: np.ndarray) -> np.ndarray:
+        """Compute the terms at points, (n, terms)."""
         return self.terms(((X - self.low_) / self.width_)[:, self.varies_])
 
 
-def _weighted(A, Y, root_precision):
-    """Coefficients (terms, k), weighted residuals (n, k), and R (terms, n) whose product R R' is (A'WA)^-1 (A35)."""
+def _weighted(
+    A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit coefficients (terms, k), weighted residuals (n, k), and R (terms, n) with R R' = (A'WA)^-1 (A35)."""
     weighted = A * root_precision[:, None]
     coefficients, *_ = np.linalg.lstsq(weighted, Y * root_precision[:, None], rcond=None)
     return coefficients, (Y - A @ coefficients) * root_precision[:, None], np.linalg.pinv(weighted)

@@ -4,6 +4,7 @@ from typing import Any, Self
 
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from repose.surrogate.bayesian_bp import BayesianBP
@@ -29,7 +30,7 @@ class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D
         X = validate_data(self, X, dtype=float, reset=False)
         return super().predict(X, return_std, noise)
 
-    def __sklearn_tags__(self):
+    def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()
         tags.target_tags.multi_output = True
         return tags

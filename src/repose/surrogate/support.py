@@ -27,7 +27,7 @@ class Support:
 
     def __init__(
         self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str] = PARAMETERS
-    ):
+    ) -> None:
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
@@ -101,14 +101,14 @@ class Support:
             texts.append("; ".join(parts))
         return texts
 
-    def _unit(self, points):
-        """The free parameters in ranges."""
+    def _unit(self, points: np.ndarray) -> np.ndarray:
+        """Scale the free parameters to their ranges."""
         return (
             ((np.asarray(points, dtype=float) - self.low)[:, self._free]) / (self.high - self.low)[self._free]
         )
 
-    def _leverage(self, unit):
-        """Leverage of points in the unit cube."""
+    def _leverage(self, unit: np.ndarray) -> np.ndarray:
+        """Compute the leverage of points in the unit cube."""
         if self.root is None:
             return np.zeros(len(unit))
         return ((quadratic_terms(unit) @ self.root) ** 2).sum(axis=1)

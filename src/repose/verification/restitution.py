@@ -11,6 +11,7 @@ law of a single contact returns its e exactly.
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -74,13 +75,13 @@ class Place(NamedTuple):
     arm_b: np.ndarray  # (3,), relative to the centre of the second
 
 
-def _turned_spheres(clump, turn):
-    """Rows of centre and radius of a clump's spheres (M, 4), turned into the world."""
+def _turned_spheres(clump: Clump, turn: np.ndarray) -> np.ndarray:
+    """Turn a clump's spheres into the world: rows of centre and radius (M, 4)."""
     return np.column_stack([clump.spheres_m[:, :3] @ turn.T, clump.spheres_m[:, 3]])
 
 
-def _deepest(value, start):
-    """The unit vector (3,) of the least `value` of vectors (M, 3), found on ever smaller caps of directions."""
+def _deepest(value: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
+    """Find the unit vector (3,) of the least `value` of vectors (M, 3), on ever smaller caps of directions."""
     rng = np.random.default_rng(1)
     best, width = start, 1.5
     for _ in range(40):
@@ -107,7 +108,7 @@ def first_touch(
             np.max(np.sqrt(square, where=square > 0.0, out=np.full(square.shape, -math.inf)) - along)
         )
 
-    def distance(n):
+    def distance(n: np.ndarray) -> np.ndarray:
         towards = n @ direction
         reach = shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ offset
         return np.where(towards > 0.05, reach / np.maximum(towards, 0.05), math.inf)
@@ -169,7 +170,9 @@ def hits(
     return _returned(simulation, on_plane)
 
 
-def _throw_pair(simulation, rng, shape, middle, step):
+def _throw_pair(
+    simulation: Simulation, rng: np.random.Generator, shape: Shape | Clump, middle: np.ndarray, step: float
+) -> None:
     """Add two bodies that will touch after two steps, the second in motion."""
     speed = rng.uniform(*SPEEDS_M_S)
     turn_a, turn_b, direction = random_quaternion(rng), random_quaternion(rng), random_direction(rng)
@@ -182,7 +185,9 @@ def _throw_pair(simulation, rng, shape, middle, step):
     simulation.add("body", place, turn_b, -speed * direction)
 
 
-def _throw_at_plane(simulation, rng, shape, middle, step):
+def _throw_at_plane(
+    simulation: Simulation, rng: np.random.Generator, shape: Shape | Clump, middle: np.ndarray, step: float
+) -> None:
     """Add a body that will touch the plane after two steps."""
     speed, turn, direction = rng.uniform(*SPEEDS_M_S), random_quaternion(rng), random_direction(rng)
     while -direction @ UP < STEEPEST:
@@ -191,15 +196,15 @@ def _throw_at_plane(simulation, rng, shape, middle, step):
     simulation.add("body", middle + height * np.array(UP), turn, speed * direction)
 
 
-def _returned(simulation, on_plane):
-    """`Hits` of the bodies that are about to meet."""
+def _returned(simulation: Simulation, on_plane: bool) -> Hits:
+    """Run until the bodies that are about to meet have parted."""
     count = simulation.n_bodies // (1 if on_plane else 2)
     before = np.array([_approach(simulation, k, on_plane) for k in range(count)])
     most, after = np.zeros(count, np.int64), np.full(count, math.nan)
     for _ in range(LONGEST * STEPS_PER_CONTACT // LOOK):
         simulation.run_steps(LOOK)
         contacts = _contacts(simulation, count, on_plane)
-        for k in np.flatnonzero((most > 0) & (contacts == 0) & np.isnan(after)):
+        for k in np.flatnonzero((most > 0) & (contacts == 0) & np.isnan(after)).tolist():
             after[k] = _approach(simulation, k, on_plane)
         most = np.where(np.isnan(after), np.maximum(most, contacts), most)
         if not np.isnan(after).any():
@@ -207,8 +212,8 @@ def _returned(simulation, on_plane):
     return Hits(-after / before, most)
 
 
-def _contacts(simulation, count, on_plane):
-    """Number of contacts now in each hit (count,)."""
+def _contacts(simulation: Simulation, count: int, on_plane: bool) -> np.ndarray:
+    """Count the contacts now in each hit (count,)."""
     shape = simulation.shapes["body"]
     if not on_plane:
         bodies = simulation.sphere_contacts()[0] if isinstance(shape, Clump) else simulation.contacts()
@@ -219,8 +224,8 @@ def _contacts(simulation, count, on_plane):
     return (height < shape.support(-up)).astype(np.int64)
 
 
-def _approach(simulation, k, on_plane):
-    """Velocity of the first of two bodies against the second where they are nearest, along the normal there."""
+def _approach(simulation: Simulation, k: int, on_plane: bool) -> float:
+    """Return the speed at which two bodies approach where they are nearest, along the normal there."""
     shape, velocities, turning = (
         simulation.shapes["body"],
         simulation.velocities,

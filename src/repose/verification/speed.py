@@ -28,8 +28,8 @@ SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide fac
 
 
 @numba.njit
-def reference_kernel(n):
-    """A chain of n dependent steps with a root and a division each; its value is returned, so the compiler keeps it."""
+def reference_kernel(n: int) -> float:
+    """Compute n dependent steps, each a root and a division; the value is returned, so that the compiler keeps them."""
     x = 1.0
     for k in range(n):
         x = math.sqrt(x * 1.0000001 + 1e-9 * k) / (1.0 + 1e-7 * x)
