@@ -13,8 +13,10 @@ from repose import Study
 from repose.core.errors import InputError
 from repose.strategies.runs import add_runs
 
-
-QUICK = {"posterior": {"walkers": 32, "steps": 100}, "sequential": {"start_samples": 8, "tolerance_percent": 5.0}}
+QUICK = {
+    "posterior": {"walkers": 32, "steps": 100},
+    "sequential": {"start_samples": 8, "tolerance_percent": 5.0},
+}
 
 
 def study(file=None, **keys):
