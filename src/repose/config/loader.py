@@ -59,6 +59,7 @@ def over_defaults(
     from repose.config.faults import lacks_keys
 
     read_once: Any = functools.cache(read)
+    files = [places.find(path) for path in files]
     method, study = places.find(places.METHOD_CONFIG), places.configs()[-1]
     below: list[str | os.PathLike] = [method]
     if files or not _is_a_crop(given):
