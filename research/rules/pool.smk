@@ -85,7 +85,7 @@ for points, (prefix, count, _) in POOL_SETS.items():
             samples=f"{POOL}/{prefix}samples.csv",
             jobs=expand(
                 rules.measure_pool_runs.output.result,
-                runs=folders_of_targets(),
+                runs=FOLDERS,
                 points=points,
                 sample=[f"{k:03d}" for k in range(1, STUDIES["pool"][count] + 1)],
             ),
@@ -121,7 +121,7 @@ rule pool:
         [
             expand(
                 [*rules.pool_pour.output, *rules.measure_pool_runs.output],
-                runs=folders_of_targets(),
+                runs=FOLDERS,
                 points=points,
                 sample=[f"{k:03d}" for k in range(1, STUDIES["pool"][count] + 1)],
             )

@@ -9,7 +9,8 @@ SHAPE = f"{RESULTS}/shape"
 
 def first_cells(wildcards):
     """Pours of the selection; the study's own keys are checked here, when someone asks for the study."""
-    or_one_message(shape_cells.check, STUDIES)
+    with one_message():
+        shape_cells.check(STUDIES)
     return expand(rules.shape_cell.output.runs, cell=shape_cells.first_cells(STUDIES))
 
 
@@ -53,7 +54,7 @@ rule shape_cell:
         config=CONFIG,
         folder=folder,
         depends=lambda wildcards: shape_cells.dependencies(STUDIES, wildcards.cell)
-        | {"engine": engine_hash()},
+        | {"engine": room_hash(*ENGINE)},
     message:
         "Pouring {wildcards.cell}"
     shell:

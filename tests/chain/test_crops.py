@@ -14,9 +14,9 @@ from repose.config.study import Study
 from repose.core import places
 from repose.core.files import read_table, write_text
 from repose.core.parameter_space import range_of
+from repose.core.provenance import engine_hash
 from repose.core.published import published_sets
 from repose.core.responses import response
-from repose.core.sources import engine_hash
 
 CROPS = places.root() / "crops"
 NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))

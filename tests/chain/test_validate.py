@@ -15,9 +15,9 @@ from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.provenance import engine_hash
 from repose.core.published import read_sets, read_stored, to_simulate
 from repose.core.runs import error_of
-from repose.core.sources import engine_hash
 from repose.core.targets import Targets
 from repose.measure.angles import MEAN_KEYS
 from repose.surrogate.support import Support

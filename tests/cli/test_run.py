@@ -1,6 +1,7 @@
 """`repose run`: what snakemake is given."""
 
 import signal
+import subprocess
 import sys
 
 import pytest
@@ -10,40 +11,47 @@ from repose.cli import main, run
 from repose.core import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
-PROFILE = [
-    *("--workflow-profile", "none", "--scheduler", "greedy", "--logger", "repose"),
-    *("--rerun-incomplete", "--show-failed-logs", "--nolock"),
-]
-OWN = [*SNAKEFILE, *PROFILE]
+ALL = ["--cores", "all"]
 QUICK, SLURM = (str(places.root() / name) for name in ("config/quick.yaml", "profiles/slurm"))
 
 
-def test_words_become_those_of_snakemake(tmp_path, monkeypatch):
-    """All cores where none are given, and files of the program that an empty folder lacks; a target goes in front."""
+@pytest.fixture
+def given(monkeypatch):
+    """The words that snakemake is given, instead of its work."""
+    words = []
+    monkeypatch.setattr("snakemake.cli.main", words.extend)
+    return words
+
+
+def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
+    """All cores where none are given, and files of the program that an empty folder lacks; targets stay in front."""
     monkeypatch.chdir(tmp_path)
+    for name in ("mine.yaml", "more.yaml"):
+        (tmp_path / name).write_text("label: mine\n")
     cases = {
-        "": [*OWN, "--cores", "all"],
-        "--cores 2": [*OWN, "--cores", "2"],
-        "--cores=2": [*OWN, "--cores=2"],
-        "-c2": [*OWN, "-c2"],
-        "-j 3": [*OWN, "-j", "3"],
+        "": [*ALL, *SNAKEFILE],
+        "--cores 2": ["--cores", "2", *SNAKEFILE],
+        "--cores=2": ["--cores", "2", *SNAKEFILE],
+        "-c2": ["--cores", "2", *SNAKEFILE],
+        "refined -c 2": ["--cores", "2", *SNAKEFILE, "refined"],
+        "--cores 2 refined": ["--cores", "2", *SNAKEFILE, "refined"],
+        "-j 3": [*SNAKEFILE, "-j", "3"],
         "--profile mine": [*SNAKEFILE, "--profile", "mine"],
         "berry --profile profiles/slurm -n": [*SNAKEFILE, "berry", "--profile", SLURM, "-n"],
-        "-s mine.smk -c1": ["-s", "mine.smk", "-c1"],
-        "-c1 --configfile config/quick.yaml": [*OWN, "-c1", "--configfile", QUICK],
-        "-c1 --configfile=config/quick.yaml": [*OWN, "-c1", f"--configfile={QUICK}"],
-        "-c2 --configfile mine.yaml more.yaml uncertainty -n": [
-            *("uncertainty", *OWN, "-c2", "--configfile", "mine.yaml", "more.yaml", "-n")
+        "-s mine.smk -c1": ["--cores", "1", "--snakefile", "mine.smk"],
+        "-c1 --configfile config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
+        "-c1 --configfile=config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
+        "uncertainty -c2 --configfile mine.yaml more.yaml -np": [
+            *("--configfile", "mine.yaml", "more.yaml", "--cores", "2", *SNAKEFILE, "uncertainty", "-np")
+        ],
+        "-n --config label=mine --configfile mine.yaml -- berry": [
+            *("--configfile", "mine.yaml", "--config", "label=mine", *ALL, *SNAKEFILE, "-n", "--", "berry")
         ],
     }
-    assert {words: run.snakemake_arguments(words.split()) for words in cases} == cases
-    (tmp_path / "profiles/default").mkdir(parents=True)  # its own profile is left to snakemake
-    assert run.snakemake_arguments(["-c1"]) == [*SNAKEFILE, "-c1"]
-
-
-@pytest.mark.parametrize("words", [["--cores", "2", "refined"], ["-c", "2", "refined"], ["refined", "-c2"]])
-def test_a_target_may_stand_behind_the_cores(words):
-    run.check_arguments(words)
+    for words, expected in cases.items():
+        given.clear()
+        assert main(["run", *words.split()]) == 0
+        assert given == expected, words
 
 
 def test_a_closed_terminal_that_is_ignored_stays_so():
@@ -56,14 +64,6 @@ def test_a_closed_terminal_that_is_ignored_stays_so():
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     finally:
         signal.signal(signal.SIGHUP, before)
-
-
-def test_the_verb_passes_every_word_on_in_its_order(monkeypatch):
-    given = []
-    monkeypatch.setattr("snakemake.cli.main", given.extend)
-    words = ["-n", "--config", "label=mine", "--cores", "1", "--", "berry"]
-    assert main(["run", *words]) == 0
-    assert given == [*OWN, *words]
 
 
 def test_without_snakemake_the_message_says_what_to_install(monkeypatch, capsys):
@@ -135,7 +135,6 @@ def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatc
             ["--config", "label=a", "uncertainty"],
             "command line: --config is 'uncertainty'; allowed: KEY=VALUE; a target goes before",
         ),
-        (["uncertainty", "-c", "many"], "command line: -c is 'many'; allowed: a number of cores, or all"),
     ],
 )
 def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(
@@ -148,21 +147,28 @@ def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(
     assert f"repose: error: {message}" in capsys.readouterr().err
 
 
-def test_a_target_that_nothing_makes_is_bad_input(monkeypatch, capsys):
-    from snakemake.exceptions import MissingRuleException, print_exception
-
-    def missing(_words):
-        print_exception(MissingRuleException("nonsense"))
-        raise SystemExit(1)
-
-    monkeypatch.setattr("snakemake.cli.main", missing)
-    assert main(["run", "nonsense", "-n"]) == 2
-    output = capsys.readouterr().err
-    assert "repose: error: command line: target is 'nonsense'; allowed: a target" in output
-    assert "MissingRuleException" not in output
+def test_help_shows_the_options(capsys):
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    shown = capsys.readouterr().out
+    assert all(option in shown for option in ("--configfile", "--config", "--cores", "--list"))
 
 
-def test_configurations_are_distinguished_from_targets():
-    words = ["results/card.json", "--configfile", "mine.yaml", "more.json", "page", "--cores", "2"]
-    assert run.configurations(words) == ["mine.yaml", "more.json"]
-    assert run.configurations(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]
+def test_a_target_that_nothing_makes_is_bad_input(tmp_path):
+    (tmp_path / "Snakefile").write_text("rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n")
+    words = [
+        "repose",
+        "run",
+        "nonsense",
+        "-c1",
+        "-s",
+        "Snakefile",
+        "--workflow-profile",
+        "none",
+        "--logger",
+        "repose",
+    ]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "repose: error: command line: target is 'nonsense'; allowed: a target" in done.stderr
+    assert "MissingRuleException" not in done.stderr

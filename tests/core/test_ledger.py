@@ -67,8 +67,9 @@ def test_nobody_may_run_a_ledger(folder):
     assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
 
 
-# Calls that write, rename or remove; what stands in these two files is tested in tests/core and tests/faults.
+# Calls that write, rename or remove; what stands in these files is tested in tests/core and tests/faults.
 WRITERS = {"core/ledger.py", "core/lock.py", "dem/io/whole.py", "dem/cache.py", "apparatus/kept_runs.py"}
+WRITERS |= {"core/usage.py", "config/call.py"}  # beside the results: snakemake's benchmarks and records
 BARE = {"rmtree", "unlink", "rmdir", "replace_file", "remove", "removedirs", "rename", "renames", "copyfile"}
 BARE |= {"copy", "copytree", "move", "write_bytes", "truncate", "imwrite", "imsave", "tofile", "savez"}
 

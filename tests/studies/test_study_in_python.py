@@ -137,7 +137,7 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
 
 def test_a_study_needs_no_locks_of_the_system(tmp_path):
     code = (
-        "import sys; sys.modules['fcntl'] = None\n"
+        "import sys; sys.modules |= {'fcntl': None, 'resource': None}\n"
         "from repose import Study\n"
         "one = Study({'a': (0.0, 1.0)}, {'y': (1.0, 0.05)}, file='runs.csv')\n"
         "asked = one.ask(); one.tell(asked.assign(y=2 * asked['a'] + 0.01 * asked['run']))\n"

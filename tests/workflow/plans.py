@@ -1,5 +1,6 @@
 """Snakemake called by the tests of the workflow: what it would do, and what it did."""
 
+import atexit
 import importlib
 import json
 import os
@@ -59,6 +60,7 @@ def snakemake(project, *words):
 
 def in_this_process(project, words, out, err):
     """The exit status of snakemake in project, its output written to two files."""
+    atexit._clear()  # what the tests' own process does at its end
     os.dup2(out.fileno(), 1)
     os.dup2(err.fileno(), 2)
     sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
@@ -75,6 +77,7 @@ def in_this_process(project, words, out, err):
             print(end.code, file=sys.stderr)
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     finally:
+        atexit._run_exitfuncs()
         sys.stdout.flush()
         sys.stderr.flush()
     return 0

@@ -1,6 +1,7 @@
 """What the Snakemake catalogue asks of a workflow: files by their names, a test study, deployment as a module."""
 
 import json
+import pathlib
 import re
 import shutil
 import subprocess
@@ -8,6 +9,8 @@ import subprocess
 import pytest
 import yaml
 from plans import ROOT, snakemake
+
+from repose.config.study import Study
 
 # As `snakedeploy deploy-workflow` writes it, with the workflow of this checkout.
 DEPLOYED = f"""
@@ -51,6 +54,68 @@ def test_a_deployed_module_runs_and_says_what_it_runs_with(tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "results/config.json").read_text())["label"] == "deployed"
     assert (tmp_path / "results/berry/berry.json").is_file()
+
+
+OUTER = f"""
+from snakemake.utils import min_version
+
+min_version("9.8")
+
+configfile: "config/config.yaml"
+
+module wheat:
+    snakefile:
+        "{ROOT / "workflow" / "Snakefile"}"
+    config:
+        config["wheat"]
+
+use rule * from wheat as wheat_*
+
+onstart:
+    print("the outer workflow starts")
+
+onsuccess:
+    print("the outer workflow ends")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.essential
+def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_the_outer_workflow(
+    tmp_path, monkeypatch
+):
+    crop = yaml.safe_load((ROOT / "crops/wheat/config.yaml").read_text())
+    crop["berry"]["sizes"] = str(ROOT / "crops/wheat/sizes.csv")
+    crop["validation"] = {"published": None}
+    crop["results_dir"] = "wheat"
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump({"wheat": crop, "other": {"threads": 2}}))
+    (tmp_path / "workflow").mkdir()
+    (tmp_path / "workflow/Snakefile").write_text(OUTER)
+    planned = snakemake(tmp_path, "-n", "wheat_all")
+    assert planned.returncode == 0, planned.stderr
+    assert not (tmp_path / "wheat").exists()
+    assert "wheat_drum_run" not in planned.stdout + planned.stderr, "the goji berry's"
+    done = snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json")
+    assert done.returncode == 0, done.stderr
+    assert "the outer workflow starts" in done.stdout
+    assert "the outer workflow ends" in done.stdout
+    resolved = json.loads((tmp_path / "wheat/config.json").read_text())
+    (tmp_path / "alone").mkdir()
+    monkeypatch.chdir(tmp_path / "alone")
+    pathlib.Path("config.yaml").write_text(yaml.safe_dump(crop))
+    assert resolved == Study.load("config.yaml").config
+    again = snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json")
+    assert "Nothing to be done" in again.stderr
+    # a fault names the configuration, as no file of the command line has it
+    crop["funnel"] = {"seads": 3}
+    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump({"wheat": crop}))
+    wrong = snakemake(tmp_path, "-n", "wheat_all")
+    assert wrong.returncode == 2
+    assert (
+        "repose: error: configuration: funnel.seads is 3; allowed: no such key; did you mean seeds?"
+        in wrong.stderr
+    )
 
 
 @pytest.mark.slow

@@ -1,121 +1,98 @@
-"""What workflow/rules/snakemake.smk takes of Snakemake's insides: the installed version still has it."""
+"""The workflow uses snakemake's language alone; what its insides once gave is asked of the calls themselves."""
 
 import re
-import sys
 
 import pandas as pd
 import pytest
 from plans import ROOT, snakemake
 
-FILE = ROOT / "workflow/rules/snakemake.smk"
+from repose.config.call import Call, configfiles
+from repose.core import usage
+
+FILES = [
+    *(path for folder in ("workflow", "research") for path in (ROOT / folder).rglob("*.smk")),
+    *(ROOT / name for name in ("Snakefile", "workflow/Snakefile", "research/Snakefile")),
+]
 # Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
 DOCUMENTED = {"basedir"}
-STUDY = """
-import os
-RESULTS = "results"
-stage_hash = "hash of {{}}".format
-
-include: {file!r}
-
+# Of all rules, so that no user's file is taken for a result and removed; a list by hand would need each name again.
+KEPT = {"rules"}
+QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
+NAPS = """
 rule all:
-    default_target: True
-    input: "results/{name}.txt", expand("results/{{i}}.txt", i=range(8))
+    input: expand("{i}.txt", i=range(9))
 
 rule one:
-    output: "results/{{i}}.txt"
-    log: "results/logs/one/{{i}}.log"
-    shell: "sleep 0.{nap}; test {{wildcards.i}} != {fail}; true python -m repose stage miga ; touch {{output}}"
-
-complete_rules()
-NAME = {name!r}
-
-onstart:
-    if {at_once}:
-        start_jobs_at_once()
-
-onsuccess:
-    print("planned", *sorted(planned_rules()))
-    print("recorded", recorded(f"results/{{NAME}}.txt"), recorded("results/other.txt"))
-    print("named", is_output("results/5.txt"), is_output("5.txt"), has_name_of_ours("logs"), has_name_of_ours("src"))
-    print("kept", *results_to_keep())
-    for rule_ in workflow.rules:
-        print(rule_.name, rule_.benchmark, rule_.params.get("code"))
-
-onerror:
-    print("failed", *FAILED_LOGS)
+    output: "{i}.txt"
+    shell: "sleep 0.6; touch {output}"
 """
 
 
-def run(folder, *words, name="9", at_once=True, fail="none", nap=0):
-    """A run of a workflow of nine naps that takes the file."""
-    folder.mkdir(exist_ok=True)
-    text = STUDY.format(file=str(FILE), name=name, at_once=at_once, fail=fail, nap=nap)
-    (folder / "Snakefile").write_text(text)
-    return snakemake(folder, "--cores", "1", *words)
+def test_no_file_of_the_workflow_uses_an_inside():
+    used, imported = set(), set()
+    for path in FILES:
+        text = path.read_text()
+        used |= set(re.findall(r"(?<![\w/])workflow\.(\w+)", text)) - {"rst", "smk"}
+        imported |= set(re.findall(r"(?:from|import) (snakemake[\w.]*)", text))
+    assert used - DOCUMENTED == KEPT
+    assert imported == {"snakemake.utils"}
 
 
-def test_no_other_file_of_the_workflow_uses_an_inside():
-    used = {}
-    for path in [*(ROOT / "workflow").rglob("*.smk"), ROOT / "Snakefile", ROOT / "workflow/Snakefile"]:
-        names = set(re.findall(r"(?<![\w/])workflow\.(\w+)", path.read_text())) - {"rst", *DOCUMENTED}
-        if path != FILE and names:
-            used[path.name] = names
-    assert used == {}
+def test_the_workflow_has_fewer_functions_than_rules_and_no_program():
+    own = [path for path in FILES if "research" not in path.parts]
+    functions, rules = (
+        sum(len(re.findall(pattern, path.read_text(), re.MULTILINE)) for path in own)
+        for pattern in (r"^ *def ", r"^ *(?:rule|checkpoint|use rule)\b.*:$")
+    )
+    assert functions <= 25 < rules
+
+
+@pytest.mark.parametrize(
+    ("words", "runs"),
+    [
+        ("--cores 2", True),
+        ("-c2 -F --configfile mine.yaml", True),
+        ("-sSnakefile -c1", True),
+        ("--touch -c1", True),
+        ("-n", False),
+        ("-np", False),
+        ("--dry-run -c1", False),
+        ("--summary", False),
+        ("--rulegraph", False),
+        ("--mode remote -c1", False),
+    ],
+)
+def test_a_call_that_only_looks_takes_no_folder(words, runs, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["snakemake", *words.split()])
+    assert Call().runs == runs
+
+
+def test_configurations_are_distinguished_from_targets():
+    words = ["results/card.json", "--configfile", "mine.yaml", "more.json", "page", "--cores", "2"]
+    assert configfiles(words) == ["mine.yaml", "more.json"]
+    assert configfiles(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]
 
 
 @pytest.mark.slow
-def test_rules_records_and_failures_are_as_the_file_takes_them(tmp_path):
-    done = run(tmp_path / "good")
-    assert done.returncode == 0, done.stderr
-    assert "planned all one\n" in done.stdout
-    assert "recorded True False\n" in done.stdout
-    assert "named True False True False\n" in done.stdout
-    assert r"kept (?P<i>.+)\.txt$ config\.json$" + "\n" in done.stdout
-    assert "one results/benchmarks/one/{i}.tsv ['hash of miga']\n" in done.stdout
-    assert (tmp_path / "good/results/benchmarks/one/3.tsv").is_file()
-    failed = run(tmp_path / "bad", fail="9")
-    assert failed.returncode == 1
-    assert "failed results/logs/one/9.log\n" in failed.stdout
-
-
-@pytest.mark.slow
-def test_the_scheduler_looks_at_the_jobs_when_one_ends(tmp_path):
-    """And not once a second more for each job that has ended."""
+def test_the_profile_lets_the_scheduler_look_seldom(tmp_path):
+    """Not once a second more for each job that has ended."""
+    (line,) = (ROOT / "profiles/default/config.yaml").read_text().split("max-jobs-per-timespan: ")[1:]
+    (tmp_path / "Snakefile").write_text(NAPS)
     looks = []
-    for at_once in (False, True):
-        done = run(tmp_path / str(at_once), "--verbose", at_once=at_once, nap=6)
+    for words in ((), ("--max-jobs-per-timespan", line.split()[0])):
+        done = snakemake(tmp_path, "--cores", "1", "--verbose", "--forceall", *words)
         assert done.returncode == 0, done.stderr
         looks.append(done.stderr.count("Resources before job selection"))
-    assert looks[1] <= 10 < looks[0]
+    assert 9 <= looks[1] < 0.7 * looks[0]
 
 
 @pytest.mark.slow
-def test_a_benchmark_has_the_processor_time_of_the_whole_job(tmp_path):
+def test_a_benchmark_has_the_processor_time_of_the_whole_job(project):
     """Snakemake looks at a job each half second, and after 15 s each half minute."""
-    (tmp_path / "busy.py").write_text("import time\nwhile time.process_time() < 0.4: pass\n")
-    (tmp_path / "Snakefile").write_text(
-        f"import os\nRESULTS = 'results'\nstage_hash = str\n\ninclude: {str(FILE)!r}\n\n"
-        "rule one:\n    output: 'one.txt'\n    log: 'results/logs/one.log'\n"
-        f"    shell: '{sys.executable} busy.py; touch {{output}}'\n\ncomplete_rules()\n"
-    )
-    done = snakemake(tmp_path, "--cores", "1")
+    done = snakemake(project, "results/quick/design/samples.csv", *QUICK, "--forceall")
     assert done.returncode == 0, done.stderr
-    table = pd.read_csv(tmp_path / "results/benchmarks/one.tsv", sep="\t")
-    assert 0.39 <= table["cpu_time"].item() <= done.used_s
-
-
-@pytest.mark.slow
-def test_the_handlers_of_a_module_are_called(tmp_path):
-    (tmp_path / "inner.smk").write_text(
-        f"import os\nRESULTS = 'results'\nstage_hash = str\n\ninclude: {str(FILE)!r}\n\n"
-        "onstart:\n    print('it starts')\n\nonsuccess:\n    print('it ends')\n\n"
-        "onerror:\n    print('it fails')\n\nregister_handlers(onstart, onsuccess, onerror)\n\n"
-        "rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n"
-    )
-    (tmp_path / "Snakefile").write_text(
-        "module inner:\n    snakefile: 'inner.smk'\n\nuse rule * from inner\n"
-    )
-    done = snakemake(tmp_path, "--cores", "1", "one")
-    assert done.returncode == 0, done.stderr
-    assert "it starts" in done.stdout
-    assert "it ends" in done.stdout
+    (process,) = usage.since(project / "results/quick", 0)
+    table = pd.read_csv(project / "results/quick/benchmarks/design.tsv", sep="\t")
+    assert process.log == "results/quick/logs/design.log"
+    assert 0.3 < table["cpu_time"].item() == pytest.approx(process.cpu_s, abs=0.01)
+    assert table["cpu_time"].item() <= done.used_s

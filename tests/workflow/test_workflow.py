@@ -53,15 +53,6 @@ def test_the_workflow_runs_from_either_file(project):
     assert itself["pour"] == 14
 
 
-def test_a_snapshot_needs_the_products_of_the_strategy_and_no_others(project):
-    for file, made_by in (("config/fast.yaml", "propose"), ("config/quick.yaml", "pour")):
-        calibration = planned(project, "--configfile", file)
-        jobs = planned(project, "--configfile", file, "--", "snapshot")
-        assert calibration.pop("everything") == jobs.pop("snapshot") == 1
-        assert jobs == calibration
-        assert {"pour", "propose"} & set(jobs) == {made_by}
-
-
 def test_samples_are_run_in_every_bench_test_of_the_targets(project):
     for targets, folders in ((MIXED, ("heaps", "drum_runs")), (MIXED[1:], ("drum_runs",))):
         mine = {"targets": targets, "posterior": {"shape_study": None}}
@@ -78,7 +69,8 @@ def test_samples_are_run_in_every_bench_test_of_the_targets(project):
 
 def test_the_small_run_has_the_same_rules(project):
     small = planned(project, "--configfile", "config/quick.yaml")
-    assert set(small) == set(planned(project))
+    # its piles have no stored table beside them
+    assert set(small) == set(planned(project)) - {"draw_published"}
     assert (small["pour"], small["drum_run"]) == (14, 2)
 
 
@@ -149,7 +141,7 @@ POURS = ("pour", "validation_pour", "trajectory", "drum_run")
 @pytest.mark.parametrize(
     ("change", "measured", "poured"),
     [
-        ("measure={response: flank}", ("measure_runs", "measure_validation_runs"), ()),
+        ("measure={response: whole}", ("measure_runs", "measure_validation_runs"), ()),
         ("measure={mm_per_pixel: 0.3}", ("measure_runs", "measure_validation_runs", "drum"), ()),
         ("funnel={rest_motion_mm: 2}", ("measure_runs", "measure_validation_runs"), POURS[:3]),
         ("drum={fit_share: 0.5, depth_bin_mm: 4}", ("drum",), ()),

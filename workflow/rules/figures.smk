@@ -128,11 +128,13 @@ rule rule_graph:
         dot=f"{RESULTS}/figures/figure09.dot",
     log:
         f"{RESULTS}/logs/rule_graph.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/rule_graph.tsv"
     resources:
         **needs(650),
     params:
         config=CONFIG,
-        snakefile=str(MAIN_SNAKEFILE),
+        snakefile=str(places.root() / "Snakefile"),
     message:
         "The workflow's own graph"
     shell:
@@ -167,10 +169,13 @@ for name, shown in FIGURES.items():
             further=further(shown.path),
         log:
             f"{RESULTS}/logs/figures/{name}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures/{name}.tsv"
         resources:
             **needs(MEMORY_MB.get(name, 400)),
         params:
             config=CONFIG,
+            code=room_hash("pictures"),
             figure=name,
             inputs=[f"--input={key}={path}" for key, path in shown.inputs.items()]
             + [

@@ -7,7 +7,7 @@ POSTERIOR = (
         "posterior": rules.posterior_tables.output.posterior,
         "draws": rules.posterior_tables.output.draws,
     }
-    if of_the_chain() and SCATTER_IS_KNOWN
+    if AFTER_THE_ARTICLE and SCATTER_IS_KNOWN
     else {}
 )
 # Inputs of the page by name, and tables that it holds by their titles.
@@ -22,7 +22,7 @@ CARD = f"{RESULTS}/card.json"
 PAGE["card"] = CARD
 OWN_PILES = {"dataset": rules.dataset.output.dataset} if AFTER_THE_ARTICLE else {}
 TRAJECTORY = rules.trajectory.output.trajectory
-if of_the_chain():
+if AFTER_THE_ARTICLE:
     PAGE |= drawn("figure13", "figure14", "validation", "definitions") | {
         "network": rules.network.output.network,
         "metrics": rules.network.output.metrics,
@@ -70,6 +70,8 @@ else:
             trajectory=TRAJECTORY,
         log:
             f"{RESULTS}/logs/strategy_trajectory.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/strategy_trajectory.tsv"
         message:
             "Pouring the answer before the camera"
 
@@ -97,10 +99,13 @@ rule page:
         ),
     log:
         f"{RESULTS}/logs/page.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/page.tsv"
     resources:
         **needs(350),
     params:
         config=CONFIG,
+        code=room_hash("pictures"),
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
         tables=[f"--table={title}={path}" for title, path in TABLES.items()],
         depends=sections("label", "small_run", "parameters", "targets", "design")
@@ -125,10 +130,13 @@ rule card:
         card=CARD,
     log:
         f"{RESULTS}/logs/card.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/card.tsv"
     resources:
         **needs(300),
     params:
         config=CONFIG,
+        code=room_hash("chain.card", "chain.answer"),
         tables=[f"--{name}={path}" for name, path in (POSTERIOR | OWN_PILES).items()],
         depends=stands_on.settings_of(config, "material_card")
         | {"label": config["label"]},

@@ -9,7 +9,7 @@ and versions.
 
 import json
 from collections.abc import Mapping
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ from repose.core import attached, ledger, provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, read_json, read_npz, write_json, write_npz
 from repose.core.ledger import is_own_file
-from repose.core.sources import source_hash
 from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_pours
 
 FOLDER = "runs"
@@ -94,17 +93,11 @@ def _is_current(path):
     return now is not None and then is not None and then["origin"] == now["origin"]
 
 
-@cache
-def _code():
-    """Hash of the code of a measurement."""
-    return source_hash(MEASURING)
-
-
 def _measurement_of(pours: Path) -> tuple[Path, dict[str, str]]:
     """Where the measurement of a job is kept, and hashes of what it depends on besides its record."""
     files = {path.name: provenance.hash_of_file(path) for path in (pours, positions_file(pours))}
     kept = pours.parent / FOLDER / f"{pours.name.removesuffix(POURS)}.json"
-    return kept, files | {"code": _code()}
+    return kept, files | {"code": provenance.room_hash(*MEASURING)}
 
 
 def read_measurement(pours: Path) -> dict[str, Any] | None:

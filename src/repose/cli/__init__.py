@@ -53,7 +53,7 @@ def main(words: Sequence[str] | None = None) -> int:
     args, rest = parser().parse_known_args(words)
     verb = VERBS[args.verb]
     if verb.passes_on:
-        args.rest = rest
+        args.rest, args.words = rest, words
     elif rest:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:

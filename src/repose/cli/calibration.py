@@ -145,7 +145,7 @@ def _published(args, study):
 def validate(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
     from repose.config import stands_on
-    from repose.core.sources import engine_hash
+    from repose.core.provenance import engine_hash
 
     config, targets, names = study.config, study.targets, study.parameters.names
     by = {"engine": engine_hash(), "scene": stands_on.scene(config)}

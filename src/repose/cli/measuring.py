@@ -48,7 +48,9 @@ SIZES = "sizes.csv"  # of a crop's folder
             help="height of a grain, for the secant (from the sizes of --config or sizes.csv)",
         ),
         Option(
+            "--configfile",
             "--config",
+            dest="config",
             help="the study that the photographs are for; its line of the angle (default: from foot to crest)",
             recorded=False,
         ),

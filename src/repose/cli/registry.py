@@ -26,7 +26,7 @@ class Option:
     @property
     def attribute(self) -> str:
         """Its name among the parsed options."""
-        return self.names[0].lstrip("-").replace("-", "_")
+        return self.keywords.get("dest") or self.names[0].lstrip("-").replace("-", "_")
 
     def but(self, **changes: Any) -> "Option":
         """The same option with some keywords changed."""
@@ -34,7 +34,9 @@ class Option:
 
 
 CONFIG = Option(
+    "--configfile",
     "--config",
+    dest="config",
     default=str(places.configs()[-1]),
     help="YAML or JSON configuration (config/config.yaml)",
     recorded=False,

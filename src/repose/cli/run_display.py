@@ -25,6 +25,7 @@ from snakemake.logging import ColorizingTextHandler, DefaultFilter, DefaultForma
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
+from repose.core.errors import InputError
 from repose.core.files import read_json
 from repose.measure.saved_pours import POURS
 
@@ -57,6 +58,7 @@ CHATTER = (
     "host:",
 )
 REFUSED = "repose: error"  # begins the last line of a job whose input was at fault
+FAULTS: list[str] = []  # of the input, where they alone ended the run: `repose run` then ends as the verbs do
 # A job's failure is reported by the job's own event.
 REPORTED_BY_THE_JOB = ("CalledProcessError", "RuleException", "SpawnedJobError")
 SUMMED_UP = "At least one job did not complete successfully."
@@ -224,13 +226,16 @@ class LogHandler(LogHandlerBase):
         if self.interrupted.is_set() and self.act_on_ctrl_c is signal.default_int_handler:  # not `repose run`
             self.console.print("Stopped. What is finished stays; the same command goes on.")
             self.interrupted.clear()  # closed twice
-        # a fault of the input is the workflow's own last line
         failed = [job for job in self.progress.failed.values() if not _refused(job)]
+        refused = [job for job in self.progress.failed.values() if _refused(job)]
         self.progress.failed = {}
         for job in failed:
             self.console.print(Text(f"failed: {job.message}{_log_of(job)}", style="red"))
         if failed:
             self.console.print("When the cause is mended, the same command goes on.")
+        elif refused:
+            FAULTS.extend(sorted({last_lines(Path(job.log))[-1] for job in refused}))
+            self.console.print(Text("\n".join(FAULTS)))
         logging.raiseExceptions = self.raises
         if signal.getsignal(signal.SIGINT) == self._interrupt:
             signal.signal(signal.SIGINT, self.act_on_ctrl_c)
@@ -249,7 +254,13 @@ class LogHandler(LogHandlerBase):
         elif event == LogEvent.JOB_ERROR:
             yield from self._failed(fields)
         elif event == LogEvent.ERROR:
-            if fields.get("exception") not in REPORTED_BY_THE_JOB and SUMMED_UP not in record.getMessage():
+            if fields.get("exception") == "MissingRuleException":
+                missing = record.getMessage().split("No rule to produce ")[-1].split(" (if you")[0]
+                allowed = "a target that `repose run --list` names, a rule, or a file of the study"
+                fault = InputError("command line", "target", missing, allowed)
+                FAULTS.append(f"{REFUSED}: {fault}")
+                yield Text(FAULTS[-1])
+            elif fields.get("exception") not in REPORTED_BY_THE_JOB and SUMMED_UP not in record.getMessage():
                 yield Text(record.getMessage(), style="red")
         elif event is None and record.msg and not str(record.msg).startswith(CHATTER):
             yield Text(record.getMessage(), style="yellow" if record.levelno > logging.INFO else "")

@@ -4,6 +4,7 @@ import copy
 import functools
 import json
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from repose.core.parameters import FURTHER, PARAMETERS
 
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
+WORKFLOW = "configuration"  # that a workflow around this one gives
 Read = Callable[[str | os.PathLike], dict[str, Any]]
+EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 RESOLVED = "config.json"  # in the folder of results
 # Replaced, not merged: a fixed parameter has no prior of another file.
 WHOLE = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
@@ -46,15 +49,72 @@ def read_layers(
     return _over_each_other(layers(paths, read_once), overrides, read_once)
 
 
-def layers(files: Sequence[str | os.PathLike], read: Read = read) -> list[str | os.PathLike]:
+def over_defaults(
+    given: Mapping[str, Any], files: Sequence[str | os.PathLike] = (), otherwise: str = COMMAND_LINE
+) -> tuple[dict[str, Any], Origin]:
+    """Lay what snakemake calls `config` over the defaults that it needs; a crop inherits nothing of another one.
+
+    Its texts are read as YAML. A message names the last of the `files` that has a value, or else `otherwise`.
+    """
+    from repose.config.faults import lacks_keys
+
+    read_once: Any = functools.cache(read)
+    files = [places.find(path) for path in files]
+    method, study = places.find(places.METHOD_CONFIG), places.configs()[-1]
+    below: list[str | os.PathLike] = [method]
+    if files or not _is_a_crop(given):
+        below = layers((), read_once, *map(read_once, files), given)
+    config: dict[str, Any] = {}
+    origin: dict[str, str] = {}
+    for path in below if lacks_keys(given) else ():
+        _merge(config, read_once(path), origin, str(path))
+    contents = [(str(path), read_once(path)) for path in (*below, study, *files)]
+    own: dict[str, str] = {}
+    _merge(config, _as_in_files(given, "", contents, own, otherwise), {}, "")
+    default = str(files[-1]) if files else otherwise
+    return _with_files_resolved(config), Origin(origin | own, default, str(method))
+
+
+def _as_in_files(value, name, files, origin, otherwise):
+    """The values that snakemake gives, as the files have them; notes in `origin` the last file of each key."""
+    if isinstance(value, Mapping):
+        prefix = f"{name}." if name else ""
+        inside = {
+            key: _as_in_files(one, f"{prefix}{key}", files, origin, otherwise) for key, one in value.items()
+        }
+        having = [path for path, content in files if isinstance(_at(content, name), dict)]
+        origin[name] = having[-1] if having else otherwise
+        return inside
+    # what a YAML of another version takes for a text, and all texts of the command line
+    meant = _values(value) if otherwise == COMMAND_LINE or EXPONENT.match(str(value)) else value
+    for path, content in reversed(files):
+        if (theirs := _at(content, name)) in (value, meant):
+            origin[name] = path
+            return theirs
+    origin[name] = otherwise
+    return meant
+
+
+def _at(content, name):
+    """The value of a dotted key in a file; `...`, which no file has, where it is missing."""
+    for step in name.split(".") if name else ():
+        content = content.get(step, ...) if isinstance(content, dict) else ...
+    return content
+
+
+def layers(
+    files: Sequence[str | os.PathLike], read: Read = read, *more: Mapping[str, Any]
+) -> list[str | os.PathLike]:
     """The defaults, then the given files of a configuration, each to be read over the one before it.
 
-    The built-in crop is a default only if no other file defines a crop, so that no crop takes numbers of another one.
+    The built-in crop is a default only if no other file, and none of `more`, defines a crop: no crop takes numbers of
+    another one.
     """
     own = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
     others = [path for path in defaults if path.resolve() != own]
-    return [*(others if any(_is_a_crop(read(path)) for path in (*others, *files)) else defaults), *files]
+    contents = (*map(read, (*others, *files)), *more)
+    return [*(others if any(map(_is_a_crop, contents)) else defaults), *files]
 
 
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
@@ -78,9 +138,14 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
 
 
 def _is_a_crop(config):
-    """Whether a file defines a grain by a key that no default has: sizes, density or scan."""
+    """Whether a file defines a grain by a key that no default has: sizes, density or scan.
+
+    A density that is a text comes from the command line, which changes one of the crop's numbers.
+    """
     grain = config.get("berry")
-    return isinstance(grain, dict) and any(grain.get(key) is not None for key in CROP)
+    if not isinstance(grain, dict) or all(grain.get(key) is None for key in CROP):
+        return False
+    return any(grain.get(key) for key in ("sizes", "stl")) or not isinstance(grain[CROP[1]], str)
 
 
 def _over_each_other(

@@ -6,9 +6,11 @@ is new or a study's already, and where no foreign file has the name of a result.
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from repose import apparatus, strategies
 from repose.core import ledger, places
 from repose.core.errors import InputError, raise_together
 from repose.core.ledger import LEDGER
@@ -27,6 +29,7 @@ def run_folder(test: str) -> str:
 
 
 WITHOUT_RESULTS = ("benchmarks", "logs")  # written anew by every job
+NUMBERS = ("sample", "job", "seed", "batch")  # wildcards of rules
 CHANGED = (
     *("content", "something else"),
     "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
@@ -59,16 +62,31 @@ def existing_results(results_dir: str) -> Faults:
         yield "results_dir", "a folder; a file, or a link to nothing, is in its way"
 
 
-def check_no_foreign_files(
-    results_dir: str, has_name_of_ours: Callable[[str], bool], is_result: Callable[[str], bool]
-) -> None:
+def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
+    """Make the pattern of the paths that rules write; their wildcards stand in braces."""
+    words = {"runs": "|".join(map(run_folder, apparatus.names())), "strategy": "|".join(strategies.names())}
+    words |= dict.fromkeys(NUMBERS, r"\d+")
+
+    def regex(path):
+        parts = re.split(r"\{(\w+)[^}]*\}", path)
+        parts[::2] = map(re.escape, parts[::2])
+        parts[1::2] = [f"(?:{words.get(name, '[^/]+')})" for name in parts[1::2]]
+        return "".join(parts)
+
+    return re.compile("|".join(map(regex, dict.fromkeys(outputs))))
+
+
+def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     """Raise InputError, with all faults, if a result was changed, or if a foreign file has the name of a result.
 
-    `has_name_of_ours` takes the name of a file or folder in the folder of results, `is_result` a path.
+    `outputs` are the paths that rules write, with their wildcards in braces.
     """
     if not os.path.isdir(results_dir):
         return
-    names = sorted(filter(has_name_of_ours, os.listdir(results_dir)))
+    outputs = list(outputs)
+    below = {path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs}
+    is_ours, is_result = pattern_of({*WITHOUT_RESULTS, *below}).fullmatch, pattern_of(outputs).fullmatch
+    names = sorted(filter(is_ours, os.listdir(results_dir)))
     if names and not _is_a_study(Path(results_dir)):
         allowed = (
             f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"

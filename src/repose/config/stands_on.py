@@ -13,9 +13,8 @@ from repose.apparatus import bench, bench_tests
 from repose.config.models import named_files
 from repose.config.results_folder import run_folder
 from repose.core import attached
-from repose.core.provenance import hash_of, hash_of_file
+from repose.core.provenance import engine_hash, hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
-from repose.core.sources import engine_hash
 from repose.strategies import names, strategy
 
 Config = Mapping[str, Any]
@@ -26,8 +25,9 @@ def _keys(section, *names):
     return tuple(f"{section}.{name}" for name in names)
 
 
-RESPONSES = "responses"  # in place of the targets: what `responses` gives
-# A test runs the stages and compares these with the keys that they read.
+# Entries that are no keys: what `responses` gives, the hash of `scene`, the keys by which any bench test is measured.
+RESPONSES, SCENE, MEASURED_BY = "responses", "scene", "measured_by"
+# Each rule says these again; tests compare them with the rules, and with the keys that the stages read.
 KEYS = {
     "berry": ("berry",),
     "shape": ("berry",),
@@ -37,8 +37,8 @@ KEYS = {
     "miga": ("parameters", "targets", "miga"),
     "solutions": ("parameters", "targets", "validation.solutions"),
     "published_solutions": ("parameters", "validation.published"),
-    "published_sets": (RESPONSES, "parameters", "validation.published"),
-    "validate": ("parameters", "targets", "measure", "validation.published_simulated"),
+    "published_sets": (RESPONSES, "parameters", "validation.published", SCENE),
+    "validate": ("parameters", "targets", "measure", "validation.published_simulated", SCENE),
     "silhouette": ("measure",),
     "measure_silhouette": ("measure",),
     "drum_tables": (
@@ -49,22 +49,31 @@ KEYS = {
     "posterior": ("parameters", "targets", "posterior"),
     "sensitivity": ("parameters", "targets", "sensitivity"),
     "plausible": ("posterior.seed",),
-    "next": ("targets", "posterior.discrepancy_percent", "measure"),
+    "next": ("targets", "posterior.discrepancy_percent", "measure", MEASURED_BY),
     "conclude": ("parameters", "targets", "measure"),
 }
-OF_A_SCENE = ("published_sets", "validate")  # stages that note or compare the hash of it
 # Names of the study and its folder, and the files of figures: no result depends on them.
 NAMES = ("label", "results_dir", "figures")
 
 
 def sections(config: Config, *names: str) -> dict[str, Any]:
-    """Sections of a configuration by name, single dotted keys such as `design.seed`, or `RESPONSES`."""
+    """Sections of a configuration by name, single dotted keys such as `design.seed`, or entries that are no keys."""
     chosen = {
         name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config))
         for name in names
-        if name != RESPONSES
+        if name not in (RESPONSES, SCENE, MEASURED_BY)
     }
-    return chosen | (responses(config) if RESPONSES in names else {})
+    chosen |= responses(config) if RESPONSES in names else {}
+    chosen |= {SCENE: scene(config)} if SCENE in names else {}
+    if MEASURED_BY in names:
+        tests = (test for test in bench_tests() if config.get(test.name))
+        chosen |= sections(config, *(f"{test.name}.{key}" for test in tests for key in test.measured_by))
+    return chosen
+
+
+def reads(config: Config, *names: str) -> dict[str, Any]:
+    """What a stage reads, as `sections`, with the content of files in place of their paths."""
+    return _with_contents(sections(config, *names))
 
 
 def _in_order(value):
@@ -133,13 +142,8 @@ def settings_of(
         chosen = measuring(config, apparatus)
     elif keys is not None:
         chosen = sections(config, *keys)
-        if verb == "next":  # it measures the runs of every bench test
-            tests = (test for test in bench_tests() if config.get(test.name))
-            chosen |= sections(config, *(f"{test.name}.{key}" for test in tests for key in test.measured_by))
     else:
         chosen = {name: value for name, value in config.items() if name not in NAMES}
-    if verb in OF_A_SCENE:
-        chosen["scene"] = scene(config)
     if berry_is_made:
         chosen |= sections(config, *KEYS["shape"])
     return _with_contents(chosen)

@@ -1,7 +1,8 @@
 """The exceptions: faults of a user's input, and a pile without an angle."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from repose.dem.errors import MOST_SHOWN, InputError, shown
 
@@ -11,6 +12,7 @@ __all__ = [
     "InputErrors",
     "NoFlankError",
     "YamlError",
+    "one_message",
     "print_fault",
     "raise_together",
 ]
@@ -59,6 +61,16 @@ def print_fault(fault: object) -> None:
     """Print a fault of the input, an exception or its text, on stderr; one line for each fault."""
     for line in str(fault).splitlines():
         print(f"repose: error: {line}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def one_message() -> Iterator[None]:
+    """End the program with one message, and as the verbs do, at a fault of the input."""
+    try:
+        yield
+    except (InputError, OSError) as error:
+        print_fault(error)
+        sys.exit(BAD_INPUT)
 
 
 def _in_yaml(value):

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from repose.core import usage
 from repose.core.errors import InputError
 
 try:
@@ -50,14 +51,17 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
 
 @contextmanager
 def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
-    """Hold a folder of results for a job; a new workflow does not start before the job has ended."""
+    """Hold a folder of results for a job, which notes its processor time; a new workflow starts after it has ended."""
     path = Path(folder) / JOBS
     if not os.access(path, os.W_OK):
         yield
         return
     with path.open("a+", encoding="utf-8") as jobs:
         _locked(jobs, exclusively=False)
-        yield
+        try:
+            yield
+        finally:
+            usage.note(folder)
 
 
 @contextmanager

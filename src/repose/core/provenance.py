@@ -23,8 +23,9 @@ from repose import __version__
 from repose.core import attached, places
 from repose.core.errors import InputError
 from repose.core.places import PACKAGE
-from repose.core.sources import engine_hash
 
+# A pour depends on the simulator, the bench tests and the grains.
+ENGINE = ("dem", "particle", "apparatus")
 CPU_INFO = Path("/proc/cpuinfo")
 BUILT_FROM = "commit.txt"  # beside the program's other data; a build writes it
 # With these set, numba compiles and numpy calculates as on another type of processor, with other last bits.
@@ -132,6 +133,24 @@ def hash_of(content: Any) -> str:
 def hash_of_file(path: str | PathLike) -> str:
     """Hash, 16 hexadecimal digits, of a file's content."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+
+
+@cache
+def room_hash(*rooms: str) -> str:
+    """Hash, 16 hexadecimal digits, the files of some rooms or modules of the package, as "search" or "chain.invert"."""
+    digest = hashlib.sha256()
+    for room in rooms:
+        place = PACKAGE.joinpath(*room.split("."))
+        paths = sorted(place.rglob("*")) if place.is_dir() else [place.with_suffix(".py")]
+        for path in (path for path in paths if path.suffix in (".py", ".yaml")):
+            digest.update(path.relative_to(PACKAGE).as_posix().encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def engine_hash() -> str:
+    """Hash the source of the engine."""
+    return room_hash(*ENGINE)
 
 
 @cache

@@ -264,7 +264,7 @@ class BayesianBP(Surrogate):
         """Collect scalings and weights, as `two_layer.evaluate` reads them."""
         return {key: getattr(self, key + "_") for key in ARRAYS} | {"scaled_range": self.scaled_range}
 
-    def _checked_settings(self) -> Settings:
+    def _checked_settings(self) -> TrainingSettings:
         for name in ("hidden", "starts"):
             if not getattr(self, name) >= 1:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: at least 1")

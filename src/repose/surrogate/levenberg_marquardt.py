@@ -143,7 +143,7 @@ def train_start(
     }
 
 
-def _train(w: np.ndarray, data: _Data, n: float, settings: Settings) -> tuple[_State, int, str]:
+def _train(w: np.ndarray, data: _Data, n: float, settings: TrainingSettings) -> tuple[_State, int, str]:
     """Train to the end; return the state there, the number of epochs, and the reason of the end."""
     # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
     alpha, mu = np.full(len(data.classes), 0.01), max(settings.mu, SMALLEST_MU)
@@ -174,7 +174,7 @@ def _train(w: np.ndarray, data: _Data, n: float, settings: Settings) -> tuple[_S
     return (state if best is None else _descend(best, data, settings)), epoch, reason
 
 
-def _descend(state: _State, data: _Data, settings: Settings) -> _State:
+def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
     """Descend to the minimum of F with alpha and beta kept; compute gamma there."""
     mu = max(settings.mu, SMALLEST_MU)
     for _ in range(DESCENT):
@@ -187,7 +187,9 @@ def _descend(state: _State, data: _Data, settings: Settings) -> _State:
     return state._replace(gamma=_gamma(state.at, state, data))
 
 
-def _step(state: _State, mu: float, data: _Data, settings: Settings) -> tuple[np.ndarray | None, float]:
+def _step(
+    state: _State, mu: float, data: _Data, settings: TrainingSettings
+) -> tuple[np.ndarray | None, float]:
     """Damp until F falls (HM94): the weights there, or None, and the next mu."""
     alpha, beta, at, half_gradient = state.alpha, state.beta, state.at, state.half_gradient()
     identity = np.eye(at.w.size)

@@ -8,11 +8,16 @@ rule berry:
         berry=f"{RESULTS}/berry/berry.json",
     log:
         f"{RESULTS}/logs/berry.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/berry.tsv"
     priority: 1
     resources:
         **needs(250),
     params:
-        **of_stage("berry"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("berry"),
+        code=room_hash("particle"),
     message:
         "Sizes and moduli of the measured berries"
     shell:

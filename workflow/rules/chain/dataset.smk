@@ -1,18 +1,23 @@
 rule dataset:
     input:
         samples=rules.design.output.samples,
-        jobs=expand(rules.measure_runs.output.result, runs=folders_of_targets()),
+        jobs=expand(rules.measure_runs.output.result, runs=FOLDERS),
     output:
         dataset=f"{RESULTS}/dataset.csv",
         runs=f"{RESULTS}/runs.csv",
         summary=f"{RESULTS}/dataset_summary.json",
     log:
         f"{RESULTS}/logs/dataset.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/dataset.tsv"
     priority: 1
     resources:
         **needs(250),
     params:
-        **of_stage("dataset"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("responses"),
+        code=room_hash("chain.dataset"),
         jobs=folders_of_jobs,
     message:
         "Table of all samples and their responses"

@@ -4,11 +4,16 @@ rule design:
         comparison=f"{RESULTS}/design/comparison.csv",
     log:
         f"{RESULTS}/logs/design.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/design.tsv"
     priority: 1
     resources:
         **needs(600, minutes=60),
     params:
-        **of_stage("design"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("parameters", "design"),
+        code=room_hash("chain.design", "chain.exchange_search"),
     message:
         "Design of the virtual experiments"
     shell:

@@ -18,6 +18,8 @@ rule drum_run:
         frames=f"{RESULTS}/drum/drum_{{seed}}.npz",
     log:
         f"{RESULTS}/logs/drum/{{seed}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/drum/{{seed}}.tsv"
     priority: 1
     retries: 1
     resources:
@@ -26,7 +28,8 @@ rule drum_run:
         config=CONFIG,
         folder=folder,
         sample=int(REPRESENTATIVE),
-        depends=pouring_settings("drum"),
+        depends=stands_on.pouring(config, "drum"),
+        code=room_hash(*ENGINE),
     message:
         "Turning the drum, seed {wildcards.seed}"
     shell:
@@ -47,10 +50,22 @@ rule drum:
         profile=f"{RESULTS}/drum/profile.csv",
     log:
         f"{RESULTS}/logs/drum.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/drum.tsv"
     resources:
         **needs(350),
     params:
-        **of_stage("drum_tables"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads(
+            "measure.mm_per_pixel",
+            "drum.fit_share",
+            "drum.depth_bin_mm",
+            "drum.outer_diameter_mm",
+            "drum.wall_thickness_mm",
+            "drum.length_mm",
+        ),
+        code=room_hash("apparatus", "measure"),
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer"
     shell:
@@ -66,10 +81,13 @@ rule drum_film:
         f"{RESULTS}/drum/drum.gif",
     log:
         f"{RESULTS}/logs/drum_film.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/drum_film.tsv"
     resources:
         **needs(450, minutes=20),
     params:
         config=CONFIG,
+        code=room_hash("pictures"),
         depends=sections("drum"),
     message:
         "Film of the drum"

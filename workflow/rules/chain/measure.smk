@@ -15,10 +15,13 @@ rule measure:
         result=f"{RESULTS}/measure/measured.json",
     log:
         f"{RESULTS}/logs/measure.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/measure.tsv"
     resources:
         **needs(300),
     params:
         config=CONFIG,
+        code=room_hash("measure"),
         depends=sections("measure"),
     message:
         "Measuring the pile in one side view"
@@ -37,6 +40,8 @@ use rule pour as trajectory with:
         trajectory=f"{RESULTS}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz",
     log:
         f"{RESULTS}/logs/trajectory.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/trajectory.tsv"
     resources:
         **needs(350, minutes=MINUTES_OF_RUNS),
     params:
@@ -56,10 +61,13 @@ rule film:
         f"{RESULTS}/film/pour.gif",
     log:
         f"{RESULTS}/logs/film.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/film.tsv"
     resources:
         **needs(450, minutes=20),
     params:
         config=CONFIG,
+        code=room_hash("pictures"),
     message:
         "Film of the pour"
     shell:

@@ -10,11 +10,16 @@ rule miga:
         summary=f"{RESULTS}/miga/summary.json",
     log:
         f"{RESULTS}/logs/miga.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/miga.tsv"
     priority: 1
     resources:
         **needs(250, minutes=30),
     params:
-        **of_stage("miga"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("parameters", "targets", "miga"),
+        code=room_hash("chain.invert", "search", "surrogate"),
     message:
         "Searching the parameters that give the target pile"
     shell:

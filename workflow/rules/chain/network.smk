@@ -9,11 +9,16 @@ rule network:
         starts=f"{RESULTS}/network/starts.csv",
     log:
         f"{RESULTS}/logs/network.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/network.tsv"
     priority: 1
     resources:
         **needs(200, minutes=60),
     params:
-        **of_stage("network"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("responses", "surrogate", "network"),
+        code=room_hash("chain.train", "surrogate"),
     message:
         "Training the surrogate"
     shell:

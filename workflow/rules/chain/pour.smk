@@ -19,6 +19,8 @@ rule pour:
         berries=f"{RESULTS}/{{runs}}/{{sample}}.npz",
     log:
         f"{RESULTS}/logs/{{runs}}/{{sample}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{runs}}/{{sample}}.tsv"
     priority: 1
     retries: 1
     resources:
@@ -31,7 +33,8 @@ rule pour:
         sample=lambda wildcards: wildcards.sample,
         seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
         more=["--keep-runs", "--measure"],
-        depends=pouring,
+        depends=lambda wildcards: stands_on.pouring(config, apparatus(wildcards)),
+        code=room_hash(*ENGINE),
     message:
         "Pouring sample {wildcards.sample}"
     shell:
@@ -50,14 +53,17 @@ rule measure_runs:
         result=for_each(SAMPLES, f"{RESULTS}/{{runs}}/{{sample}}.json"),
     log:
         f"{RESULTS}/logs/{{runs}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{runs}}_measured.tsv"
     priority: 1
     resources:
         **needs(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
+        code=room_hash("apparatus", "measure"),
         folder=folder,
         jobs=jobs_to_measure,
-        depends=measuring,
+        depends=lambda wildcards: stands_on.measuring(config, apparatus(wildcards)),
     message:
         "Measuring the runs in {params.folder}"
     shell:

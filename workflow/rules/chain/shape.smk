@@ -8,11 +8,16 @@ rule shape:
         comparison=f"{RESULTS}/berry/particles.csv",
     log:
         f"{RESULTS}/logs/shape.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/shape.tsv"
     priority: 1
     resources:
         **needs(550),
     params:
-        **of_stage("shape"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("berry"),
+        code=room_hash("particle"),
     message:
         "Mesh and particle of the berry"
     shell:

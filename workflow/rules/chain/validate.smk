@@ -12,7 +12,7 @@ STORED = config["validation"]["published_simulated"]
 # Whether the stored table of simulated published sets can be set beside this study.
 PUBLISHED_IS_STORED = bool(STORED) and bool(
     checks.stored_columns(
-        or_one_message(read_stored, STORED),
+        read_stored(STORED),
         STUDY.targets.responses,
         STUDY.parameters.names,
         config["measure"],
@@ -27,11 +27,16 @@ rule solutions:
         solutions=f"{RESULTS}/validation/solutions.csv",
     log:
         f"{RESULTS}/logs/solutions.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/solutions.tsv"
     priority: 1
     resources:
         **needs(250),
     params:
-        **of_stage("solutions"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("parameters", "targets", "validation.solutions"),
+        code=room_hash("chain.validate"),
     message:
         "Choosing the solutions to simulate again"
     shell:
@@ -48,10 +53,15 @@ rule published_solutions:
         solutions=f"{RESULTS}/validation/published_solutions.csv",
     log:
         f"{RESULTS}/logs/published_solutions.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/published_solutions.tsv"
     resources:
         **needs(250),
     params:
-        **of_stage("published_solutions"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("parameters", "validation.published"),
+        code=room_hash("chain.validate"),
     message:
         "Listing the published solutions"
     shell:
@@ -61,15 +71,24 @@ rule published_solutions:
 use rule pour as validation_pour with:
     input:
         **READY,
-        samples=solution_to_pour,
+        samples=lambda wildcards: (
+            rules.solutions
+            if wildcards.sample in OWN_SOLUTIONS
+            else rules.published_solutions
+        ).output.solutions,
     output:
         pours=f"{RESULTS}/validation/{{runs}}/{{sample}}.pours.json",
         berries=f"{RESULTS}/validation/{{runs}}/{{sample}}.npz",
     log:
         f"{RESULTS}/logs/validation/{{runs}}/{{sample}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/validation/{{runs}}/{{sample}}.tsv"
     params:
         purpose="validation",
-        seeds=validation_seeds,
+        # the representative solution gets more
+        seeds=lambda wildcards: config["validation"][
+            "representative_seeds" if wildcards.sample == OWN_SOLUTIONS[0] else "seeds"
+        ],
     message:
         "Pouring solution {wildcards.sample} with fresh seeds"
 
@@ -84,6 +103,8 @@ use rule measure_runs as measure_validation_runs with:
         result=for_each(OWN_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"),
     log:
         f"{RESULTS}/logs/validation/{{runs}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/validation/{{runs}}_measured.tsv"
 
 
 if PUBLISHED_SOLUTIONS:
@@ -100,14 +121,14 @@ if PUBLISHED_SOLUTIONS:
             ),
         log:
             f"{RESULTS}/logs/validation/{{runs}}_published_measured.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/validation/{{runs}}_published_measured.tsv"
 
 
 rule validate:
     input:
         solutions=rules.solutions.output.solutions,
-        jobs=expand(
-            rules.measure_validation_runs.output.result, runs=folders_of_targets()
-        ),
+        jobs=expand(rules.measure_validation_runs.output.result, runs=FOLDERS),
         published=STORED or [],
         dataset=rules.dataset.output.dataset,
     output:
@@ -116,10 +137,21 @@ rule validate:
         published=f"{RESULTS}/validation/published.csv",
     log:
         f"{RESULTS}/logs/validate.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/validate.tsv"
     resources:
         **needs(250),
     params:
-        **of_stage("validate"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads(
+            "parameters",
+            "targets",
+            "measure",
+            "validation.published_simulated",
+            "scene",
+        ),
+        code=room_hash("chain.validate", "chain.chance"),
     message:
         "Predicted beside simulated and published"
     shell:
@@ -131,9 +163,7 @@ rule published_sets:
     input:
         published=rules.published_solutions.input.published,
         jobs=(
-            expand(
-                rules.measure_published_runs.output.result, runs=folders_of_targets()
-            )
+            expand(rules.measure_published_runs.output.result, runs=FOLDERS)
             if PUBLISHED_SOLUTIONS
             else []
         ),
@@ -141,10 +171,15 @@ rule published_sets:
         table=f"{RESULTS}/published_sets.csv",
     log:
         f"{RESULTS}/logs/published_sets.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/published_sets.tsv"
     resources:
         **needs(250),
     params:
-        **of_stage("published_sets"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("responses", "parameters", "validation.published", "scene"),
+        code=room_hash("chain.validate"),
     message:
         "The published parameter sets in this simulator: {output.table}"
     shell:

@@ -9,6 +9,8 @@ rule warm_up:
         ready=touch(f"{RESULTS}/berry/engine_{source_hash()}_is_compiled"),
     log:
         f"{RESULTS}/logs/warm_up.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/warm_up.tsv"
     priority: 1
     threads: 2
     resources:

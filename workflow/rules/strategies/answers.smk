@@ -56,8 +56,14 @@ for name in BATCHED:
         name:
             f"conclude_{name}"
         input:
-            proposals=proposals_of(name),
-            tables=tables_of(name),
+            proposals=lambda wildcards, name=name: expand(
+                rules.propose.output.proposal,
+                strategy=name,
+                batch=range(FIRST_BATCH[name], answer_of_batches(name)[0] + 1),
+            ),
+            tables=lambda wildcards, name=name: tables_in(
+                folders_of_batches(name, answer_of_batches(name)[1])
+            ),
         output:
             solutions=f"{RESULTS}/{name}/solutions.csv",
             table4=f"{RESULTS}/{name}/table4.csv",
@@ -70,12 +76,21 @@ for name in BATCHED:
             own=[f"{RESULTS}/{name}/{file}" for file in strategies.strategy(name).files],
         log:
             f"{RESULTS}/logs/{name}/concluded.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/{name}/concluded.tsv"
         resources:
             **needs(350),
         params:
-            **of_stage("conclude"),
+            config=CONFIG,
+            folder=folder,
+            depends=reads("parameters", "targets", "measure"),
+            code=room_hash("strategies", "chain.answer"),
             strategy=name,
-            batches=folders_until_answer,
+            batches=lambda wildcards, input: list(
+                dict.fromkeys(
+                    map(os.path.dirname, [*input.tables, input.proposals[-1]])
+                )
+            ),
         message:
             "The answer of {params.strategy}, simulated again, compared with its prediction and the targets"
         shell:
@@ -97,5 +112,11 @@ for name in BATCHED:
             name
         input:
             concluded,
-            files_of_batches(name),
-            all_files(*figures_of(name)),
+            lambda wildcards, name=name: files_of_batches(name),
+            all_files(
+                *(
+                    shown
+                    for shown in FIGURES
+                    if os.path.dirname(FIGURES[shown].path) == f"{RESULTS}/{name}"
+                )
+            ),

@@ -10,18 +10,25 @@ wildcard_constraints:
 
 checkpoint propose:
     input:
-        lambda wildcards: tables_in(folders_before(wildcards)),
+        lambda wildcards: tables_in(
+            folders_of_batches(wildcards.strategy, int(wildcards.batch))
+        ),
     output:
         samples=f"{BATCH}/samples.csv",
         proposal=f"{BATCH}/proposal.json",
     log:
         f"{RESULTS}/logs/{{strategy}}/batch_{{batch}}_proposed.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/batch_{{batch}}_proposed.tsv"
     resources:
         **needs(400, minutes=90),
     params:
         config=CONFIG,
+        code=room_hash("strategies", "surrogate", "search", "doe"),
         folder=folder,
-        batches=folders_before,
+        batches=lambda wildcards: folders_of_batches(
+            wildcards.strategy, int(wildcards.batch)
+        ),
         depends=lambda wildcards: stands_on.settings_of(
             config, "propose", name=wildcards.strategy
         ),
@@ -41,6 +48,8 @@ use rule pour as batch_pour with:
         berries=f"{BATCH}/{{runs}}/{{job}}.npz",
     log:
         f"{RESULTS}/logs/{{strategy}}/batch_{{batch}}_{{runs}}_{{job}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/batch_{{batch}}_{{runs}}_{{job}}.tsv"
     wildcard_constraints:
         job=r"\d{3,5}",
     params:
@@ -64,6 +73,8 @@ use rule measure_runs as measure_batch_runs with:
         result=f"{BATCH}/{{runs}}/{{job}}.json",
     log:
         f"{RESULTS}/logs/{{strategy}}/batch_{{batch}}_{{runs}}_{{job}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/batch_{{batch}}_{{runs}}_{{job}}_measured.tsv"
     wildcard_constraints:
         job=r"\d{3,5}",
     message:
@@ -80,5 +91,7 @@ use rule dataset as batch_dataset with:
         summary=f"{BATCH}/dataset_summary.json",
     log:
         f"{RESULTS}/logs/{{strategy}}/batch_{{batch}}_dataset.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/batch_{{batch}}_dataset.tsv"
     message:
         "Table of {wildcards.strategy}, batch {wildcards.batch}"

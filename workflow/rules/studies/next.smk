@@ -9,10 +9,15 @@ rule plausible:
         samples=f"{NEXT}/samples.csv",
     log:
         f"{RESULTS}/logs/next/samples.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/next/samples.tsv"
     resources:
         **needs(250),
     params:
-        **of_stage("plausible"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("posterior.seed"),
+        code=room_hash("studies"),
     message:
         "Plausible parameter sets"
     shell:
@@ -29,6 +34,8 @@ use rule pour as next_pour with:
         berries=f"{NEXT}/{{runs}}/{{sample}}.npz",
     log:
         f"{RESULTS}/logs/next/{{runs}}/{{sample}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/next/{{runs}}/{{sample}}.tsv"
     params:
         purpose="next",
         seeds=next_measurement.SEEDS,
@@ -49,10 +56,17 @@ rule next:
         table=f"{NEXT}/next.csv",
     log:
         f"{RESULTS}/logs/next/table.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/next/table.tsv"
     resources:
         **needs(350, minutes=MINUTES_OF_RUNS),
     params:
-        **of_stage("next"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads(
+            "targets", "posterior.discrepancy_percent", "measure", "measured_by"
+        ),
+        code=room_hash("studies", "measure"),
     message:
         "What to measure next"
     shell:

@@ -8,10 +8,15 @@ rule noise_tables:
         summary=f"{RESULTS}/noise/noise.json",
     log:
         f"{RESULTS}/logs/noise.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/noise.tsv"
     resources:
         **needs(200),
     params:
-        **of_stage("noise"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("targets"),
+        code=room_hash("studies"),
     message:
         "Noise of the runs within and between samples"
     shell:
@@ -34,11 +39,16 @@ rule posterior_tables:
         summary=f"{RESULTS}/posterior/posterior.json",
     log:
         f"{RESULTS}/logs/posterior.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/posterior.tsv"
     priority: 1
     resources:
         **needs(300, minutes=30),
     params:
-        **of_stage("posterior"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("parameters", "targets", "posterior"),
+        code=room_hash("studies", "surrogate"),
     message:
         "Posterior of the parameters given the physical measurements"
     shell:
@@ -55,10 +65,15 @@ rule sensitivity_tables:
         effects=f"{RESULTS}/sensitivity/main_effects.csv",
     log:
         f"{RESULTS}/logs/sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sensitivity.tsv"
     resources:
         **needs(200, minutes=30),
     params:
-        **of_stage("sensitivity"),
+        config=CONFIG,
+        folder=folder,
+        depends=reads("parameters", "targets", "sensitivity"),
+        code=room_hash("studies", "surrogate"),
     message:
         "Sobol indices and main effects on the surrogate"
     shell:
