@@ -8,7 +8,6 @@ import pytest
 from plans import planned, snakemake
 
 from repose.core import sources
-from repose.core.files import write_text
 from repose.core.lock import take_folder
 from repose.dem import cache
 
@@ -194,22 +193,6 @@ def test_a_file_that_a_killed_job_left_out_is_made_again(finished, lost, rule):
         assert planned(project, *words)[rule] == 1
     finally:
         path.write_bytes(content)
-
-
-def test_a_snapshot_is_taken_anew_when_an_optional_study_is_added(finished):
-    project, words = finished
-    results = project / "results/quick"
-    (results / "snapshot.txt").touch()
-    done = snakemake(project, "--touch", "--forceall", "--cores", "1", *words, "--", "snapshot")
-    assert done.returncode == 0, done.stderr
-    target = ("--", "results/quick/snapshot.txt")
-    assert planned(project, *words, *target) == {}
-    added = results / "noise/noise.csv"
-    write_text(added, "noise")
-    try:
-        assert planned(project, *words, *target) == {"snapshot": 1, "total": 1}
-    finally:
-        added.unlink()
 
 
 def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finished):

@@ -53,15 +53,6 @@ def test_the_workflow_runs_from_either_file(project):
     assert itself["pour"] == 14
 
 
-def test_a_snapshot_needs_the_products_of_the_strategy_and_no_others(project):
-    for file, made_by in (("config/fast.yaml", "propose"), ("config/quick.yaml", "pour")):
-        calibration = planned(project, "--configfile", file)
-        jobs = planned(project, "--configfile", file, "--", "snapshot")
-        assert calibration.pop("everything") == jobs.pop("snapshot") == 1
-        assert jobs == calibration
-        assert {"pour", "propose"} & set(jobs) == {made_by}
-
-
 def test_samples_are_run_in_every_bench_test_of_the_targets(project):
     for targets, folders in ((MIXED, ("heaps", "drum_runs")), (MIXED[1:], ("drum_runs",))):
         mine = {"targets": targets, "posterior": {"shape_study": None}}

@@ -132,11 +132,3 @@ def has_name_of_ours(name):
     below = (str(path).removeprefix(f"{RESULTS}/") for path in paths)
     parts = {"benchmarks", *(path.partition("/")[0] for path in below)}
     return any(re.fullmatch(regex_from_filepattern(part), name) for part in parts)
-
-
-def results_to_keep():
-    """Regular expressions of the results that a snapshot may keep, below the folder of results: no runs of bench tests."""
-    made = (rule.output for rule in workflow.rules if "ready" not in rule.input.keys())
-    paths = [str(path) for paths in made for path in paths]
-    below = [path.removeprefix(f"{RESULTS}/") for path in paths if "{runs" not in path]
-    return sorted({regex_from_filepattern(path) for path in ["config.json", *below]})

@@ -108,11 +108,3 @@ def files_of_batches(strategy):
         return paths
 
     return files
-
-
-def figures_of(strategy):
-    """Names of the figures of a strategy."""
-    own = f"{RESULTS}/{strategy}"
-    return [
-        name for name, shown in FIGURES.items() if os.path.dirname(shown.path) == own
-    ]
