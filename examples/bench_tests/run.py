@@ -9,12 +9,13 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+import sketches
 
 from repose.apparatus import Scene, bench
 from repose.apparatus.drum import Drum
 from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
-from repose.pictures import figures, film
+from repose.pictures import film
 
 HERE = Path(__file__).parent
 NAMES = sorted(path.stem for path in HERE.glob("*.yaml"))
@@ -40,7 +41,7 @@ def main(name, out="results/examples", pictures=48, width=420):
     measured = test.measure(run.record, run.arrays, Scene.of(config, {}, study.grain, study.particle))
     print(test.in_words.format(**measured) if measured["status"] == "ok" else measured)
     out = Path(out)
-    figures.draw(name, {}, out / f"{name}.png", config)
+    sketches.draw(name, out / f"{name}.png", config)
     frames = run.frames | {"shape": np.zeros(len(run.frames["scale"]), int)}
     scene = test.build(Scene.of(config, values, study.grain, study.particle))
     if name == "turning":  # its caps are endless planes; the picture has discs

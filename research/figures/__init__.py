@@ -1,17 +1,23 @@
 """Figures of the studies here, drawn as those of the package."""
 
-from repose.pictures.figures import Figure
+from repose.pictures.figures import Drawn
 from research.figures import comparison, inversion, representations, second_look
 
+
+def _named(*inputs: str) -> dict[str, str]:
+    """Name the inputs; the rules of these studies know their places."""
+    return dict.fromkeys(inputs, "")
+
+
 FIGURES = {
-    "search": Figure(inversion.searches, ("curves", "methods")),
-    "whole": Figure(inversion.whole, ("whole",)),
-    "shape_study": Figure(representations.study, ("combinations", "sets")),
-    "second_responses": Figure(
+    "search": Drawn(inversion.searches, _named("curves", "methods")),
+    "whole": Drawn(inversion.whole, _named("whole")),
+    "shape_study": Drawn(representations.study, _named("combinations", "sets")),
+    "second_responses": Drawn(
         second_look.what_to_measure_next,
-        ("responses", "information", "narrowing", "ways"),
+        _named("responses", "information", "narrowing", "ways"),
     ),
-    "accuracy": Figure(comparison.accuracy, ("accuracy",)),
-    "surrogates": Figure(comparison.surrogates, ("surrogates",)),
-    "sampling": Figure(comparison.sampling, ("sampling",)),
+    "accuracy": Drawn(comparison.accuracy, _named("accuracy")),
+    "surrogates": Drawn(comparison.surrogates, _named("surrogates")),
+    "sampling": Drawn(comparison.sampling, _named("sampling")),
 }

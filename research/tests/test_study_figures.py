@@ -181,7 +181,7 @@ def words(figure):
 
 @pytest.mark.parametrize("name", sorted(FIGURES))
 def test_every_figure_is_drawn(name, inputs, tmp_path):
-    given = {key: inputs[key] for key in FIGURES[name].needed}
+    given = {key: inputs[key] for key in FIGURES[name].inputs}
     figures.draw(name, given, tmp_path / "it.png", CONFIG, FIGURES)
     assert (tmp_path / "it.png").stat().st_size > 10_000
 

@@ -177,6 +177,7 @@ EXAMPLES = ROOT / "examples/bench_tests"
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.yaml")))
 def test_the_example_of_a_bench_test_is_measured_drawn_and_filmed(name, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
+    monkeypatch.syspath_prepend(EXAMPLES)
     spec = importlib.util.spec_from_file_location("run", EXAMPLES / "run.py")
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)

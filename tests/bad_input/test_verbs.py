@@ -167,7 +167,6 @@ BAD_VALUES = (
             "--sample=1",
         )
     ),
-    *(["snapshot", value] for value in ("", "nowhere", ".", "..")),
     *(
         ["measure", "a.jpg", f"--{name}={value}"]
         for name in ("mm-per-pixel", "square-mm", "grain-mm")

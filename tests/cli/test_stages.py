@@ -9,7 +9,7 @@ def test_files_are_those_of_inputs_by_name_of_plain_options_and_of_a_folders_dat
     for name in ("a.csv", "b=1.json", "dataset.csv"):
         (tmp_path / name).write_text("")
     words = [
-        ["figure", "figure09", f"--input=heap={tmp_path / 'a.csv'}", f"--out={tmp_path / 'b=1.json'}"],
+        ["figure", "figure05", f"--input=heap={tmp_path / 'a.csv'}", f"--out={tmp_path / 'b=1.json'}"],
         ["sensitivity", f"--network={tmp_path / 'b=1.json'}"],
         ["stage", "propose", "refined", str(tmp_path)],
     ]

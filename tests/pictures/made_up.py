@@ -18,20 +18,6 @@ MEASURE = every_bench_test()["measure"] | {"views": 2, "mm_per_pixel": 0.5, "res
 BERRY = every_bench_test()["berry"] | {"spheres": 14}  # the fewest are searched for long
 CONFIG = every_bench_test() | {"measure": MEASURE, "berry": BERRY, "small_run": False}
 PUBLISHED = ("aor_deg", "height_mm")
-DOT = """digraph snakemake_dag {
-    graph[bgcolor=white, margin=0];
-    0[label = "all", color = "0.0 0.6 0.85", style="rounded"];
-    1[label = "report", color = "0.1 0.6 0.85", style="rounded"];
-    2[label = "heap", color = "0.3 0.6 0.85", style="rounded,dashed"];
-    3[label = "design", color = "0.5 0.6 0.85", style="rounded"];
-    4[label = "berry", color = "0.6 0.6 0.85", style="rounded"];
-    1 -> 0
-    2 -> 1
-    3 -> 2
-    4 -> 2
-    4 -> 0
-}
-"""
 
 
 def cone_of_berries(count=260, height_m=0.06, radius_m=0.11):
@@ -152,7 +138,6 @@ def made_up_inputs(folder):
     np.savez(folder / "trajectory.npz", time_s=[0.0, 9.0, 18.0], position=frames, quaternion=turns)
     made_up_drum(folder, centres - [0.0, 0.0, 0.1], quaternions)
     (folder / "summary.json").write_text(json.dumps({"feasible": True, "message": ""}))
-    (folder / "rules.dot").write_text(DOT)
     intervals = pd.DataFrame({"parameter": PARAMETERS})
     intervals["low"] = [0.199, 0.600, 0.036, 0.202, 0.455, 0.181]
     intervals["high"] = [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
@@ -163,7 +148,7 @@ def made_up_inputs(folder):
 
 def inputs_of(name, inputs):
     """The figure's inputs, optional ones included, out of the made-up files."""
-    files = {"stl": "berry", "berry": "axes", "dot": "rules"}
+    files = {"stl": "berry", "berry": "axes"}
     if name == "figure14":
         files["published"] = "table3"
     if name == "validation":
@@ -174,12 +159,9 @@ def inputs_of(name, inputs):
         files["runs"] = "noise_runs"
     if name in ("corner", "region"):
         files["summary"] = "posterior_summary"
-    if name in ("lifted_cylinder", "drawdown"):
-        files["runs"] = "heap"
     if name == "approach":
         files["summary"] = "refined_summary"
-    keys = figures.FIGURES[name].needed + figures.FIGURES[name].optional
-    return {key: inputs[files.get(key, key)] for key in keys}
+    return {key: inputs[files.get(key, key)] for key in figures.FIGURES[name].all_inputs}
 
 
 def words(figure):

@@ -4,6 +4,7 @@ import functools
 import json
 import struct
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -30,9 +31,10 @@ from repose.pictures.figures import (
     style,
     surrogate,
     testbench,
-    workflow,
 )
 from repose.pictures.scenery import look_at
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -51,15 +53,23 @@ OF_A_STRATEGY = {"pareto_screening", "pareto_surface", "perturbation", "contours
 OF_TARGETS = {"profiles"}  # drawn in test_figures_of_targets.py
 
 
+def read_by(name):
+    """What the figure reads of the configuration, as its decorator says, and what is read for every figure."""
+    kept = {key: CONFIG[key] for key in ("small_run", "targets", "measure")}
+    for section, _, key in (dotted.partition(".") for dotted in figures.FIGURES[name].reads):
+        kept[section] = kept.get(section, {}) | {key: CONFIG[section][key]} if key else CONFIG[section]
+    return kept
+
+
 def draw_small(name, inputs, path):
-    """Draw a figure with small pictures in it, and return it as it was saved."""
+    """Draw a figure with small pictures in it from what it says that it reads, and return it as it was saved."""
     saved, save = [], style.save
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(testbench, "PILE_PIXELS", 300)
         patch.setattr(rotation, "PIXELS", 120)
         patch.setattr(berries, "PICTURE_PIXELS", 100)
         patch.setattr(style, "save", lambda *words: saved.append(words[0]) or save(*words))
-        figures.draw(name, inputs_of(name, inputs), path, CONFIG)
+        figures.draw(name, inputs_of(name, inputs), path, read_by(name))
     return saved[0]
 
 
@@ -83,11 +93,34 @@ def test_every_figure_is_drawn(name, drawn):
     assert 250 < height < 1400
 
 
+def test_every_sketch_of_a_bench_test_is_drawn(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "examples/bench_tests")
+    import sketches
+
+    for name in sketches.SKETCHES:
+        sketches.draw(name, tmp_path / f"{name}.png", CONFIG)
+        width, height = size_of(tmp_path / f"{name}.png")
+        assert 400 < width < 1400, name
+        assert 250 < height < 1400, name
+    assert {path.stem for path in (ROOT / "examples/bench_tests").glob("*.yaml")} == set(sketches.SKETCHES)
+
+
 @pytest.mark.slow
 def test_every_figure_is_drawn_the_same_twice(inputs, drawn, tmp_path):
     for name in DRAWN:
         draw_small(name, inputs, tmp_path / "again.png")
         assert (tmp_path / "again.png").read_bytes() == drawn(name)[1].read_bytes(), name
+
+
+def test_every_figure_has_a_title_and_a_caption_with_the_numbers_of_the_study():
+    for name, one in figures.FIGURES.items():
+        caption = one.caption_of(CONFIG)
+        assert one.title, name
+        assert len(caption.split()) > 5, name
+        assert not {"{", "}"} & set(caption), name
+    network = figures.FIGURES["figure10"].caption_of(CONFIG)
+    assert f"{len(CONFIG['parameters'])} parameters in" in network
+    assert f"{CONFIG['network']['hidden']} hidden neurons" in network
 
 
 def test_a_figure_has_the_configured_formats_with_its_fonts_inside(inputs, tmp_path):
@@ -111,7 +144,7 @@ def test_a_figure_has_the_configured_formats_with_its_fonts_inside(inputs, tmp_p
         figures.draw("sobol", given, tmp_path / "it.eps", config)
 
 
-@pytest.mark.parametrize("name", ["figure02", "figure13", "figure09"])
+@pytest.mark.parametrize("name", ["figure02", "figure13", "convergence"])
 def test_a_small_run_has_a_band_across_the_top(name, inputs, drawn, tmp_path):
     paths = [drawn(name)[1], tmp_path / "small.png"]
     figures.draw(name, inputs_of(name, inputs), paths[1], CONFIG | {"small_run": True})
@@ -121,32 +154,6 @@ def test_a_small_run_has_a_band_across_the_top(name, inputs, drawn, tmp_path):
     red = np.array([int(style.RED[k : k + 2], 16) for k in (1, 3, 5)])
     banded, plain = ((abs(picture[:40] - red).max(axis=-1) < 3).sum() for picture in reversed(pictures))
     assert banded > 5000 > plain
-
-
-def test_the_names_of_rules_stay_in_their_boxes(tmp_path):
-    rules = [
-        "measure_validation_runs",
-        "published_solutions",
-        "validation_pour",
-        "response_surface_fit",
-        "pour",
-        "drum",
-    ]
-    nodes = "".join(f'{k} [label = "{rule}", color = "0.1 0.6 0.85"]\n' for k, rule in enumerate(rules))
-    arrows = "".join(f"{k} -> 5\n" for k in range(5))
-    (tmp_path / "graph.dot").write_text(f"digraph {{\n{nodes}{arrows}}}")
-    with style.applied():
-        figure = workflow.rule_graph({"dot": tmp_path / "graph.dot"}, CONFIG)
-        figure.canvas.draw()
-        panel = figure.axes[0]
-        boxes = [box.get_window_extent() for box in panel.patches]
-        texts = [text.get_window_extent() for text in panel.texts if text.get_text()]
-        sizes = [text.get_fontsize() for text in panel.texts if text.get_text()]
-    assert len(texts) == len(boxes) == len(rules)
-    assert min(sizes) > 6
-    for box, text in zip(boxes, texts, strict=True):
-        assert box.x0 < text.x0 < text.x1 < box.x1
-        assert box.y0 < text.y0 < text.y1 < box.y1
 
 
 def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypatch):
@@ -222,25 +229,6 @@ def test_the_approach_shows_the_bars_and_why_it_stopped(drawn):
     line = figure.axes[0].get_lines()
     simulated = next(one for one in line if one.get_marker() == "o").get_ydata()
     np.testing.assert_allclose(simulated, [-4, np.nan, 0.5], atol=1e-9)
-
-
-def test_rule_graph_is_layered_by_the_longest_way_and_implied_arrows_go(inputs):
-    labels, edges = workflow.read_dot(inputs["rules"])
-    assert labels == {"0": "all", "1": "report", "2": "heap", "3": "design", "4": "berry"}
-    kept = workflow.reduced(edges)
-    assert ("4", "0") in edges
-    assert sorted(kept) == [("1", "0"), ("2", "1"), ("3", "2"), ("4", "2")]
-    places, ways = workflow.layout(list(labels), edges)
-    assert [places[n][1] for n in "34210"] == [0, 0, 1, 2, 3]
-    assert [y for _, y in ways["4", "0"]] == [0, 1, 2, 3]
-    for layer in range(4):
-        row = sorted(x for x, y in places.values() if y == layer)
-        assert all(np.diff(row) >= 1 - 1e-9)
-
-
-def test_a_cycle_in_the_rule_graph_is_refused():
-    with pytest.raises(InputError, match="cycle"):
-        workflow.layers_of("ab", [("a", "b"), ("b", "a")])
 
 
 def test_heap_file_without_positions_is_refused(tmp_path):

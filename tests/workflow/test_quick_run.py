@@ -20,7 +20,7 @@ from repose.surrogate import load
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results" / "quick"
 FIGURES = (
-    *(f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
+    *(f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)),
     *("convergence", "design", "dataset", "validation", "drum", "definitions"),
 )
 
@@ -158,7 +158,7 @@ def test_the_report_states_the_answer_and_that_it_was_a_small_run():
     text = (RESULTS / "report.html").read_text()
     assert "<b>A small run, its numbers are no calibration: targets " in text
     assert 'class="verdict' in text
-    assert "three.js" in text, "the pile in 3-D"
+    assert "Three.js Authors" in text, "the pile in 3-D"
     assert len(text) < 5_000_000
 
 

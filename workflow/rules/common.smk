@@ -23,6 +23,7 @@ from repose.core.provenance import ENGINE, room_hash
 from repose.core.published import beside, read_stored, tables, to_simulate
 from repose.core.seeds import PURPOSES, pour_seeds
 from repose.dem.cache import source_hash
+from repose.pictures import figures
 from repose.studies import next_measurement
 from repose.surrogate import kind_of
 
@@ -114,14 +115,13 @@ def jobs_to_measure(wildcards, input, output):
 
 # Its change draws every figure again.
 RESOLUTION = {"figures.dpi": STUDY.settings.figures.dpi}
-Figure = collections.namedtuple("Figure", "label path category inputs depends")
-FIGURES = {}  # by name; figures.smk draws them
+# The figures of this study, as `@figure` says beside the function of each.
+FIGURES = {name: one for name, one in figures.FIGURES.items() if one.when(STUDY)}
 
 
-def figure(name, label, *depends, folder="figures", category="Figures", **inputs):
-    """Add a figure: its title in the report, the sections of the configuration that it reads, and its inputs."""
-    path = f"{RESULTS}/{folder}/{name}.png"
-    FIGURES[name] = Figure(label, path, category, inputs, depends)
+def figures_in(folder):
+    """Names of the figures in a folder: `figures`, or that of a study or strategy."""
+    return [name for name, one in FIGURES.items() if one.folder == folder]
 
 
 # The end of a strategy, for the answer, the material card and the report: its last rule, and its files.
@@ -138,7 +138,26 @@ def answer():
 
 def drawn(*names):
     """Paths of this study's figures among the names."""
-    return {name: FIGURES[name].path for name in names if name in FIGURES}
+    return {
+        name: f"{RESULTS}/{FIGURES[name].folder}/{name}.png"
+        for name in names
+        if name in FIGURES
+    }
+
+
+def present(paths):
+    """The entries whose path is neither empty nor false: what this study has."""
+    return {name: path for name, path in paths.items() if path}
+
+
+def placed(inputs, places):
+    """Paths of a figure's inputs by name: files below the folder of results, or of `places` by their names in braces."""
+    return present(
+        {
+            name: place.format(**places) if "{" in place else f"{RESULTS}/{place}"
+            for name, place in inputs.items()
+        }
+    )
 
 
 def further(png):
@@ -149,7 +168,7 @@ def further(png):
 
 def all_files(*names):
     """All files of figures by their names."""
-    pictures = [FIGURES[name].path for name in names]
+    pictures = drawn(*names).values()
     return [*pictures, *(path for png in pictures for path in further(png))]
 
 

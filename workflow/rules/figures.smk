@@ -1,172 +1,36 @@
-# Figures of the method; studies and strategies have theirs beside their rules. All are shown here.
-figure("figure02", "Figure 2", sizes=config["berry"]["sizes"])
-if "funnel" in BENCH_TESTS:
-    PILE = {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle}
-    figure("figure05", "Figure 5", "funnel", "colour", **PILE)
-    figure("figure06", "Figure 6", "measure", **PILE, berry=rules.berry.output.berry)
-    figure(
-        "definitions",
-        "Definitions of the angle",
-        "measure",
-        **PILE,
-        berry=rules.berry.output.berry,
-    )
-    figure(
-        "figure08",
-        "Figure 8",
-        "funnel",
-        "colour",
-        trajectory=rules.trajectory.output.trajectory,
-        particle=rules.shape.output.particle,
-    )
-figure(
-    "figure07",
-    "Figure 7",
-    "berry",
-    "colour",
-    stl=rules.shape.output.stl,
-    particle=rules.shape.output.particle,
-)
-figure("figure09", "Figure 9", dot=f"{RESULTS}/figures/figure09.dot")
-if kind_of(config["surrogate"]).is_network:
-    figure(
-        "figure10",
-        "Figure 10",
-        "parameters",
-        "design.seed",
-        network=rules.network.output.network,
-    )
-figure(
-    "figure13",
-    "Figure 13",
-    "targets",
-    predictions=rules.network.output.predictions,
-    dataset=rules.dataset.output.dataset,
-)
-figure(
-    "figure14",
-    "Figure 14",
-    "parameters",
-    "targets",
-    feasible=rules.miga.output.feasible,
-    summary=rules.miga.output.summary,
-    **({"published": published("table3.csv")} if published("table3.csv") else {}),
-)
-figure(
-    "convergence",
-    "Convergence of the search",
-    "miga",
-    history=rules.miga.output.history,
-)
-figure(
-    "design",
-    "Design",
-    "parameters",
-    samples=rules.design.output.samples,
-    comparison=rules.design.output.comparison,
-)
-figure(
-    "dataset",
-    "Responses",
-    "parameters",
-    "targets",
-    dataset=rules.dataset.output.dataset,
-)
-figure(
-    "validation",
-    "Table 4, shown",
-    "targets",
-    table4=rules.validate.output.table4,
-    **({"published": config["validation"]["published"]} if PUBLISHED_SOLUTIONS else {}),
-)
-if PUBLISHED_IS_STORED:
-    figure(
-        "published",
-        "Published solutions here",
-        "targets",
-        published=rules.validate.output.published,
-    )
-if any("profile" in target for target in config["targets"]):
-    figure(
-        "profiles",
-        "Profiles",
-        "targets",
-        table4=answer().table4,
-    )
-if sum("profile" not in target for target in config["targets"]) > 1:
-    figure(
-        "plane",
-        "Targets against each other",
-        "targets",
-        dataset=answer().dataset,
-        feasible=answer().feasible,
-        table4=answer().table4,
-    )
-if "drum" in config:
-    figure(
-        "figure15",
-        "Figure 15",
-        "drum",
-        "measure.mm_per_pixel",
-        "colour",
-        states=f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
-        particle=rules.shape.output.particle,
-        runs=rules.drum.output.runs,
-    )
-    figure(
-        "drum",
-        "The drum over time",
-        "drum",
-        record=rules.drum.output.record,
-        profile=rules.drum.output.profile,
-        runs=rules.drum.output.runs,
-    )
-
-
-rule rule_graph:
-    output:
-        dot=f"{RESULTS}/figures/figure09.dot",
-    log:
-        f"{RESULTS}/logs/rule_graph.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/rule_graph.tsv"
-    resources:
-        **needs(650),
-    params:
-        config=CONFIG,
-        snakefile=str(places.root() / "Snakefile"),
-    message:
-        "The workflow's own graph"
-    shell:
-        # the order of the rules follows the hashes of their names
-        "(PYTHONHASHSEED=0 python -m snakemake calibration --snakefile {params.snakefile:q}"
-        " --configfile {params.config:q} --rulegraph | python -m repose stage write --out {output.dot:q}) 2> {log:q}"
-
-
-# Shown if they exist, and never made for the figure.
-FRESH = f"{RESULTS}/pool/fresh_dataset.csv"
-OPTIONAL_INPUTS = {
-    "figure13": {"fresh": FRESH, "network": rules.network.output.network},
-    "plane": {"pool": f"{RESULTS}/pool/dataset.csv", "fresh": FRESH},
+# A rule for each figure of this study: what it shows and reads, and its caption, stand beside the function that draws it.
+if not PUBLISHED_IS_STORED:
+    FIGURES.pop("published")
+# The names in braces of the figures' inputs; the other inputs are files below the folder of results.
+PLACES = {
+    "answer": answer(),
+    "config": config,
+    "published": config["validation"]["published"] if PUBLISHED_SOLUTIONS else "",
+    "states": f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz" if "drum" in config else "",
+    "stored": rules.validate.output.published,
+    "table3": published("table3.csv") or "",
+    "trajectory": rules.trajectory.output.trajectory,
 }
 # The other figures take 400.
 MEMORY_MB = {"figure05": 600, "figure07": 650, "figure15": 550}
 
 for name, shown in FIGURES.items():
+    path, inputs = drawn(name)[name], placed({**shown.inputs, **shown.optional}, PLACES)
+    there = placed(shown.if_there, PLACES)
 
     rule:
         name:
             f"draw_{name}"
         input:
-            **shown.inputs,
+            **inputs,
         output:
             figure=report(
-                shown.path,
-                caption=f"../report/{name}.rst",
+                path,
+                caption="../report/figure.rst",
                 category=shown.category,
-                labels={"figure": shown.label},
+                labels={"figure": shown.title},
             ),
-            further=further(shown.path),
+            further=further(path),
         log:
             f"{RESULTS}/logs/figures/{name}.log",
         benchmark:
@@ -177,13 +41,14 @@ for name, shown in FIGURES.items():
             config=CONFIG,
             code=room_hash("pictures"),
             figure=name,
-            inputs=[f"--input={key}={path}" for key, path in shown.inputs.items()]
+            inputs=[f"--input={key}={path}" for key, path in inputs.items()]
             + [
                 f"--input={key}={path}"
-                for key, path in OPTIONAL_INPUTS.get(name, {}).items()
+                for key, path in there.items()
                 if os.path.isfile(path)
             ],
-            depends=sections("small_run", *shown.depends) | RESOLUTION,
+            depends=sections("small_run", *shown.reads) | RESOLUTION,
+            caption=shown.caption_of(config),
         message:
             "Drawing {params.figure}"
         shell:
@@ -192,15 +57,6 @@ for name, shown in FIGURES.items():
 
 
 # The others belong to a study or strategy.
-FIGURES_OF_ALL = all_files(
-    *(
-        name
-        for name, shown in FIGURES.items()
-        if os.path.dirname(shown.path) == f"{RESULTS}/figures"
-    )
-)
-
-
 rule figures:
     input:
-        FIGURES_OF_ALL,
+        all_files(*figures_in("figures")),

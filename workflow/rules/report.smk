@@ -1,66 +1,74 @@
 # The end of every calibration: the report of a study, one page for a browser, which is also part of `snakemake --report`,
 # and the answer as one file, for people and for other programs.
+BY_THE_CHAIN = answer() is ANSWERS["published"]
+HAS_PILE = "funnel" in BENCH_TESTS
+BY_BATCHES = None if BY_THE_CHAIN else getattr(rules, answer().rule).output
 # The posterior takes the scatter of the targets from runs of one sample, by the network.
-SCATTER_IS_KNOWN = all(config[name]["seeds"] > 1 for name in BENCH_TESTS)
-POSTERIOR = (
-    {
-        "posterior": rules.posterior_tables.output.posterior,
-        "draws": rules.posterior_tables.output.draws,
-    }
-    if AFTER_THE_ARTICLE and SCATTER_IS_KNOWN
-    else {}
-)
-# Inputs of the page by name, and tables that it holds by their titles.
-PAGE = {
-    "dataset": answer().dataset,
-    "feasible": answer().feasible,
-    "summary": answer().summary,
-    "table4": answer().table4,
-} | drawn("plane", "profiles")
-# The card says whether piles can have angle and Height of the targets, by the study's own samples where it has a design.
+HAS_POSTERIOR = BY_THE_CHAIN and all(config[name]["seeds"] > 1 for name in BENCH_TESTS)
 CARD = f"{RESULTS}/card.json"
-PAGE["card"] = CARD
-OWN_PILES = {"dataset": rules.dataset.output.dataset} if AFTER_THE_ARTICLE else {}
-TRAJECTORY = rules.trajectory.output.trajectory
-if AFTER_THE_ARTICLE:
-    PAGE |= drawn("figure13", "figure14", "validation", "definitions") | {
-        "network": rules.network.output.network,
-        "metrics": rules.network.output.metrics,
-        "dataset_summary": rules.dataset.output.summary,
+TRAJECTORY = (
+    rules.trajectory.output.trajectory
+    if BY_THE_CHAIN
+    else f"{RESULTS}/{config['strategy']}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz"
+)
+POSTERIOR = present(
+    {
+        "posterior": HAS_POSTERIOR and rules.posterior_tables.output.posterior,
+        "draws": HAS_POSTERIOR and rules.posterior_tables.output.draws,
     }
-    TABLES = {
+)
+# The card says whether piles can have angle and Height of the targets, by the study's own samples where it has a design.
+OWN_PILES = present({"dataset": AFTER_THE_ARTICLE and rules.dataset.output.dataset})
+# Figures of the page by the strategy that gives the answer; `figures.smk` says which a study has.
+PICTURES = {
+    "published": ("figure13", "figure14", "validation", "definitions"),
+    "response_surface": ("pareto_screening", "contours"),
+    "sequential": ("sequential",),
+}
+STRATEGY = "published" if BY_THE_CHAIN else config["strategy"]
+# Inputs of the page by name, and tables that it holds by their titles.
+PAGE = present(
+    {
+        "dataset": answer().dataset,
+        "feasible": answer().feasible,
+        "summary": answer().summary,
+        "table4": answer().table4,
+        "card": CARD,
+        "network": BY_THE_CHAIN and rules.network.output.network,
+        "metrics": BY_THE_CHAIN and rules.network.output.metrics,
+        "dataset_summary": BY_THE_CHAIN and rules.dataset.output.summary,
+        "overlay": BY_THE_CHAIN and HAS_PILE and rules.measure.output.overlay,
+        "posterior": POSTERIOR.get("posterior"),
+        "runs": STRATEGY == "sequential" and BY_BATCHES.runs,
+        "particle": HAS_PILE and rules.shape.output.particle,
+        "trajectory": HAS_PILE and TRAJECTORY,
+        "photograph": config.get("photograph"),
+    }
+) | drawn("plane", "profiles", *PICTURES.get(STRATEGY, ()))
+TABLES = present(
+    {
         "Measured sizes": rules.berry.output.summary,
-        "Designs compared": rules.design.output.comparison,
+        "Designs compared": BY_THE_CHAIN and rules.design.output.comparison,
         "Simulated samples": answer().dataset,
         "Parameter sets found": answer().feasible,
-        "Intervals of the sets found": rules.miga.output.intervals,
-        "Sets simulated again": rules.validate.output.table4,
+        "Intervals of the sets found": BY_THE_CHAIN and rules.miga.output.intervals,
+        "Sets simulated again": BY_THE_CHAIN and rules.validate.output.table4,
+        "The drum: angles and first slip": BY_THE_CHAIN
+        and "drum" in config
+        and rules.drum.output.summary,
+        "Starts of the network": BY_THE_CHAIN
+        and kind_of(config["surrogate"]).is_network
+        and rules.network.output.starts,
+        "Published sets in this simulator": BY_THE_CHAIN
+        and PUBLISHED_IS_STORED
+        and rules.validate.output.published,
+        "The answer simulated again": not BY_THE_CHAIN and answer().table4,
+        "Batches": not BY_THE_CHAIN and BY_BATCHES.batches,
+        "Analysis of variance of the surface": STRATEGY == "response_surface"
+        and f"{RESULTS}/response_surface/surface_anova.csv",
     }
-    if "funnel" in BENCH_TESTS:
-        PAGE["overlay"] = rules.measure.output.overlay
-    if POSTERIOR:
-        PAGE["posterior"] = POSTERIOR["posterior"]
-    if "drum" in config:
-        TABLES["The drum: angles and first slip"] = rules.drum.output.summary
-    if kind_of(config["surrogate"]).is_network:
-        TABLES["Starts of the network"] = rules.network.output.starts
-    if PUBLISHED_IS_STORED:
-        TABLES["Published sets in this simulator"] = rules.validate.output.published
-else:
-    TRAJECTORY = f"{RESULTS}/{config['strategy']}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz"
-    TABLES = {
-        "Measured sizes": rules.berry.output.summary,
-        "Simulated samples": answer().dataset,
-        "Parameter sets found": answer().feasible,
-        "The answer simulated again": answer().table4,
-    }
-    OF_BATCHES = getattr(rules, answer().rule).output
-    TABLES["Batches"] = OF_BATCHES.batches
-    if config["strategy"] == "response_surface":
-        PAGE |= drawn("pareto_screening", "contours")
-        TABLES["Analysis of variance of the surface"] = f"{SURFACE}/surface_anova.csv"
-    if config["strategy"] == "sequential":
-        PAGE |= drawn("sequential") | {"runs": OF_BATCHES.runs}
+)
+if not BY_THE_CHAIN:
 
     use rule trajectory as strategy_trajectory with:
         input:
@@ -74,12 +82,6 @@ else:
             f"{RESULTS}/benchmarks/strategy_trajectory.tsv"
         message:
             "Pouring the answer before the camera"
-
-
-if "funnel" in BENCH_TESTS:
-    PAGE |= {"particle": rules.shape.output.particle, "trajectory": TRAJECTORY}
-if config.get("photograph"):
-    PAGE["photograph"] = config["photograph"]
 
 
 report: "../report/workflow.rst"
@@ -109,7 +111,7 @@ rule page:
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
         tables=[f"--table={title}={path}" for title, path in TABLES.items()],
         depends=sections("label", "small_run", "parameters", "targets", "design")
-        | {"funnel": config["funnel"] if "funnel" in BENCH_TESTS else None},
+        | {"funnel": config["funnel"] if HAS_PILE else None},
     message:
         "The report: {output}"
     shell:
@@ -152,12 +154,12 @@ rule card:
 rule calibration:
     input:
         rules.validate.output,
-        rules.measure.output if "funnel" in BENCH_TESTS else [],
+        rules.measure.output if HAS_PILE else [],
         rules.drum.output if "drum" in config else [],
 
 
 # A minute of a core for pictures that no number needs: a target of its own.
 rule films:
     input:
-        rules.film.output if "funnel" in BENCH_TESTS else [],
+        rules.film.output if HAS_PILE else [],
         rules.drum_film.output if "drum" in config else [],

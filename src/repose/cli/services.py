@@ -1,8 +1,7 @@
-"""Verbs around a study: the verification suite, provenance, and the results that a repository keeps."""
+"""Verbs around a study: the verification suite, the speed, and provenance."""
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -83,42 +82,3 @@ def provenance(args: argparse.Namespace) -> None:
     width = max(map(len, record))
     lines = (f"{key:<{width}}  {value}" for key, value in record.items())
     print(json.dumps(record, indent=1) if args.json else "\n".join(lines))
-
-
-@verb(
-    "copy the tables and pictures of a finished study, without its pours",
-    example="results --out results/published/mine --keep dataset.csv miga/.+[.]csv",
-    out="results/published/mine",
-    config=False,
-    options=[
-        Option("results", help="folder of the finished study"),
-        Option(
-            "--keep",
-            nargs="+",
-            required=True,
-            metavar="REGEX",
-            help="paths below it, such as berry/.+[.]csv",
-            recorded=False,
-        ),
-    ],
-)
-def snapshot(args: argparse.Namespace) -> None:
-    from repose.studies import snapshot
-
-    for path in snapshot.take(args.results, args.out, args.keep):
-        print(path)
-
-
-@verb(
-    "write standard input to a file, in one move; an existing file is replaced only if repose wrote it",
-    example="--out results/graph.dot",
-    out="results/printed.txt",
-    config=False,
-)
-def write(args: argparse.Namespace) -> None:
-    from repose.core.files import write_bytes
-
-    content = sys.stdin.buffer.read()
-    if not content:
-        raise InputError("standard input", "content", "nothing", "the content of the file")
-    write_bytes(args.out, content)

@@ -14,14 +14,7 @@ from repose.dem import Simulation
 from repose.pictures import shading
 from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Bodies, Drawable, place_bodies
-from repose.pictures.scenery import (
-    FIELD_OF_VIEW_DEG,
-    Frustum,
-    Setting,
-    look_at,
-    outline,
-    setting_of,
-)
+from repose.pictures.scenery import FIELD_OF_VIEW_DEG, Frustum, Setting, look_at, outline, setting_of
 from repose.pictures.view import look
 
 if TYPE_CHECKING:

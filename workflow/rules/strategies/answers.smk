@@ -1,55 +1,5 @@
 # The answer of every strategy with several batches, its figures, and a target by the name of the strategy:
 # `snakemake --cores 2 sequential`.
-figure(
-    "sequential",
-    "Probability and prediction by pours",
-    "targets",
-    "sequential.tolerance_percent",
-    "sequential.probability",
-    folder="sequential",
-    category="Sequential",
-    batches=f"{RESULTS}/sequential/batches.csv",
-    check=f"{RESULTS}/sequential/check.csv",
-)
-figure(
-    "approach",
-    "The loop closed",
-    "targets",
-    "refine.tolerance_percent",
-    "refine.standard_error_percent",
-    folder="refined",
-    batches=f"{RESULTS}/refined/batches.csv",
-    summary=f"{RESULTS}/refined/summary.json",
-)
-SURFACE = f"{RESULTS}/response_surface"
-FITTED = {"samples": f"{SURFACE}/surface.csv", "dataset": f"{SURFACE}/dataset.csv"}
-# Each figure: its title in the report, and its inputs.
-RESPONSE_SURFACE_FIGURES = {
-    "pareto_screening": (
-        "Pareto chart of the screening",
-        {"effects": f"{SURFACE}/screening_effects.csv"},
-    ),
-    "pareto_surface": (
-        "Pareto chart of the surface",
-        {"effects": f"{SURFACE}/surface_effects.csv"},
-    ),
-    "perturbation": ("Perturbation plot", FITTED),
-    "contours": (
-        "Contours of the surface",
-        FITTED | {"optimum": f"{SURFACE}/optimum.json"},
-    ),
-}
-for name, (label, shown) in RESPONSE_SURFACE_FIGURES.items():
-    figure(
-        name,
-        label,
-        "targets",
-        folder="response_surface",
-        category="Response surface",
-        **shown,
-    )
-
-
 for name in BATCHED:
 
     rule:
@@ -113,10 +63,4 @@ for name in BATCHED:
         input:
             concluded,
             lambda wildcards, name=name: files_of_batches(name),
-            all_files(
-                *(
-                    shown
-                    for shown in FIGURES
-                    if os.path.dirname(FIGURES[shown].path) == f"{RESULTS}/{name}"
-                )
-            ),
+            all_files(*figures_in(name)),

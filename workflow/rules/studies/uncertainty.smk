@@ -81,75 +81,12 @@ rule sensitivity_tables:
         " > {log:q} 2>&1"
 
 
-# Figures of each folder: title in the report, and inputs.
-UNCERTAINTY_FIGURES = {
-    "noise": {
-        "noise": (
-            "Noise floor",
-            {
-                "runs": rules.dataset.output.runs,
-                "seeds": rules.noise_tables.output.seeds,
-                "noise": rules.noise_tables.output.summary,
-            },
-        ),
-    },
-    "posterior": {
-        "corner": (
-            "Posterior",
-            {
-                "draws": rules.posterior_tables.output.draws,
-                "posterior": rules.posterior_tables.output.posterior,
-                "summary": rules.posterior_tables.output.summary,
-                "feasible": rules.miga.output.feasible,
-            },
-        ),
-        "intervals": (
-            "Credible intervals",
-            {"posterior": rules.posterior_tables.output.posterior},
-        ),
-        "discrepancy": (
-            "Discrepancy",
-            {"discrepancy": rules.posterior_tables.output.discrepancy},
-        ),
-        "region": (
-            "Region that is not excluded",
-            {
-                "region": rules.posterior_tables.output.region,
-                "summary": rules.posterior_tables.output.summary,
-            },
-        ),
-    },
-    "sensitivity": {
-        "sobol": ("Sobol indices", {"sobol": rules.sensitivity_tables.output.sobol}),
-        "main_effects": (
-            "Main effects",
-            {
-                "effects": rules.sensitivity_tables.output.effects,
-                "sobol": rules.sensitivity_tables.output.sobol,
-                "dataset": rules.dataset.output.dataset,
-            },
-        ),
-    },
-}
-for where, figures_there in UNCERTAINTY_FIGURES.items():
-    for name, (label, shown) in figures_there.items():
-        figure(
-            name,
-            label,
-            "parameters",
-            "targets",
-            folder=where,
-            category="Uncertainty",
-            **shown,
-        )
-
-
 # The first lines name what the tables are made from, so that a lost file is made again.
 rule noise:
     input:
         rules.dataset.output,
         rules.noise_tables.output,
-        all_files(*UNCERTAINTY_FIGURES["noise"]),
+        all_files(*figures_in("noise")),
 
 
 rule posterior:
@@ -158,7 +95,7 @@ rule posterior:
         rules.network.output,
         rules.miga.output,
         rules.posterior_tables.output,
-        all_files(*UNCERTAINTY_FIGURES["posterior"]),
+        all_files(*figures_in("posterior")),
 
 
 rule sensitivity:
@@ -166,7 +103,7 @@ rule sensitivity:
         rules.dataset.output,
         rules.network.output,
         rules.sensitivity_tables.output,
-        all_files(*UNCERTAINTY_FIGURES["sensitivity"]),
+        all_files(*figures_in("sensitivity")),
 
 
 rule uncertainty:

@@ -3,19 +3,22 @@
 import math
 import textwrap
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from repose.core.errors import InputError
-from repose.particle import berry, build
+from repose.particle import berry
 from repose.particle.particle import Body, Particle
 
 from . import style
+from .registry import Config, Inputs, figure
+
+if TYPE_CHECKING:
+    import trimesh
 
 PICTURE_PIXELS = 400  # width of a body's picture at the default resolution
 
@@ -27,8 +30,17 @@ AXES = (
 RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measurements."
 
 
-def sizes_and_sphericity(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 2 and Table 1 of the paper: histograms of the axes and the sphericity (Eq. 1), with normal curves."""
+@figure(
+    "figure02",
+    "Figure 2",
+    inputs={"sizes": "{config[berry][sizes]}"},
+)
+def sizes_and_sphericity(inputs: Inputs, config: Config) -> Figure:
+    """Draw histograms of the axes and of the sphericity (Eq. 1 and Table 1 of the paper), with normal curves.
+
+    Figure 2. Sizes of the berries, with the normal curves of their means and standard deviations. Where the table
+    of sizes says so in its first line, it is a reconstruction from published statistics and was not measured.
+    """
     sizes = berry.read_sizes(inputs["sizes"])
     figure = style.new_figure(style.PAGE, 2.1)
     panels = figure.subplots(1, 4, sharey=True)
@@ -63,13 +75,23 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
     style.note(panel, f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}", x=0.98, ha="right")
 
 
-def particle_and_mesh(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 7 of the paper: the mesh and all particles made from it, side by side on the same scale."""
-    # slow to import, and the other figure here does without
+@figure(
+    "figure07",
+    "Figure 7",
+    inputs={"stl": "berry/berry.stl", "particle": "berry/particle.json"},
+    reads=("berry", "colour"),
+)
+def particle_and_mesh(inputs: Inputs, config: Config) -> Figure:
+    """Draw the mesh and all particles made from it, side by side on the same scale.
+
+    Figure 7. The berry: its mesh, and the particle that the simulator makes of the mesh.
+    """
+    # slow to import, and the other figures do without
+    from repose.particle import build
     from repose.pictures.render import render_bodies, render_mesh
     from repose.pictures.scenery import Setting, look_at
 
-    chosen = build.Particle.load(inputs["particle"])
+    chosen = Particle.load(inputs["particle"])
     mesh = build.load_mesh(inputs["stl"])
     in_m = mesh.copy().apply_scale(1e-3)
     width = style.pixels(config, PICTURE_PIXELS)
@@ -101,8 +123,10 @@ def particle_and_mesh(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> F
     return figure
 
 
-def _made(mesh: trimesh.Trimesh, kind: str, chosen: Particle, section: Mapping[str, Any]) -> Particle:
+def _made(mesh: "trimesh.Trimesh", kind: str, chosen: Particle, section: Mapping[str, Any]) -> Particle:
     """The chosen particle, or one of another kind from the same mesh."""
+    from repose.particle import build
+
     if kind == chosen.kind:
         return chosen
     return build.make_particle(mesh, chosen.density_kg_m3, kind, section["spheres"], section["surface"])

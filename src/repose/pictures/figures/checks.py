@@ -1,8 +1,5 @@
 """The validation of our solutions (Table 4), and the published solutions in our simulator."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -14,12 +11,26 @@ from repose.core.responses import derived
 from repose.core.targets import Target
 
 from . import style
+from .registry import Config, Inputs, figure
 
+SIMULATED = {"fmt": "s", "ms": 4.5, "elinewidth": 1, "capsize": 2}
 WORD = " (repr.: the representative one)"
 
 
-def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Table 4 of the paper: predicted and simulated responses of our solutions beside the published table's."""
+@figure(
+    "validation",
+    "Table 4, shown",
+    inputs={"table4": "validation/table4.csv"},
+    optional={"published": "{published}"},
+    reads=("targets",),
+)
+def validation(inputs: Inputs, config: Config) -> Figure:
+    """Draw predicted and simulated responses of our solutions beside the published table's.
+
+    Table 4 as a figure: predicted and simulated responses of the representative solution and others, simulated with
+    seeds that no sample of the design had. Bars are one standard error; the band is the measurement, mean and
+    standard deviation.
+    """
     targets = style.targets_of(config)
     simulated = [target.response.simulated for target in targets]
     solutions = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
@@ -48,8 +59,18 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """The published solutions (Table 4): their published responses beside the ones simulated here."""
+@figure(
+    "published",
+    "Published solutions here",
+    inputs={"published": "{stored}"},
+    reads=("targets",),
+)
+def published_solutions(inputs: Inputs, config: Config) -> Figure:
+    """Draw the published responses of the published solutions beside the ones simulated here.
+
+    The published parameter sets in this simulator, from the stored table that the configuration names, beside what
+    was published of their piles.
+    """
     table = read_table(inputs["published"], ("solution",))
     targets = [target for target in style.targets_of(config) if target.response.simulated in table]
     count = len(targets)
@@ -80,17 +101,9 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
         for place in x[np.isnan(published) & measured.isna()]:
             style_of = {"rotation": 90, "ha": "center", "va": "center", "fontsize": 6.8}
             panel.text(place - 0.3, target.value, "not published", **style_of)
-    panel.errorbar(
-        x + 0.12,
-        table[response.simulated],
-        yerr=table[response.error].fillna(0.0),
-        fmt="s",
-        ms=4.5,
-        color=style.BLUE,
-        elinewidth=1,
-        capsize=2,
-        label="same parameters in this simulator ± standard error",
-    )
+    error = table[response.error].fillna(0.0)
+    words = "same parameters in this simulator ± standard error"
+    panel.errorbar(x + 0.12, table[response.simulated], error, color=style.BLUE, label=words, **SIMULATED)
     _name_solutions(panel, table)
     panel.set(ylabel=style.response_label(response), xlabel=f"published solution{WORD}")
     panel.margins(y=0.15)
@@ -106,30 +119,14 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
     x = np.arange(len(table))
     _band(panel, target)
     panel.plot(x - 0.12, predicted, "o", ms=4.5, mfc="white", color=style.BLUE, label="predicted")
-    panel.errorbar(
-        x + 0.12,
-        simulated,
-        yerr=None if error is None else error.fillna(0.0),
-        fmt="s",
-        ms=4.5,
-        color=style.RED,
-        elinewidth=1,
-        capsize=2,
-        label="simulated ± standard error over seeds",
-    )
+    yerr, words = None if error is None else error.fillna(0.0), "simulated ± standard error over seeds"
+    panel.errorbar(x + 0.12, simulated, yerr, color=style.RED, label=words, **SIMULATED)
+    look = {"xytext": (0, -9), "textcoords": "offset points", "ha": "center", "va": "top", "fontsize": 6.3}
     for place, before, after in zip(x, predicted, simulated, strict=True):
         if not np.isfinite(after) or after == 0:
             continue
-        panel.annotate(
-            f"{100 * abs((before - after) / after):.1f}",
-            (place, min(before, after)),
-            xytext=(0, -9),
-            textcoords="offset points",
-            ha="center",
-            va="top",
-            fontsize=6.3,
-            color=style.GREY,
-        )
+        off = f"{100 * abs((before - after) / after):.1f}"
+        panel.annotate(off, (place, min(before, after)), color=style.GREY, **look)
     _name_solutions(panel, table)
     panel.margins(y=0.25)
 

@@ -1,8 +1,5 @@
 """Information in the measurements over the size of the simulator's discrepancy."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,6 +8,7 @@ from repose.core.files import read_table
 from repose.core.parameter_space import ParameterSpace
 
 from . import style
+from .registry import Config, Inputs, figure
 
 COLUMNS = (
     "discrepancy_percent",
@@ -19,11 +17,25 @@ COLUMNS = (
     "information_bits",
     "effective_points",
 )
+BITS = ("discrepancy_percent", "information_bits")
 FEW = 400  # effective points, below which a row is a rough estimate
 
 
-def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Bits, and the 95 % interval of each free parameter; stated discrepancies as curves, a shape study as a mark."""
+@figure(
+    "discrepancy",
+    "Discrepancy",
+    inputs={"discrepancy": "posterior/discrepancy.csv"},
+    folder="posterior",
+    category="Uncertainty",
+    reads=("parameters", "targets"),
+)
+def over_the_discrepancy(inputs: Inputs, config: Config) -> Figure:
+    """Draw information and intervals over the discrepancy.
+
+    Information of the measurements on the parameters, over the discrepancy: the error that the simulator has with
+    the best parameters, too. Above the information; below the 95 % interval of each parameter in its range. Where a
+    shape study is given, its spread of plausible models is marked.
+    """
     names = ParameterSpace.of(config["parameters"]).free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
     table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))
@@ -33,28 +45,14 @@ def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -
     above, below = figure.subfigures(2, 1, height_ratios=[2.3, 1.55 * rows])
     bits = above.subplots()
     for k, (correlation, own) in enumerate(stated.groupby("discrepancy_correlation")):
-        label = (
-            f"assumed, correlation {correlation:g}" if correlation else "assumed, independent between targets"
-        )
-        bits.plot(own["discrepancy_percent"], own["information_bits"], label=label, **style.series(k))
-    bits.plot(
-        study["discrepancy_percent"],
-        study["information_bits"],
-        "D",
-        color=style.RED,
-        label="spread of the shape study's models",
-    )
+        how = f"correlation {correlation:g}" if correlation else "independent between targets"
+        bits.plot(*(own[key] for key in BITS), label=f"assumed, {how}", **style.series(k))
+    words = "spread of the shape study's models"
+    bits.plot(*(study[key] for key in BITS), "D", color=style.RED, label=words)
     rough = stated[stated["effective_points"] < FEW]
     if len(rough):
-        rough_label = f"fewer than {FEW} effective points"
-        bits.plot(
-            rough["discrepancy_percent"],
-            rough["information_bits"],
-            "o",
-            mfc="white",
-            mec=style.GREY,
-            label=rough_label,
-        )
+        words = f"fewer than {FEW} effective points"
+        bits.plot(*(rough[key] for key in BITS), "o", mfc="white", mec=style.GREY, label=words)
     bits.set(ylabel="information (bits)", xlabel="discrepancy (% of each target)", ylim=(0, None))
     bits.grid(True)
     bits.legend()

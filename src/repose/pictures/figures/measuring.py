@@ -1,8 +1,5 @@
 """The definitions of the angle of repose, drawn on the same pile."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,6 +13,7 @@ from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
 from . import style
+from .registry import Config, Inputs, figure, has_pile
 
 COLOURS = dict(
     zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE, style.ORANGE), strict=True)
@@ -23,22 +21,32 @@ COLOURS = dict(
 STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True))
 
 
-def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Every definition on the first view of a pile (above), and their values in every view (below)."""
+@figure(
+    "definitions",
+    "Definitions of the angle",
+    inputs={
+        "heap": "validation/heaps/001.npz",
+        "particle": "berry/particle.json",
+        "berry": "berry/berry.json",
+    },
+    reads=("measure",),
+    when=has_pile,
+)
+def definitions(inputs: Inputs, config: Config) -> Figure:
+    """Draw every definition on the first view of a pile (above), and their values in every view (below).
+
+    The definitions of the angle of repose on the pile of the representative solution: their lines in one side view,
+    and the angle that each gives in all views. The study calibrates the definition {measure[response]}; ``repose
+    docs measurement`` compares them.
+    """
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 4.4)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
     measured = _view(above, side_view(poured, particle, settings), settings)
-    everywhere = pile.measure_pile(
-        poured["position"],
-        poured["quaternion"],
-        particle,
-        settings,
-        members=poured["in_pile"],
-        scales=poured.get("scale"),
-    )
+    places, members = (poured["position"], poured["quaternion"]), poured["in_pile"]
+    everywhere = pile.measure_pile(*places, particle, settings, members=members, scales=poured.get("scale"))
     _views(below, everywhere, measured)
     return figure
 
@@ -51,29 +59,19 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
     )
     height, width = image.shape
     crest = measured.top[0]
-    panel.imshow(
-        np.where(image < 128, 205, 255).astype(np.uint8),
-        cmap="gray",
-        vmin=0,
-        vmax=255,
-        extent=((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale),
-    )
+    extent = ((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale)
+    grey = np.where(image < 128, 205, 255).astype(np.uint8)
+    panel.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=extent)
     levels = [(settings.berry_height_mm or 0.0, "one grain")]
     for end in (settings.fit_from, settings.fit_to):
         if not isinstance(end, str):
             levels.append((end * measured.height_mm, f"{100 * end:.0f} % of the height"))
     for name, angle in measured.angles.items():
+        look = {"color": COLOURS[name], "ls": STYLES[name]}
         for line in angle.lines:
             u, row = np.array(line).T
-            panel.plot(
-                (u - crest) * scale,
-                (measured.base_row - row) * scale,
-                color=COLOURS[name],
-                ls=STYLES[name],
-                lw=1.5,
-            )
-        label = f"{angle.aor_deg:.1f}°  {line_of(vars(settings), name)}"
-        panel.plot([], [], color=COLOURS[name], ls=STYLES[name], label=label)
+            panel.plot((u - crest) * scale, (measured.base_row - row) * scale, lw=1.5, **look)
+        panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {line_of(vars(settings), name)}", **look)
     left, right = panel.get_xlim()
     lowest = 0.0
     for z, name in sorted(levels):

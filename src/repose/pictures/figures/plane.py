@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from itertools import combinations
-from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,6 +12,7 @@ from repose.core.files import read_table
 from repose.core.targets import Target
 
 from . import style
+from .registry import Config, Inputs, figure
 
 SAMPLES = {
     "dataset": ("parameter sets of the design, simulated", style.BLUE),
@@ -22,8 +22,21 @@ SAMPLES = {
 BARS = "a point is the mean of one parameter set's piles; bars: ± 1 standard error of a mean"
 
 
-def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """All samples, target ranges, measured piles, solutions and the answer, for each pair of targets but profiles."""
+@figure(
+    "plane",
+    "Targets against each other",
+    inputs={"dataset": "{answer.dataset}", "feasible": "{answer.feasible}", "table4": "{answer.table4}"},
+    if_there={"pool": "pool/dataset.csv", "fresh": "pool/fresh_dataset.csv"},
+    reads=("targets",),
+    when=lambda study: sum(target.profile is None for target in study.targets) > 1,
+)
+def planes(inputs: Inputs, config: Config) -> Figure:
+    """Draw all samples, target ranges, measured piles, solutions and the answer, for each pair of targets.
+
+    Targets against each other: all samples with their standard errors, and of the pool if it was poured; the target
+    ranges; the mean of the measured piles with its standard error; the predictions of the solutions that the search
+    lists; and the answer, as predicted and as simulated with fresh seeds, with its standard error.
+    """
     targets = [target for target in style.targets_of(config) if target.profile is None]
     columns = [column for target in targets for column in (target.name, target.response.error)]
     tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}
@@ -43,13 +56,8 @@ def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         _targets(panel, across, up)
         _solutions(panel, solutions, answer, across, up)
     style.name_panels(panels)
-    figure.legend(
-        *panels[0].get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=2,
-        title=BARS,
-        title_fontsize=6.8,
-    )
+    look = {"loc": "outside lower center", "ncols": 2, "title": BARS, "title_fontsize": 6.8}
+    figure.legend(*panels[0].get_legend_handles_labels(), **look)
     return figure
 
 
@@ -91,13 +99,6 @@ def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: 
         axis: None if pd.isna(answer[response.error]) else answer[response.error]
         for axis, response in (("xerr", x), ("yerr", y))
     }
-    look = {
-        "fmt": "s",
-        "ms": 6,
-        "mec": "white",
-        "color": style.RED,
-        "elinewidth": 1.4,
-        "capsize": 3,
-        "zorder": 7,
-    }
-    panel.errorbar(answer[x.simulated], answer[y.simulated], **errors, **look, label="the answer, simulated")
+    look = {"fmt": "s", "ms": 6, "mec": "white", "elinewidth": 1.4, "capsize": 3, "zorder": 7} | errors
+    words = "the answer, simulated"
+    panel.errorbar(answer[x.simulated], answer[y.simulated], color=style.RED, label=words, **look)

@@ -1,6 +1,5 @@
 """Profiles among the targets: heights as measured, as predicted and as simulated, each with its band."""
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from repose.core.files import read_table
 from repose.core.profiles import Profile
 
 from . import style
+from .registry import Config, Inputs, figure
 
 
 class Line(NamedTuple):
@@ -21,8 +21,20 @@ class Line(NamedTuple):
     half: np.ndarray | float
 
 
-def profiles(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """The answer's profile beside each measured one; the simulated profile with its standard error."""
+@figure(
+    "profiles",
+    "Profiles",
+    inputs={"table4": "{answer.table4}"},
+    reads=("targets",),
+    when=lambda study: bool(study.targets.profiles),
+)
+def profiles(inputs: Inputs, config: Config) -> Figure:
+    """Draw the answer's profile beside each measured one.
+
+    Profiles among the targets: the measured heights with their standard deviation, the profile that is predicted
+    for the answer, and the profile that is simulated with fresh seeds, with its standard error. Lines are the
+    smooth profiles of the scores.
+    """
     targets = style.targets_of(config)
     names = {
         name: [one for one in targets if one.profile == profile] for name, profile in targets.profiles.items()

@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,13 +12,28 @@ from repose.core.files import read_json, read_table
 from repose.core.responses import derived
 
 from . import style
+from .registry import Config, Inputs, figure
 
 COLUMNS = ("predicted", "simulated", "se", "target")
 HEIGHTS = [2.6, 1]  # of deviations and standard errors
 
 
-def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each round's proposal, predicted and simulated, off the target in percent of it; its standard errors."""
+@figure(
+    "approach",
+    "The loop closed",
+    inputs={"batches": "refined/batches.csv"},
+    optional={"summary": "refined/summary.json"},
+    reads=("targets", "refine.tolerance_percent", "refine.standard_error_percent"),
+    folder="refined",
+)
+def approach(inputs: Inputs, config: Config) -> Figure:
+    """Draw each round's proposal, predicted and simulated, off the target in percent of it; its standard errors.
+
+    The loop closed: how far each round's proposal is off its targets, in percent of them. Diamonds are predictions
+    of the refitted surrogate, points are simulated means with one standard error, from fresh seeds; the number of
+    seeds stands beside the mean. A mean inside the band is near enough. Below are the standard errors and their
+    limit. The last round's point is the claim: it was simulated after everything that proposed it.
+    """
     responses = style.targets_of(config).responses
     columns = [derived(response.name, what) for response in responses for what in COLUMNS]
     rounds = read_table(inputs["batches"], ("round", "n_seeds", "outcome", *columns))
@@ -67,28 +81,13 @@ def _deviations(
     panel.plot(
         place - 0.06, predicted, "D", ms=4.5, mfc="white", mec=style.BLACK, ls="", label="predicted", zorder=3
     )
-    panel.errorbar(
-        place + 0.06,
-        simulated,
-        yerr=100 * values["se"] / values["target"],
-        color=colour,
-        marker="o",
-        ms=4.5,
-        lw=0.9,
-        elinewidth=1.1,
-        capsize=2.5,
-        label="simulated ± standard error",
-    )
+    look = {"marker": "o", "ms": 4.5, "lw": 0.9, "elinewidth": 1.1, "capsize": 2.5, "color": colour}
+    error = 100 * values["se"] / values["target"]
+    panel.errorbar(place + 0.06, simulated, error, label="simulated ± standard error", **look)
+    look = {"textcoords": "offset points", "fontsize": 6, "color": style.GREY}
     for x, y, seeds in zip(place, simulated, rounds["n_seeds"], strict=True):
         if np.isfinite(y):
-            panel.annotate(
-                f"{seeds:g} seeds",
-                (x + 0.06, y),
-                (6, -7),
-                textcoords="offset points",
-                fontsize=6,
-                color=style.GREY,
-            )
+            panel.annotate(f"{seeds:g} seeds", (x + 0.06, y), (6, -7), **look)
     panel.set_xlim(place[0] - 0.4, place[-1] + 0.4)
 
 

@@ -4,9 +4,6 @@ The form is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: th
 parameters on one side of the diagonal, the optical depth on the other.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
@@ -16,6 +13,7 @@ from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
 
 from . import style
+from .registry import Config, Inputs, figure
 
 COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 # Least implausibility below the diagonal: upper end of each band, its colour, its words. From 3 on it is excluded.
@@ -29,8 +27,22 @@ LEAST = "below the diagonal: minimum implausibility, in standard deviations, ove
 DEPTH = "above the diagonal: optical depth, the share of the other parameters' values that is not excluded"
 
 
-def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each pair of free parameters: minimum implausibility below the diagonal, optical depth above it."""
+@figure(
+    "region",
+    "Region that is not excluded",
+    inputs={"region": "posterior/region.csv", "summary": "posterior/posterior.json"},
+    folder="posterior",
+    category="Uncertainty",
+    reads=("parameters", "targets"),
+)
+def not_excluded(inputs: Inputs, config: Config) -> Figure:
+    """Draw minimum implausibility below the diagonal, optical depth above it.
+
+    The region of parameters that the measurements do not exclude (history matching), projected on each pair of
+    parameters. Below the diagonal the minimum implausibility: how many standard deviations the worst response lies
+    from its measurement at the best values of all other parameters. Above it the optical depth: the share of the
+    other parameters' values that leaves the set not implausible, below three.
+    """
     table = read_table(inputs["region"], COLUMNS)
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
     space = ParameterSpace.of(config["parameters"])

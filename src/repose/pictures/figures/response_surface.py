@@ -1,6 +1,5 @@
 """Figures of the response surface strategy: Pareto charts, perturbation plots, contours."""
 
-from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
@@ -16,11 +15,35 @@ from repose.doe.model import Model
 from repose.strategies.response_surface.screening import models_of
 
 from . import style
+from .registry import Config, Inputs, figure
 
 GRID = 60
+SURFACE: dict[str, Any] = {
+    "reads": ("targets",),
+    "folder": "response_surface",
+    "category": "Response surface",
+}
+FITTED = {"samples": "response_surface/surface.csv", "dataset": "response_surface/dataset.csv"}
 
 
-def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+@figure(
+    "pareto_screening",
+    "Pareto chart of the screening",
+    inputs={"effects": "response_surface/screening_effects.csv"},
+    **SURFACE,
+    caption="""
+    Standardised effects of the Plackett-Burman screening. A parameter goes on where its bar passes the
+    dashed line.
+    """,
+)
+@figure(
+    "pareto_surface",
+    "Pareto chart of the surface",
+    inputs={"effects": "response_surface/surface_effects.csv"},
+    **SURFACE,
+    caption="Standardised effects of the response surface: single parameters, products of two, squares.",
+)
+def pareto(inputs: Inputs, config: Config) -> Figure:
     """Standardised effects of a step, the largest first, with the limits of significance."""
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
     effects, targets = read_table(inputs["effects"], columns), style.targets_of(config)
@@ -40,8 +63,17 @@ def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each response over one factor after the other, the others at the centre of the surface's design."""
+@figure(
+    "perturbation",
+    "Perturbation plot",
+    inputs=FITTED,
+    **SURFACE,
+)
+def perturbation(inputs: Inputs, config: Config) -> Figure:
+    """Draw each response over one factor after the other.
+
+    Each response over one parameter after the other, the others at the centre of the design; grey: the target.
+    """
     targets, models = _models(inputs, config)
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(1, len(models), squeeze=False)[0]
@@ -57,8 +89,17 @@ def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
     return figure
 
 
-def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Contours of each response over every pair of factors, the others at the optimum."""
+@figure(
+    "contours",
+    "Contours of the surface",
+    inputs=FITTED | {"optimum": "response_surface/optimum.json"},
+    **SURFACE,
+)
+def contours(inputs: Inputs, config: Config) -> Figure:
+    """Draw each response over every pair of factors.
+
+    Each response over every pair of parameters, the others at the optimum (star); the black line is the target.
+    """
     targets, models = _models(inputs, config)
     best = read_json(inputs["optimum"], ("coded",), "output of repose stage conclude")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))

@@ -13,6 +13,7 @@ from repose.measure import bed
 from repose.particle.particle import Particle
 
 from . import style
+from .registry import Config, Inputs, figure, has_drum
 
 PIXELS = 620
 SLIP = ("before_turned_deg", "before_time_s")
@@ -24,7 +25,24 @@ TITLES = {
 }
 
 
-def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+@figure(
+    "figure15",
+    "Figure 15",
+    inputs={"states": "{states}", "particle": "berry/particle.json"},
+    optional={"runs": "drum/runs.csv"},
+    reads=("drum", "measure.mm_per_pixel", "colour"),
+    when=has_drum,
+    caption=lambda config: (
+        f"""
+    Figure 15. The bed in the drum before the rotation, before its first slip and after it, simulated
+    with the representative solution: side views along the axis; the green line is fitted to the middle
+    {100 * config["drum"]["fit_share"]:g} % of the upper edge. The pictures show the first of
+    {config["drum"]["seeds"]} run(s). Below them stands how far and how long the drum turned before the
+    slip. The paper shows pictures and gives no number to compare with.
+    """
+    ),
+)
+def states(inputs: Inputs, config: Config) -> Figure:
     """Figure 15 of the paper: side views along the axis with the line fitted to the upper edge, a panel per state."""
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle, scales = Particle.load(inputs["particle"]), arrays.get("scale")
@@ -65,7 +83,7 @@ def _side_view(
     scales: np.ndarray | None,
     particle: Particle,
     turned_deg: float,
-    config: Mapping[str, Any],
+    config: Config,
 ) -> float:
     """Draw one state with its fitted line; returns the line's angle in degrees."""
     from repose.pictures.film import drum_inside  # slow to import, and `course` does without
@@ -74,30 +92,13 @@ def _side_view(
 
     section = config["drum"]
     inside, pixels = drum_inside(section, np.radians(turned_deg)), style.pixels(config, PIXELS)
-    picture = render_pile(
-        centres,
-        quaternions,
-        particle,
-        0.0,
-        -90.0,
-        pixels,
-        pixels,
-        frame_m=inside.outline(),
-        backdrop=inside,
-        field_of_view_deg=style.TELEPHOTO_DEG,
-        scales=scales,
-        colour=config["colour"],
-    )
-    camera = look_at(inside.outline(), pixels, pixels, 0.0, -90.0, field_of_view_deg=style.TELEPHOTO_DEG)
-    surface = bed.measure_surface(
-        centres,
-        quaternions,
-        particle,
-        inside.radius_m,
-        config["measure"]["mm_per_pixel"],
-        section["fit_share"],
-        scales,
-    )
+    view: dict[str, Any] = {"elevation_deg": 0.0, "azimuth_deg": -90.0, "width": pixels, "height": pixels}
+    view["field_of_view_deg"], frame = style.TELEPHOTO_DEG, inside.outline()
+    grains: dict[str, Any] = {"scales": scales, "colour": config["colour"], "frame_m": frame}
+    picture = render_pile(centres, quaternions, particle, backdrop=inside, **view, **grains)
+    camera = look_at(frame, **view)
+    scale, share = config["measure"]["mm_per_pixel"], section["fit_share"]
+    surface = bed.measure_surface(centres, quaternions, particle, inside.radius_m, scale, share, scales)
     panel.imshow(picture)
     style.scale_bar(panel, camera, np.zeros(3), 2 * inside.radius_m)
     ends = np.column_stack([surface.line_m[:, 0], np.zeros(2), surface.line_m[:, 1]])
@@ -110,8 +111,20 @@ def _side_view(
     return surface.angle_deg
 
 
-def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Angles over the turned angle of every run, and the motion of the slipping layer by depth."""
+@figure(
+    "drum",
+    "The drum over time",
+    inputs={"record": "drum/record.csv", "profile": "drum/profile.csv", "runs": "drum/runs.csv"},
+    reads=("drum",),
+    when=has_drum,
+)
+def course(inputs: Inputs, config: Config) -> Figure:
+    """Draw the angles of every run over the time, and the motion of the slipping layer by depth.
+
+    The drum over time. a: surface and centre of mass of every run. A slip is judged when the centre of mass has
+    fallen by {drum[slip_drop_deg]} degrees below its highest, and began at that highest; the drum then stops. b:
+    how far berries moved in the slip, against the drum, by depth.
+    """
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
     runs = read_table(inputs["runs"], ("seed", "status"))
@@ -129,37 +142,19 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapp
     for k, (seed, run) in enumerate(record.groupby("seed")):
         summary = runs[runs["seed"] == seed].iloc[0]
         turning = run if summary["status"] != "ok" else run[run["time_s"] <= summary["after_time_s"]]
-        label = {"surface_deg": "surface", "bed_deg": "centre of mass"} if k == 0 else {}
-        panel.plot(
-            turning["time_s"],
-            turning["surface_deg"],
-            color=style.SKY,
-            lw=0.6,
-            alpha=0.8,
-            label=label.get("surface_deg"),
-        )
-        panel.plot(
-            turning["time_s"], turning["bed_deg"], color=style.BLUE, lw=0.9, label=label.get("bed_deg")
-        )
+        time_s, names = turning["time_s"], ("surface", "centre of mass") if k == 0 else (None, None)
+        panel.plot(time_s, turning["surface_deg"], color=style.SKY, lw=0.6, alpha=0.8, label=names[0])
+        panel.plot(time_s, turning["bed_deg"], color=style.BLUE, lw=0.9, label=names[1])
     slipped = runs[runs["status"] == "ok"]
     if len(slipped):
-        panel.plot(
-            slipped["before_time_s"],
-            slipped["before_bed_deg"],
-            "v",
-            ms=4,
-            color=style.RED,
-            zorder=4,
-            label="first slip begins",
-        )
+        look = {"ms": 4, "color": style.RED, "zorder": 4, "label": "first slip begins"}
+        panel.plot(slipped["before_time_s"], slipped["before_bed_deg"], "v", **look)
     rate = np.degrees(section["angular_velocity_rad_s"])
     last = record["time_s"].max()
     panel.plot([0, last], [0, rate * last], color=style.GREY, lw=0.7, ls="--", label="carried like a solid")
     if "report_time_s" in runs:
-        at = runs["report_time_s"].median()
-        panel.axvline(
-            at, color=style.ORANGE, lw=0.8, label=f"{section['report_s']:g} s since the filling began"
-        )
+        words = f"{section['report_s']:g} s since the filling began"
+        panel.axvline(runs["report_time_s"].median(), color=style.ORANGE, lw=0.8, label=words)
     top = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())
     panel.set(xlim=(0, last), ylim=(min(-3.0, record["bed_deg"].min() - 2), top))
     panel.set(xlabel="time since the rotation began (s)", ylabel="angle (deg)")
@@ -179,16 +174,7 @@ def _layers(panel: Axes, profile: pd.DataFrame, section: Mapping[str, Any]) -> N
     layers = profile.groupby("depth_mm")["moved_mm"]
     mean, count = layers.mean(), layers.count()
     error = (layers.std() / np.sqrt(count)).fillna(0.0)
-    panel.errorbar(
-        mean,
-        mean.index,
-        xerr=error,
-        fmt="o-",
-        ms=3,
-        color=style.BLUE,
-        elinewidth=0.9,
-        capsize=1.5,
-        label="mean ± SE",
-    )
+    look = {"fmt": "o-", "ms": 3, "color": style.BLUE, "elinewidth": 0.9, "capsize": 1.5}
+    panel.errorbar(mean, mean.index, xerr=error, label="mean ± SE", **look)
     panel.axvline(0.0, color=style.GREY, lw=0.6)
     panel.legend(loc="lower right")

@@ -1,8 +1,5 @@
 """The design's points, and the simulated responses over them."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -14,10 +11,22 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import Response
 
 from . import style
+from .registry import Config, Inputs, figure
 
 
-def design_matrix(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Every pair of the open parameters in the design, the histogram of each, and a comparison of the methods."""
+@figure(
+    "design",
+    "Design",
+    inputs={"samples": "design/samples.csv"},
+    optional={"comparison": "design/comparison.csv"},
+    reads=("parameters", "design.method"),
+)
+def design_matrix(inputs: Inputs, config: Config) -> Figure:
+    """Draw every pair of the open parameters, the histogram of each, and a comparison of the methods.
+
+    The design ({design[method]}): every pair of parameters. Each parameter has one sample in each of
+    {design[samples]} equal strata of its range.
+    """
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
     table = read_table(inputs["samples"], free)
     figure = style.new_figure(style.PAGE, style.PAGE)
@@ -54,8 +63,19 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     panel.invert_yaxis()
 
 
-def responses_over_parameters(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Each response over each open parameter with the rank correlation; samples that failed are marked below."""
+@figure(
+    "dataset",
+    "Responses",
+    inputs={"dataset": "dataset.csv"},
+    reads=("parameters", "targets"),
+)
+def responses_over_parameters(inputs: Inputs, config: Config) -> Figure:
+    """Draw each response over each open parameter; samples that failed are marked below.
+
+    Responses of the samples over each parameter, with their rank correlation. The goji berry's angle falls with the
+    friction between berries: such piles pack more loosely, and the same berries need a wider foot (``repose docs
+    uncertainty``, Sensitivity).
+    """
     responses = style.targets_of(config).responses
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
     columns = [column for response in responses for column in (response.name, response.error)]

@@ -16,12 +16,25 @@ from repose.core.parameters import SYMBOLS
 from repose.core.targets import Target
 
 from . import style
+from .registry import Config, Inputs, figure
 
 ANSWER = {"ms": 5.0, "color": style.RED, "mec": "white", "mew": 0.6, "zorder": 4}
 
 
-def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Figure 14 and Table 3 of the paper: the solutions' parameters in their ranges, and their predicted responses."""
+@figure(
+    "figure14",
+    "Figure 14",
+    inputs={"feasible": "miga/feasible.csv", "summary": "miga/summary.json"},
+    optional={"published": "{table3}"},
+    reads=("parameters", "targets"),
+)
+def feasible_solutions(inputs: Inputs, config: Config) -> Figure:
+    """Draw the solutions' parameters in their ranges (Table 3 of the paper), and their predicted responses.
+
+    Figure 14. Solutions that the search met, in their ranges, and their predicted responses. Of all feasible points
+    met, the best {miga[solutions]} are kept that lie at least {miga[distance]} apart in parameters normalised to
+    [-1, 1]. Where none was feasible the nearest ones are shown, and the figure says so.
+    """
     targets = style.targets_of(config)
     solutions = read_table(inputs["feasible"], ("feasible", "representative", *targets.predicted))
     summary = read_json(inputs["summary"], ("feasible",))
@@ -131,8 +144,18 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
     panel.set_title(words, loc="right", fontsize=6.8, color=style.GREEN)
 
 
-def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Objective of the best and the mean individual, and feasible solutions if any were met, over the generations."""
+@figure(
+    "convergence",
+    "Convergence of the search",
+    inputs={"history": "miga/history.csv"},
+    reads=("miga",),
+)
+def convergence(inputs: Inputs, config: Config) -> Figure:
+    """Draw the objective of the best and the mean individual, and feasible solutions met, over the generations.
+
+    Course of the search: best and mean objective (Eq. 11) over {miga[rounds]} rounds of {miga[generations]}
+    generations.
+    """
     columns = ("generation", "mean_objective", "best_objective", "feasible_found")
     history = read_table(inputs["history"], columns)
     met = int(history["feasible_found"].max())

@@ -9,10 +9,26 @@ from matplotlib.figure import Figure
 from repose.core.files import read_table
 
 from . import style
+from .registry import Config, Inputs, figure
 
 
-def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Probability of the best point after each batch, and its predicted responses; the check at the end."""
+@figure(
+    "sequential",
+    "Probability and prediction by pours",
+    inputs={"batches": "sequential/batches.csv", "check": "sequential/check.csv"},
+    reads=("targets", "sequential.tolerance_percent", "sequential.probability"),
+    folder="sequential",
+    category="Sequential",
+)
+def sequential(inputs: Inputs, config: Config) -> Figure:
+    """Draw probability and predicted responses of the best point after each batch, and the check.
+
+    How the answer became certain. Left the probability that the best point meets all targets within the tolerance,
+    after each batch of pours; dotted, the most that the pours left can make of it; squares, the probability that
+    any parameter set meets them. Beside it: the responses predicted at the best point, with one standard error, in
+    percent off the target; the band is the tolerance. The filled point at the end is the answer simulated again
+    with fresh seeds, with the standard error of its mean. It took no part in finding the answer.
+    """
     targets, section = style.targets_of(config), config["sequential"]
     columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
     batches = read_table(inputs["batches"], ("pours", "probability", "reachable", "in_reach", *columns))
@@ -31,28 +47,11 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         look = {"color": style.GREEN, "alpha": 0.15, "lw": 0}
         panel.axhspan(-near, near, label=f"near enough, ±{near:g} %", **look)
         panel.axhline(0, color=style.GREY, lw=0.7)
-        panel.errorbar(
-            batches["pours"],
-            off,
-            yerr=error,
-            fmt="D",
-            ms=4,
-            mfc="white",
-            color=style.BLACK,
-            label="predicted",
-        )
-        simulated, spread = (
-            float(check.loc[response.name, name]) for name in ("simulated", "simulated_error")
-        )
-        panel.errorbar(
-            [after],
-            [target.off_percent(simulated)],
-            yerr=[100 * spread / target.whole],
-            fmt="o",
-            ms=5,
-            color=colour,
-            label="the answer, simulated again",
-        )
+        look = {"fmt": "D", "ms": 4, "mfc": "white", "color": style.BLACK, "label": "predicted"}
+        panel.errorbar(batches["pours"], off, error, **look)
+        simulated, spread = check.loc[response.name, ["simulated", "simulated_error"]].astype(float)
+        look = {"fmt": "o", "ms": 5, "color": colour, "label": "the answer, simulated again"}
+        panel.errorbar([after], [target.off_percent(simulated)], [100 * spread / target.whole], **look)
         panel.set(xlabel="pours", ylabel="off the target (% of it)")
         panel.set_title(f"{response.symbol}, target {target.aim:g} {response.unit}")
     named = [one for panel in panels[:2] for one in zip(*panel.get_legend_handles_labels(), strict=True)]

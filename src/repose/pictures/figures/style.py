@@ -3,7 +3,7 @@
 import io
 import math
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from itertools import product
 from pathlib import Path
@@ -27,6 +27,8 @@ from repose.measure.settings import line_of
 
 if TYPE_CHECKING:
     from repose.pictures.scenery import Camera
+
+from .registry import Config
 
 MM = 1 / 25.4
 COLUMN = 85 * MM  # of a journal
@@ -83,12 +85,12 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def targets_of(config: Mapping[str, Any]) -> Targets:
+def targets_of(config: Config) -> Targets:
     """The targets of a configuration, in its order."""
     return Targets.of(config["targets"])
 
 
-def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+def ranges_of(config: Config) -> dict[str, tuple[float, float]]:
     """Ends of the axis of each parameter: its range, with some room around a fixed value."""
     ranges = {}
     for name in named(config["parameters"]):
@@ -103,7 +105,7 @@ def response_label(response: Response, before: str = "") -> str:
     return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
 
 
-def name_the_line(figure: Figure, config: Mapping[str, Any]) -> None:
+def name_the_line(figure: Figure, config: Config) -> None:
     """Say below a figure that shows the calibrated angle which line of a pile it belongs to."""
     shown = " ".join(text.get_text() for text in figure.findobj(Text))
     for one in targets_of(config).responses if {"targets", "measure"} <= config.keys() else ():
@@ -183,17 +185,9 @@ def save(
         band = 0.24
         figure.set_size_inches(width, height + band)
         figure.get_layout_engine().set(rect=(0, 0, 1, height / (height + band)))
-        figure.text(
-            0.5,
-            1 - 0.5 * band / (height + band),
-            SMALL_RUN,
-            ha="center",
-            va="center",
-            color="white",
-            fontweight="bold",
-            fontsize=8,
-            bbox={"facecolor": RED, "edgecolor": "none", "boxstyle": "square,pad=0.3"},
-        )
+        look = {"ha": "center", "va": "center", "color": "white", "fontweight": "bold", "fontsize": 8}
+        box = {"facecolor": RED, "edgecolor": "none", "boxstyle": "square,pad=0.3"}
+        figure.text(0.5, 1 - 0.5 * band / (height + band), SMALL_RUN, bbox=box, **look)
     out_path = Path(out_path)
     for kind in (out_path.suffix.removeprefix("."), *further):
         content = io.BytesIO()
@@ -201,7 +195,7 @@ def save(
         write_bytes(out_path.with_suffix(f".{kind}"), content.getvalue())
 
 
-def pixels(config: Mapping[str, Any], at_default: int) -> int:
+def pixels(config: Config, at_default: int) -> int:
     """Size of a shaded picture: as given at the default resolution, in proportion at the configuration's."""
     return round(at_default * config.get("figures", {}).get("dpi", DPI) / DPI)
 

@@ -1,7 +1,6 @@
 """Figures 10 and 13: the network, and the quality of its predictions."""
 
 import textwrap
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,11 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import SYMBOLS
 from repose.core.responses import Response, response
 from repose.core.targets import Targets
-from repose.studies.sensitivity import indices, main_effects
-from repose.surrogate import Surrogate, load
+from repose.surrogate import Surrogate, kind_of, load
 from repose.surrogate.accuracy import r2
 
 from . import style
+from .registry import Config, Inputs, figure
 
 ACTIVATIONS = {"tansig": "tanh", "purelin": "linear"}  # by the names that MATLAB has for them
 SPLITS = (
@@ -44,7 +43,22 @@ BELOW = (
 )
 
 
-def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+@figure(
+    "figure10",
+    "Figure 10",
+    inputs={"network": "network/network.json"},
+    reads=("parameters", "design.seed"),
+    when=lambda study: kind_of(study.config["surrogate"]).is_network,
+    caption=lambda config: (
+        f"""
+    Figure 10. The trained network: {len(config["parameters"])} parameters in,
+    {config["network"]["hidden"]} hidden neurons, {len(config["targets"])} response(s) out. The lines of
+    a parameter are as thick as its influence on what the network predicts (total Sobol index, as in
+    ``sensitivity/sobol.csv``), not as its weights: large weights can cancel.
+    """
+    ),
+)
+def network_structure(inputs: Inputs, config: Config) -> Figure:
     """Figure 10 of the paper, for the best network: an input's lines are as thick as its influence, not its weights.
 
     Weights mislead: large ones cancel where two hidden neurons pull the same response in opposite directions.
@@ -85,11 +99,13 @@ def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> F
     return figure
 
 
-def influence(model: Surrogate, config: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def influence(model: Surrogate, config: Config) -> tuple[np.ndarray, np.ndarray]:
     """Total Sobol index of each input for each output of a surrogate, and the sign of the output's rise with it.
 
     Both have the shape (outputs, inputs), and are 0 for a fixed input, and for all if an output is constant.
     """
+    from repose.studies.sensitivity import indices, main_effects  # slow to import
+
     space, seed = ParameterSpace.of(config["parameters"]), config["design"]["seed"]
     shares, ways = np.zeros((2, len(model.outputs), len(model.inputs)))
     free = [model.inputs.index(name) for name in space.free]
@@ -125,10 +141,23 @@ def _column(x: float, count: int) -> np.ndarray:
     return np.column_stack([np.full(count, float(x)), np.linspace(reach, -reach, count)])
 
 
-def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 13 of the paper: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
+@figure(
+    "figure13",
+    "Figure 13",
+    inputs={"predictions": "network/predictions.csv", "dataset": "dataset.csv"},
+    optional={"network": "network/network.json"},
+    if_there={"fresh": "pool/fresh_dataset.csv"},
+    reads=("targets",),
+)
+def predicted_against_simulated(inputs: Inputs, config: Config) -> Figure:
+    """Draw predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
 
     R2 at unseen points is also given without the noise of the simulated means, `repose.chain.train.r2_noise_corrected`.
+
+    Figure 13. Predicted against simulated responses, on equal axes. Samples without a result are left out. A mean
+    of few pours scatters about its true value, so no model can be nearer to the line than that scatter. R2 "at
+    precise points" is the estimate without it. The parts are predicted by the training part's fit, new points,
+    where they were poured, by the final one.
     """
     targets = style.targets_of(config)
     table = read_table(inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted))
@@ -151,7 +180,7 @@ def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, 
     return figure
 
 
-def _new_points(inputs: Mapping[str, Any], targets: Targets) -> pd.DataFrame:
+def _new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
     """Means of the points that were poured beside the design, with the predictions of the final surrogate."""
     model = load(inputs["network"])
     points = read_table(inputs["fresh"], ("status", *model.inputs, *targets.names, *targets.errors))
@@ -173,20 +202,10 @@ def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None
         if rows.empty:
             continue
         error = rows[shown.error].fillna(0.0)
-        panel.errorbar(
-            rows[shown.name],
-            rows[shown.predicted],
-            xerr=error,
-            fmt=marker,
-            ms=3.2,
-            color=colour,
-            mec="white",
-            mew=0.3,
-            elinewidth=0.5,
-            ecolor=(*to_rgb(colour), 0.45),
-            label=split,
-            zorder=3 if split in UNSEEN else 2,
-        )
+        look: dict[str, Any] = {"fmt": marker, "color": colour, "label": split}
+        look["ecolor"] = (*to_rgb(colour), 0.45)
+        look |= {"ms": 3.2, "mec": "white", "mew": 0.3, "elinewidth": 0.5, "zorder": 2 + (split in UNSEEN)}
+        panel.errorbar(rows[shown.name], rows[shown.predicted], xerr=error, **look)
         simulated, predicted = (rows[name].to_numpy(float) for name in (shown.name, shown.predicted))
         share, rmse = r2(simulated, predicted), float(np.sqrt(np.mean((simulated - predicted) ** 2)))
         lines.append(f"{split}: R² {_share(share)}, RMSE {rmse:.2f} {shown.unit}, n {len(rows)}")

@@ -18,14 +18,25 @@ from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
 from . import style
+from .registry import Config, Inputs, figure, has_pile
 
 LINE = "#D7191C"
 PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
 
 
-def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Counterpart of Figure 5 of the paper: a shaded picture of a simulated pile, the first pour of the file."""
+@figure(
+    "figure05",
+    "Figure 5",
+    inputs={"heap": "validation/heaps/001.npz", "particle": "berry/particle.json"},
+    reads=("funnel", "colour"),
+    when=has_pile,
+)
+def simulated_pile(inputs: Inputs, config: Config) -> Figure:
+    """Draw a shaded picture of the first pour of the file, the counterpart of the paper's photograph.
+
+    Figure 5. Pile of the representative solution, simulated: the counterpart of the photographed pile.
+    """
     from repose.pictures.render import render_pile  # slow to import, and the other figures here do without
     from repose.pictures.scenery import look_at
 
@@ -53,16 +64,27 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
     return figure
 
 
-def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 6 of the paper (section 2.3): the steps of the measurement; left line red, right line green."""
+@figure(
+    "figure06",
+    "Figure 6",
+    inputs={
+        "heap": "validation/heaps/001.npz",
+        "particle": "berry/particle.json",
+        "berry": "berry/berry.json",
+    },
+    reads=("measure",),
+    when=has_pile,
+)
+def measurement(inputs: Inputs, config: Config) -> Figure:
+    """Draw the steps of the measurement (section 2.3 of the paper).
+
+    Figure 6. Measurement of that pile in one side view: grey picture, threshold, edge, and boundary (yellow) with
+    the Height (blue), the line of the left flank (red) and of the right one (green), each with its angle. The title
+    names the line. The tables take the mean over {measure[views]} view(s).
+    """
     settings = pile.MeasureSettings.of(config["measure"], read_berry(inputs["berry"]))
     image = side_view(first_pour(inputs["heap"]), Particle.load(inputs["particle"]), settings)
-    steps = drawing.process_panels(
-        image,
-        settings.mm_per_pixel,
-        settings,
-        base_row=image.shape[0] - 0.5,
-    )
+    steps = drawing.process_panels(image, settings.mm_per_pixel, settings, base_row=image.shape[0] - 0.5)
     measured = pile.measure_image(image, settings.mm_per_pixel, settings, base_row=image.shape[0] - 0.5)
     figure = style.new_figure(style.PAGE, 3.6)
     panels = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
@@ -85,21 +107,27 @@ def _name_lines(
     sides = (("left", angle.left_deg, drawing.RED, -1), ("right", angle.right_deg, drawing.GREEN, 1))
     for (name, side_deg, colour, way), line in zip(sides, angle.lines, strict=True):
         u, row = np.mean(line, axis=0)
-        panel.annotate(
-            f"{name} {side_deg:.1f}°",
-            (u * settings.mm_per_pixel, top_mm - (row + 0.5) * settings.mm_per_pixel),
-            xytext=(12 * way, 12),
-            textcoords="offset points",
-            ha="left" if way > 0 else "right",
-            color=[value / 255 for value in reversed(colour)],
-            fontweight="bold",
-        )
+        place = (u * settings.mm_per_pixel, top_mm - (row + 0.5) * settings.mm_per_pixel)
+        look = {"textcoords": "offset points", "ha": "left" if way > 0 else "right", "fontweight": "bold"}
+        rgb = [value / 255 for value in reversed(colour)]
+        panel.annotate(f"{name} {side_deg:.1f}°", place, (12 * way, 12), color=rgb, **look)
     panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
     panel.set_title(f"angle of this view {angle.aor_deg:.1f}°, line: {settings.line}", loc="right")
 
 
-def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 8 of the paper: the virtual test bench from the side, in mm, with the berries of a pour if given."""
+@figure(
+    "figure08",
+    "Figure 8",
+    inputs={},
+    optional={"trajectory": "{trajectory}", "particle": "berry/particle.json"},
+    reads=("funnel", "colour"),
+    when=has_pile,
+)
+def apparatus(inputs: Inputs, config: Config) -> Figure:
+    """Draw the test bench from the side, in mm, with the grains of a pour if given.
+
+    Figure 8. Virtual test bench to scale, halfway through the pour: particle factory, funnel and plate.
+    """
     funnel = config["funnel"]
     from repose.pictures.scenery import funnel_walls
 
@@ -124,7 +152,7 @@ def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     half_plate = min(funnel["plate_diameter_mm"] / 2, half_view)
     panel.fill_between([-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2)
     _levels(panel, funnel, factory, half_view)
-    _dimensions(panel, funnel, top, half_inlet, half_view)
+    _dimensions(panel, funnel, top, half_inlet)
     panel.set(xlim=(left, right), ylim=(low, high), aspect="equal")
     panel.set(xlabel="x (mm)", ylabel="z (mm)")
     panel.set_xticks(np.arange(-150, 151, 50))
@@ -147,77 +175,34 @@ def dimension(
     end: tuple[float, float],
     text: str,
     place: tuple[float, float],
+    ha: str = "center",
     **options: Any,
 ) -> None:
-    """A measured arrow from start to end with its number at a place; `options` go to its text."""
-    style_of = {
-        "arrowstyle": "<->",
-        "color": style.BLUE,
-        "lw": 0.8,
-        "shrinkA": 0,
-        "shrinkB": 0,
-        "mutation_scale": 7,
-    }
-    panel.annotate("", start, xytext=end, arrowprops=style_of, zorder=5)
+    """Draw a measured arrow from start to end with its number at a place; `options` go to its text."""
+    look = {"arrowstyle": "<->", "lw": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+    panel.annotate("", start, xytext=end, arrowprops=look | {"color": style.BLUE}, zorder=5)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
-    panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, **options)
+    panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, ha=ha, **options)
 
 
-def _dimensions(
-    panel: Axes, funnel: Mapping[str, Any], top: float, half_inlet: float, half_view: float
-) -> None:
-    """Measured arrows with their numbers."""
-    outlet, z_outlet = funnel["outlet_diameter_mm"] / 2, funnel["outlet_height_mm"]
-    over = top + funnel["factory_height_mm"] + 14
-    dimension(
-        panel,
-        (-half_inlet, over),
-        (half_inlet, over),
-        f"inlet {2 * half_inlet:g}",
-        (0, over + 4),
-        ha="center",
-        va="bottom",
-    )
-    below = z_outlet - 11
-    dimension(
-        panel,
-        (-outlet, below),
-        (outlet, below),
-        f"{2 * outlet:g}",
-        (outlet + 4, below),
-        ha="left",
-        va="center",
-    )
-    side = -half_inlet - 32
-    dimension(
-        panel, (side, 0), (side, z_outlet), f"{z_outlet:g}", (side - 4, z_outlet / 2), ha="right", va="center"
-    )
-    dimension(
-        panel,
-        (side, z_outlet),
-        (side, top),
-        f"{top - z_outlet:.0f}",
-        (side - 4, (top + z_outlet) / 2),
-        ha="right",
-        va="center",
-    )
-    middle = (z_outlet + top) / 2
-    across = (outlet + half_inlet) / 2 + 9
-    panel.text(
-        across, middle - 8, f"{funnel['cone_angle_deg']:g}° from horizontal", color=style.BLUE, fontsize=6.5
-    )
-    panel.text(
-        0,
-        -11,
-        f"plate diameter {funnel['plate_diameter_mm']:g}",
-        color=style.BLUE,
-        fontsize=6.5,
-        ha="center",
-        va="top",
-    )
+def _dimensions(panel: Axes, funnel: Config, top: float, half_inlet: float) -> None:
+    """Draw measured arrows with their numbers: diameters across, heights at the left."""
+    half_outlet, outlet = funnel["outlet_diameter_mm"] / 2, funnel["outlet_height_mm"]
+    over, below, side = top + funnel["factory_height_mm"] + 14, outlet - 11, -half_inlet - 32
+    for half, z, text, place, ha, va in (
+        (half_inlet, over, f"inlet {2 * half_inlet:g}", (0, over + 4), "center", "bottom"),
+        (half_outlet, below, f"{2 * half_outlet:g}", (half_outlet + 4, below), "left", "center"),
+    ):
+        dimension(panel, (-half, z), (half, z), text, place, ha, va=va)
+    for low, high, text in ((0, outlet, f"{outlet:g}"), (outlet, top, f"{top - outlet:.0f}")):
+        dimension(panel, (side, low), (side, high), text, (side - 4, (low + high) / 2), "right", va="center")
+    look = {"color": style.BLUE, "fontsize": 6.5}
+    words = f"{funnel['cone_angle_deg']:g}° from horizontal"
+    panel.text((half_outlet + half_inlet) / 2 + 9, (outlet + top) / 2 - 8, words, **look)
+    panel.text(0, -11, f"plate diameter {funnel['plate_diameter_mm']:g}", ha="center", va="top", **look)
 
 
-def _grains(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
+def _grains(panel: Axes, inputs: Inputs, colour: str) -> None:
     """Side view of the grains during a pour, each with its true outline, the nearest drawn last."""
     particle = Particle.load(inputs["particle"])
     record = read_npz(inputs["trajectory"], ("time_s", "position", "quaternion"), "the trajectory of a pour")
@@ -232,11 +217,7 @@ def _grains(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
         centres[order].astype(float), quaternions[order], particle, [0.0], scales=scales[order]
     )[0]
     collection = PolyCollection(
-        1e3 * outline,
-        facecolors=colour,
-        edgecolors=style.BLACK,
-        linewidths=0.25,
-        zorder=2.5,
+        1e3 * outline, facecolors=colour, edgecolors=style.BLACK, linewidths=0.25, zorder=2.5
     )
     panel.add_collection(collection)
     words = f"simulated pour at {time_s:.3g} s, {here.sum()} of {len(here)} grains; lengths in mm"

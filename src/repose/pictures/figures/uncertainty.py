@@ -1,6 +1,7 @@
 """Uncertainty of the answer: noise floor, posterior, sensitivity."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,17 +17,28 @@ from repose.core.parameters import SYMBOLS, named
 from repose.core.targets import Target, Targets
 
 from . import style
+from .registry import Config, Inputs, figure
 
 CREDIBLE_SHARES = (0.95, 0.5)  # of the posterior inside a contour
 SEEDS = (1, 2, 4, 8, 16, 32, 64)
 PERCENT = (0.5, 1, 2, 5)
 
-Inputs = Mapping[str, str]
-Config = Mapping[str, Any]
+UNCERTAINTY: dict[str, Any] = {"reads": ("parameters", "targets"), "category": "Uncertainty"}
 
 
+@figure(
+    "noise",
+    "Noise floor",
+    inputs={"runs": "runs.csv", "seeds": "noise/seeds.csv", "noise": "noise/noise.json"},
+    folder="noise",
+    **UNCERTAINTY,
+)
 def noise_floor(inputs: Inputs, config: Config) -> Figure:
-    """Runs of each sample about their mean; standard error and reachable R2 over the number of seeds."""
+    """Draw runs about the mean of their sample; standard error and reachable R2 over the number of seeds.
+
+    Runs of the same parameters beside runs of others, and the standard error that a number of seeds buys.
+    ``noise.json`` has the correlation of the responses within samples.
+    """
     targets = style.targets_of(config)
     runs, seeds = (
         read_table(inputs["runs"], ("sample", "status", *targets.names)),
@@ -97,8 +109,24 @@ def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> No
     panel.plot(place, means, color=style.BLACK, lw=1.2)
 
 
+@figure(
+    "corner",
+    "Posterior",
+    inputs={
+        "draws": "posterior/draws.csv",
+        "posterior": "posterior/posterior.csv",
+        "summary": "posterior/posterior.json",
+        "feasible": "miga/feasible.csv",
+    },
+    folder="posterior",
+    **UNCERTAINTY,
+)
 def corner(inputs: Inputs, config: Config) -> Figure:
-    """Draws of the posterior, alone and in pairs, beside the search's solutions and the published intervals."""
+    """Draw the posterior's draws, alone and in pairs, beside solutions of the search and published intervals.
+
+    The free parameters given the physical measurements: draws of the posterior, with the feasible solutions of the
+    search. A parameter whose draws fill its range is not determined by the targets.
+    """
     space = ParameterSpace.of(config["parameters"])
     draws, table = read_table(inputs["draws"], space.names), read_table(inputs["posterior"], ("parameter",))
     cloud, summary = read_table(inputs["feasible"], space.names), read_json(inputs["summary"], ("predicted",))
@@ -117,23 +145,17 @@ def corner(inputs: Inputs, config: Config) -> Figure:
         panel.scatter(cloud[across], cloud[down], s=5, color=style.RED, lw=0, zorder=4)
         if published and table.loc[[across, down], "published_low"].notna().all():
             panel.add_patch(_published_box(table, across, down))
-    figure.text(
-        0.47, 0.975, _account(summary, style.targets_of(config)), fontsize=7.5, va="top", linespacing=1.5
-    )
+    words = _account(summary, style.targets_of(config))
+    figure.text(0.47, 0.975, words, fontsize=7.5, va="top", linespacing=1.5)
+    prior, box = "prior" if space.prior else "uniform prior", partial(Rectangle, (0, 0), 1, 1)
     handles = [
-        Rectangle((0, 0), 1, 1, color=style.BLUE, alpha=0.35, lw=0),
-        Line2D([], [], color=style.GREY, ls="--", lw=0.9),
-        Line2D([], [], marker="o", ls="", ms=3.5, color=style.RED),
-        Rectangle((0, 0), 1, 1, fill=False, ec=style.BLACK, lw=1.1),
+        box(color=style.BLUE, alpha=0.35, lw=0, label="posterior: 50 and 95 % of it"),
+        Line2D([], [], color=style.GREY, ls="--", lw=0.9, label=prior),
+        Line2D([], [], marker="o", ls="", ms=3.5, color=style.RED, label="solutions of the search"),
+        box(fill=False, ec=style.BLACK, lw=1.1, label="published intervals"),
     ]
-    labels = [
-        "posterior: 50 and 95 % of it",
-        "prior" if space.prior else "uniform prior",
-        "solutions of the search",
-        "published intervals",
-    ]
-    shown = slice(4 if published else 3)
-    figure.legend(handles[shown], labels[shown], loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5)
+    shown = handles[: 4 if published else 3]
+    figure.legend(handles=shown, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5)
     return figure
 
 
@@ -201,21 +223,31 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
         for response in targets.responses
     ]
     distance = summary["misfit"]["squared_distance"] ** 0.5
-    parts.append(f"best draw {distance:.2f} standard deviations from the targets")
-    parts.append(f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin")
-    parts.append(
-        f"R-hat ≤ {summary['largest_r_hat']:.3f}, effective draws ≥ {summary['least_effective_draws']:.0f}"
-    )
-    parts.append("above each histogram: information of the measurements")
-    if summary["thin_share"] > 0.5:
-        parts.append("EXTRAPOLATED")
-    if not summary["converged"]:
-        parts.append("NOT CONVERGED")
-    return "\n".join(parts)
+    r_hat, draws = summary["largest_r_hat"], summary["least_effective_draws"]
+    parts += [
+        f"best draw {distance:.2f} standard deviations from the targets",
+        f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin",
+        f"R-hat ≤ {r_hat:.3f}, effective draws ≥ {draws:.0f}",
+        "above each histogram: information of the measurements",
+        "EXTRAPOLATED" if summary["thin_share"] > 0.5 else "",
+        "" if summary["converged"] else "NOT CONVERGED",
+    ]
+    return "\n".join(filter(None, parts))
 
 
+@figure(
+    "intervals",
+    "Credible intervals",
+    inputs={"posterior": "posterior/posterior.csv"},
+    folder="posterior",
+    **UNCERTAINTY,
+)
 def intervals(inputs: Inputs, config: Config) -> Figure:
-    """Credible intervals beside the published intervals and the search's solutions, in the parameters' ranges."""
+    """Draw credible intervals in the parameters' ranges.
+
+    Credible intervals of the free parameters beside the published intervals and the intervals of the feasible
+    solutions. All are shown as parts of the parameter's range.
+    """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
     panel = figure.subplots()
@@ -254,8 +286,18 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
+@figure(
+    "sobol",
+    "Sobol indices",
+    inputs={"sobol": "sensitivity/sobol.csv"},
+    folder="sensitivity",
+    **UNCERTAINTY,
+)
 def sobol_indices(inputs: Inputs, config: Config) -> Figure:
-    """First-order and total Sobol indices of each parameter, with their intervals."""
+    """Draw a pair of bars for each parameter.
+
+    First-order and total Sobol indices of each response of the surrogate, with 95 % bootstrap intervals.
+    """
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
     targets = style.targets_of(config)
     figure = style.new_figure(style.PAGE, 2.4 * style.grid_rows(len(targets)))
@@ -287,8 +329,24 @@ def _bars(panel: Axes, rows: pd.DataFrame) -> None:
     style.note(panel, text, x=0.97, ha="right")
 
 
+@figure(
+    "main_effects",
+    "Main effects",
+    inputs={
+        "effects": "sensitivity/main_effects.csv",
+        "sobol": "sensitivity/sobol.csv",
+        "dataset": "dataset.csv",
+    },
+    folder="sensitivity",
+    **UNCERTAINTY,
+)
 def main_effects(inputs: Inputs, config: Config) -> Figure:
-    """Mean response of the surrogate along each free parameter, on the simulated points."""
+    """Draw the mean response along each free parameter, on the simulated points.
+
+    Each response over each free parameter: the mean of the surrogate over the other parameters. Points are the
+    simulated samples. The goji berry's angle falls with the friction between berries: such piles pack more loosely,
+    and the same berries need a wider foot (``repose docs uncertainty``, Sensitivity).
+    """
     targets, ranges = style.targets_of(config), style.ranges_of(config)
     effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))
     table = read_table(inputs["dataset"], (*named(config["parameters"]), "status", *targets.names))

@@ -1,38 +1,33 @@
-"""Bench tests from the side with their dimensions in mm, and the berries of a saved run if given."""
+"""Sketches of the bench tests of this folder from the side, with their dimensions in mm."""
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from repose.config.keys import section
-from repose.measure.saved_pours import first_pour
-from repose.measure.silhouette import outlines
-from repose.particle.particle import Particle
-
-from . import style
-from .testbench import dimension
+from repose.pictures.figures import style
+from repose.pictures.figures.testbench import dimension
 
 PLATE = "#C9CED3"
 BODY_MM = 12.0  # of the single berry that a sketch shows
 
 
-def lifted_cylinder(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """The tube on its plate, and its motion; optional inputs: ``runs`` of a job, and ``particle``."""
+def lifted_cylinder(config: Mapping[str, Any]) -> Figure:
+    """The tube on its plate, and its motion."""
     own = section(config, "lifted_cylinder")
     radius, length, rim = own["diameter_mm"] / 2, own["length_mm"], own["rim_radius_mm"]
     half = 2.2 * radius
     panel = _panel((-half, half), (-0.12 * length, 1.3 * length))
-    _berries(panel, inputs, config["colour"])
     _solid(panel, (-half, half), (-0.05 * length, 0))
     for side in (-1, 1):
         _solid(panel, (side * radius, side * (radius + max(2 * rim, 0.03 * radius))), (0, length), style.GREY)
     over = 1.06 * length
-    dimension(panel, (-radius, over), (radius, over), f"{2 * radius:g}", (0, 1.08 * length), ha="center")
+    dimension(panel, (-radius, over), (radius, over), f"{2 * radius:g}", (0, 1.08 * length))
     beside = -1.5 * radius
     dimension(panel, (beside, 0), (beside, length), f"{length:g}", (1.05 * beside, length / 2), ha="right")
     if (level := own.get("filling_height_mm")) is not None:
@@ -45,7 +40,7 @@ def lifted_cylinder(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Fig
     return panel.figure
 
 
-def inclined_plane(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+def inclined_plane(config: Mapping[str, Any]) -> Figure:
     """The plane at its steepest with a berry, and the rate at which it tilts; lengths are not to scale."""
     own = section(config, "inclined_plane")
     steepest = math.radians(own["steepest_deg"])
@@ -67,7 +62,7 @@ def inclined_plane(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Fig
     return panel.figure
 
 
-def drop_test(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+def drop_test(config: Mapping[str, Any]) -> Figure:
     """The berry above its plate."""
     own = section(config, "drop_test")
     height = own["height_mm"]
@@ -86,8 +81,8 @@ def drop_test(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     return panel.figure
 
 
-def drawdown(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Both chambers, slot and gate; optional inputs: ``runs`` of a job, and ``particle``."""
+def drawdown(config: Mapping[str, Any]) -> Figure:
+    """Both chambers, slot and gate."""
     own = section(config, "drawdown")
     width, slot, lower, floor = (
         own[key] / 2 for key in ("width_mm", "slot_mm", "lower_width_mm", "floor_mm")
@@ -95,7 +90,6 @@ def drawdown(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     floor *= 2
     drop, top = own["drop_mm"], own["drop_mm"] + own["height_mm"]
     panel = _panel((-1.2 * lower, 1.2 * lower), (-0.12 * top, 1.12 * top))
-    _berries(panel, inputs, config["colour"])
     _solid(panel, (-1.02 * lower, 1.02 * lower), (-0.03 * top, 0))
     for side in (-1, 1):
         _solid(panel, (side * lower, side * 1.02 * lower), (0, drop), style.GREY)
@@ -104,19 +98,19 @@ def drawdown(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     panel.plot([-slot, slot], [drop - 1.5 * floor] * 2, color=style.RED, lw=1.2, ls=":")
     _motion(panel, (0, drop - 2 * floor), (0, 0.72 * drop), "gate")
     over, under = 1.04 * top, -0.06 * top
-    dimension(panel, (-width, over), (width, over), f"{2 * width:g}", (0, 1.06 * top), ha="center")
-    dimension(panel, (-lower, under), (lower, under), f"{2 * lower:g}", (0, under), ha="center", va="center")
+    dimension(panel, (-width, over), (width, over), f"{2 * width:g}", (0, 1.06 * top))
+    dimension(panel, (-lower, under), (lower, under), f"{2 * lower:g}", (0, under), va="center")
     above = drop + 0.06 * top
-    dimension(panel, (-slot, above), (slot, above), f"{2 * slot:g}", (0, above + 0.01 * top), ha="center")
+    dimension(panel, (-slot, above), (slot, above), f"{2 * slot:g}", (0, above + 0.01 * top))
     beside = -1.1 * lower
-    dimension(panel, (beside, 0), (beside, drop), f"{drop:g}", (beside, drop / 2), ha="center")
+    dimension(panel, (beside, 0), (beside, drop), f"{drop:g}", (beside, drop / 2))
     height = f"{top - drop:g}"
-    dimension(panel, (beside, drop), (beside, top), height, (beside, (drop + top) / 2), ha="center")
+    dimension(panel, (beside, drop), (beside, top), height, (beside, (drop + top) / 2))
     _words(panel, (0.75 * lower, 0.9 * top), f"depth {own['depth_mm']:g}")
     return panel.figure
 
 
-def cylinder(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+def cylinder(config: Mapping[str, Any]) -> Figure:
     """The vessel, the collar through which it is filled over its rim, and the core that gives the bulk density."""
     own = section(config, "cylinder")
     radius, height, collar, margin = (
@@ -145,7 +139,6 @@ def cylinder(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         (radius, -0.06 * top),
         f"{2 * radius:g}",
         (0, -0.06 * top),
-        ha="center",
         va="center",
     )
     _beside(panel, -1.5 * radius, (0, height))
@@ -154,7 +147,7 @@ def cylinder(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     return panel.figure
 
 
-def discharge(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+def discharge(config: Mapping[str, Any]) -> Figure:
     """The funnel with its collar above and the lid below, which opens."""
     own = section(config, "discharge")
     inlet, outlet = own["inlet_diameter_mm"] / 2, own["outlet_diameter_mm"] / 2
@@ -167,8 +160,8 @@ def discharge(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     panel.plot([-outlet, outlet], [0, 0], color=style.RED, lw=1.2, ls=":")
     _motion(panel, (0, -0.03 * top), (0, -0.2 * top), f"lid opens at {own['open_from_s']:g} s")
     over, under = 1.04 * top, 0.04 * top
-    dimension(panel, (-inlet, over), (inlet, over), f"{2 * inlet:g}", (0, 1.06 * top), ha="center")
-    dimension(panel, (-outlet, under), (outlet, under), f"{2 * outlet:g}", (0, 1.4 * under), ha="center")
+    dimension(panel, (-inlet, over), (inlet, over), f"{2 * inlet:g}", (0, 1.06 * top))
+    dimension(panel, (-outlet, under), (outlet, under), f"{2 * outlet:g}", (0, 1.4 * under))
     for ends in ((0, tube), (tube, rim), (rim, top)):
         if ends[1] > ends[0]:
             _beside(panel, -1.4 * inlet, ends)
@@ -176,7 +169,7 @@ def discharge(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     return panel.figure
 
 
-def turning(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+def turning(config: Mapping[str, Any]) -> Figure:
     """The drum along its axis, its speeds, and the middle part of its bed through which the line goes."""
     own = section(config, "turning")
     outer = own["outer_diameter_mm"] / 2
@@ -197,7 +190,7 @@ def turning(_inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         lw=0.6,
     )
     under, speeds = -1.2 * outer, np.atleast_1d(own["angular_velocity_rad_s"])
-    dimension(panel, (-inner, under), (inner, under), f"{2 * inner:g}", (0, under), ha="center", va="center")
+    dimension(panel, (-inner, under), (inner, under), f"{2 * inner:g}", (0, under), va="center")
     arc = np.radians(np.linspace(15, 45, 30))
     panel.plot(1.12 * outer * np.cos(arc), 1.12 * outer * np.sin(arc), color=style.RED, lw=1.2)
     last = 1.12 * outer * np.array([np.cos(arc[-2:]), np.sin(arc[-2:])]).T
@@ -252,14 +245,13 @@ def _words(panel: Axes, place: Sequence[float], text: str, ha: str = "center") -
     panel.text(*place, text, color=style.BLUE, fontsize=6.5, ha=ha, va="center", zorder=5)
 
 
-def _berries(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
-    """Outlines of the berries of the first run of a job as it ended, if it is given with its particle."""
-    if not {"runs", "particle"} <= inputs.keys():
-        return
-    run, particle = first_pour(inputs["runs"]), Particle.load(inputs["particle"])
-    centres = run["position"].astype(float)
-    order, scales = np.argsort(-centres[:, 1]), run.get("scale", np.ones(len(centres)))
-    outline = outlines(centres[order], run["quaternion"][order], particle, [0.0], scales=scales[order])[0]
-    panel.add_collection(
-        PolyCollection(1e3 * outline, facecolors=colour, edgecolors=style.BLACK, linewidths=0.25, zorder=2.5)
-    )
+SKETCHES = {
+    sketch.__name__: sketch
+    for sketch in (lifted_cylinder, inclined_plane, drop_test, drawdown, cylinder, discharge, turning)
+}
+
+
+def draw(name: str, out_path: str | Path, config: Mapping[str, Any]) -> None:
+    """Write the sketch of a bench test."""
+    with style.applied():
+        style.save(SKETCHES[name](config), out_path, config["small_run"])

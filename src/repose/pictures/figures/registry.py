@@ -1,0 +1,70 @@
+"""The register of figures: said once, beside its function, are its inputs, the keys that it reads, and its caption."""
+
+from collections.abc import Callable, Mapping
+from inspect import cleandoc
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
+
+Config = Mapping[str, Any]
+Inputs = Mapping[str, Any]  # paths by name
+Draw = Callable[[Inputs, Config], Figure]
+Caption = str | Callable[[Config], str]
+
+
+class Drawn(NamedTuple):
+    """A registered figure; its inputs are paths below the folder of results, or names in braces of the workflow."""
+
+    draw: Draw
+    inputs: Inputs
+    optional: Mapping[str, str] = {}  # a study may lack them
+    if_there: Mapping[str, str] = {}  # shown where they exist, and never made for the figure
+    title: str = ""  # in Snakemake's report
+    reads: tuple[
+        str, ...
+    ] = ()  # sections or dotted keys of the configuration, besides `figures` and `small_run`
+    caption: Caption = ""
+    when: "Callable[[Study], bool]" = lambda study: True  # whether a study has the figure
+    folder: str = "figures"
+    category: str = "Figures"
+
+    @property
+    def all_inputs(self) -> Mapping[str, str]:
+        """The inputs by name, those that may lack included."""
+        return {**self.inputs, **self.optional, **self.if_there}
+
+    def caption_of(self, config: Config) -> str:
+        """Fill the names in braces of the caption from a configuration, as `{miga[rounds]}`."""
+        return self.caption.format(**config) if isinstance(self.caption, str) else self.caption(config)
+
+
+FIGURES: dict[str, Drawn] = {}
+
+
+def figure(
+    name: str, title: str, *, inputs: Inputs, caption: Caption = "", **details: Any
+) -> Callable[[Draw], Draw]:
+    """Register the decorated function as a figure; the last paragraph of its docstring is the caption by default.
+
+    `details` are further fields of `Drawn`.
+    """
+
+    def register(draw: Draw) -> Draw:
+        words = caption or cleandoc(draw.__doc__ or "").split("\n\n")[-1]
+        FIGURES[name] = Drawn(draw, inputs, title=title, caption=words, **details)
+        return draw
+
+    return register
+
+
+def has_pile(study: "Study") -> bool:
+    """Tell whether the targets need piles of the funnel."""
+    return "funnel" in study.targets.apparatus
+
+
+def has_drum(study: "Study") -> bool:
+    """Tell whether the study turns the answer in a drum."""
+    return "drum" in study.config
