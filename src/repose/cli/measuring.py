@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 # Pixel sizes from a microscope to a heap in a hall [mm].
 SCALES = (1e-3, 100.0)
-MOST_LEVEL_DEG = 25.0
 SIZES = "sizes.csv"  # of a crop's folder
 
 
@@ -151,7 +150,7 @@ def _measure_apparatus(args, pictures, overlays, how):
 
 def _scale(args: argparse.Namespace) -> "Scale":
     """The scale from the command line."""
-    from repose.measure.photographs import Scale
+    from repose.measure.photographs import LEAST_PX, MOST_LEVEL_DEG, Scale, level_length
 
     def number(option: str, value: float, low: float, high: float) -> None:
         if not low <= value <= high:
@@ -162,14 +161,15 @@ def _scale(args: argparse.Namespace) -> "Scale":
     scale, level = args.mm_per_pixel, 0.0
     number("--square-mm", args.square_mm, 1, 1000)
     if args.length:
-        length, x1, y1, x2, y2 = args.length
-        number("--length", length, 1, 1e5)
-        pixels = math.hypot(x2 - x1, y2 - y1)
-        level = math.degrees(math.atan2(y1 - y2, x2 - x1)) if pixels >= 10 else math.nan
-        if not abs(level) <= MOST_LEVEL_DEG:
-            allowed = f"two ends at least 10 pixels apart, the left one first, level within {MOST_LEVEL_DEG:g} degrees"
+        number("--length", args.length[0], 1, 1e5)
+        found = level_length(*args.length)
+        if found is None:
+            allowed = (
+                f"two ends at least {LEAST_PX} pixels apart, the left one first, "
+                f"level within {MOST_LEVEL_DEG:g} degrees"
+            )
             raise InputError("command line", "--length", args.length, allowed)
-        scale = length / pixels
+        scale, level = found
     if scale is not None:
         number("--length" if args.length else "--mm-per-pixel", scale, *SCALES)
         if args.lens:
@@ -181,7 +181,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
 
 def _settings(args: argparse.Namespace) -> "MeasureSettings":
     """Settings of the measurement; outside a study the line runs from foot to crest, and the grain is the folder's."""
-    from repose.measure.settings import MeasureSettings
+    from repose.measure.settings import MeasureSettings, mean_axes_mm
 
     if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:
         raise InputError("command line", "--grain-mm", args.grain_mm, "a number from 0.1 to 1000")
@@ -194,10 +194,7 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
         section["berry_height_mm"] = args.grain_mm
     if section["berry_height_mm"] is not None or sizes_csv is None:
         return MeasureSettings.of(section, {})
-    from repose.particle import berry
-
-    sizes = berry.read_sizes(sizes_csv)
-    return MeasureSettings.of(section, {column: float(sizes[column].mean()) for column in berry.SIZE_COLUMNS})
+    return MeasureSettings.of(section, mean_axes_mm(sizes_csv))
 
 
 @verb(

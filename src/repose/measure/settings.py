@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from os import PathLike
 from typing import Any
 
 from repose.core.errors import InputError
@@ -96,3 +97,11 @@ def line_for(section: Mapping[str, Any] | None, response: str) -> str:
 
 def _positive(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
+
+
+def mean_axes_mm(sizes_csv: str | PathLike) -> dict[str, float]:
+    """Mean axes of measured grains [mm], by the names of their columns."""
+    from repose.particle.berry_files import SIZE_COLUMNS, read_sizes
+
+    sizes = read_sizes(sizes_csv)
+    return {column: float(sizes[column].mean()) for column in SIZE_COLUMNS}
