@@ -14,7 +14,7 @@ Looking changes nothing in the simulation.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -45,7 +45,7 @@ class Bounded:
     or a wall is given; the scene is its box up to `top_m`.
     """
 
-    def __init__(self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0):
+    def __init__(self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0) -> None:
         self.simulation, self.speed_m_s = simulation, speed_m_s
         gravity = np.asarray(simulation.physics.gravity)
         self.gravity = float(np.linalg.norm(gravity))
@@ -93,7 +93,7 @@ class Bounded:
             self._look_at_energy()
             self._look_at_overlaps()
 
-    def _look_at_speeds(self):
+    def _look_at_speeds(self) -> None:
         """Refuse a position that is not finite, and a speed that no fall gives."""
         simulation = self.simulation
         squares = np.square(simulation.velocities).sum(axis=1)
@@ -107,7 +107,7 @@ class Bounded:
             bound = f"none here can be faster than {self.fastest_m_s:.3g} m/s"
             raise Unstable(f"berry {fastest} {motion}, {self._when('time step')}; {bound}")
 
-    def _look_at_energy(self):
+    def _look_at_energy(self) -> None:
         """Refuse more energy than the berries were given."""
         simulation, there = self.simulation, self.simulation.present
         energies = simulation.kinetic_energies()[there]
@@ -120,7 +120,7 @@ class Bounded:
             bound = f"all berries together have {energy:.3g} J and were given {allowed:.3g} J"
             raise Unstable(f"berry {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}")
 
-    def _look_at_overlaps(self):
+    def _look_at_overlaps(self) -> None:
         """Refuse berries that pass through each other or through walls."""
         simulation = self.simulation
         pairs, overlaps = simulation.overlaps()
@@ -137,7 +137,7 @@ class Bounded:
             lambda k: f"berry {berries[k]} and the wall {names[walls[k]]!r}",
         )
 
-    def _refuse_deepest(self, overlaps, scales, which):
+    def _refuse_deepest(self, overlaps: np.ndarray, scales: np.ndarray, which: Callable[[int], str]) -> None:
         """Refuse overlaps too deep for berries of these scales; which(k): names of the overlapping bodies."""
         if not len(overlaps):
             return
@@ -149,6 +149,6 @@ class Bounded:
                 f"{which(worst)} overlap by {1e3 * overlaps[worst]:.3g} mm, {self._when('modulus')}; {bound}"
             )
 
-    def _when(self, cure):
-        """The time, and the remedy."""
+    def _when(self, cure: str) -> str:
+        """Tell the time and the remedy."""
         return f"after {self.simulation.time_s:.3g} s: {CURE[cure].format(self.simulation.time_step_s)}"

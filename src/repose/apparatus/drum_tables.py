@@ -87,9 +87,9 @@ def run(
     return made
 
 
-def _needed(run):
-    """Arrays that the file of a run must have."""
-    states = {"ok": STATES, "no_slip": STATES[:2]}.get(run.get("status"), ())
+def _needed(run: Mapping[str, Any]) -> tuple[str, ...]:
+    """Name the arrays that the file of a run must have."""
+    states = {"ok": STATES, "no_slip": STATES[:2]}.get(run.get("status", ""), ())
     of_states = (f"{kind}_{state}" for state in states for kind in ("position", "quaternion"))
     kept = (key for key in RECORD[1:] if key != "surface_deg")
     return (*kept, "position", "quaternion", "scale", *of_states)

@@ -51,8 +51,8 @@ class KeptRuns:
     def __init__(self, folder: Path, name: str, about: Mapping[str, Any]) -> None:
         self.job, self.about = folder / name, about
 
-    def _kept(self, ending):
-        """A file of the job among the kept ones."""
+    def _kept(self, ending: str) -> Path:
+        """Return the path of a file of the job among the kept ones."""
         return self.job.parent / FOLDER / f"{self.job.name}{ending}"
 
     def read(self, seed: int) -> Run | None:
@@ -87,8 +87,8 @@ class KeptRuns:
                     path.unlink()
 
 
-def _is_current(path):
-    """Whether a file is ours, and of the stage that is running, by its record."""
+def _is_current(path: Path) -> bool:
+    """Tell whether a file is ours, and from the stage that is running, by its record."""
     now, then = provenance.current(), attached.read(path) if is_own_file(path) else None
     return now is not None and then is not None and then["origin"] == now["origin"]
 

@@ -95,7 +95,7 @@ def measure_box(
     length = np.hypot(*(right - left))
     along, scale = (right - left) / length, 2e3 * box.half_lower / length
 
-    def chamber(x0_m, x1_m, z0_m, z1_m):
+    def chamber(x0_m: float, x1_m: float, z0_m: float, z1_m: float) -> tuple[np.ndarray, float]:
         corner = left + (x0_m + box.half_lower) * 1e3 / scale * along
         corner = corner + z0_m * 1e3 / scale * np.array([along[1], -along[0]])
         size = (x1_m - x0_m) * 1e3 / scale, (z1_m - z0_m) * 1e3 / scale
@@ -156,8 +156,8 @@ def measure_all(
     return results
 
 
-def _checked_points(points_px, bench):
-    """The points of the apparatus, (3, 2) of a drum and (2, 2) of a box, or InputError."""
+def _checked_points(points_px: Sequence[float], bench: str) -> np.ndarray:
+    """Return the points of the apparatus, (3, 2) for a drum and (2, 2) for a box, or raise InputError."""
     count, least_px, allowed = POINTS[bench]
     points = np.array(points_px, float)
     good = points.size == 2 * count and bool(np.isfinite(points).all())
@@ -219,16 +219,22 @@ def stacked(views: Sequence[np.ndarray]) -> np.ndarray:
     )
 
 
-def _circle(points):
-    """Centre (2,) and radius of the circle through three points (3, 2)."""
+def _circle(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Draw the circle through three points (3, 2): its centre (2,) and radius."""
     a, b, c = points
     rows = 2 * np.array([b - a, c - a])
     centre = np.linalg.solve(rows, [b @ b - a @ a, c @ c - a @ a])
     return centre, float(np.hypot(*(a - centre)))
 
 
-def _redrawn(image, corner_px, along, size_px, mm_per_pixel):
-    """A rectangle of the picture, its lower left corner and the direction of its base given, and its scale."""
+def _redrawn(
+    image: np.ndarray,
+    corner_px: np.ndarray,
+    along: np.ndarray,
+    size_px: tuple[float, float],
+    mm_per_pixel: float,
+) -> tuple[np.ndarray, float]:
+    """Redraw a rectangle of the picture, from its lower left corner along its base, and return its scale."""
     if min(size_px) < LEAST_PX:
         raise NoFlankError(f"it is {min(size_px):.0f} pixels wide in the picture; {LEAST_PX} are needed")
     times = min(1.0, LARGEST_PX / max(size_px))
@@ -254,8 +260,8 @@ def _redrawn(image, corner_px, along, size_px, mm_per_pixel):
     return view, mm_per_pixel * step[0]
 
 
-def _bed(view):
-    """Mask (H, W) of the bed in a square view of the drum: what differs from the drum's upper part."""
+def _bed(view: np.ndarray) -> np.ndarray:
+    """Mark the bed (H, W) in a square view of the drum: what differs from the drum's upper part."""
     size = len(view)
     places = (np.arange(size) + 0.5) / (0.5 * size) - 1
     inside = np.hypot(*np.meshgrid(places, places)) < INSIDE

@@ -114,8 +114,15 @@ def carried(angle_deg: "pd.Series", height_mm: "pd.Series", to_mm: float) -> "pd
     return np.degrees(np.arctan(np.tan(np.radians(angle_deg)) * (to_mm / height_mm) ** 1.5))
 
 
-def _of(config, particle, target, height_mm, definition, dataset_csv):
-    """The reach of one target."""
+def _of(
+    config: Mapping[str, Any],
+    particle: "Particle",
+    target: Mapping[str, Any],
+    height_mm: float,
+    definition: str,
+    dataset_csv: str | PathLike | None,
+) -> Reach:
+    """Assess one target."""
     grains, line = config["funnel"]["berries"], line_of(config["measure"], definition)
     bound = steepest_deg(definition, height_mm, grains * particle.volume_m3)
     own = None if dataset_csv is None else _own_band(dataset_csv, target["response"], height_mm)
@@ -142,8 +149,8 @@ def _of(config, particle, target, height_mm, definition, dataset_csv):
 # --- the angles of real piles ---------------------------------------------------------------------
 
 
-def _own_band(dataset_csv, angle, height_mm):
-    """The band of the study's own samples, each carried to the Height at its volume; None if they are too few."""
+def _own_band(dataset_csv: str | PathLike, angle: str, height_mm: float) -> Band | None:
+    """Carry the study's own samples to the Height, each at its volume; return their band, None if they are too few."""
     with contextlib.suppress(InputError):  # the stage that reads a damaged table says so
         table = read_table(dataset_csv, ("status", angle, "height_mm"))
         table = table[table["status"] == "ok"]
@@ -154,14 +161,14 @@ def _own_band(dataset_csv, angle, height_mm):
     return None
 
 
-def _known_band(config, particle, definition, height_mm):
-    """The band by the table, changed to the study's number of grains as `scene_size` knows it."""
+def _known_band(config: Mapping[str, Any], particle: "Particle", definition: str, height_mm: float) -> Band:
+    """Look the band up in the table, changed to the study's number of grains as `scene_size` knows it."""
     grains = config["funnel"]["berries"]
     row, exact = nearest_row(config["measure"], definition, _grain_mm(config, particle) / height_mm)
     cone = cone_tan(height_mm, grains * particle.volume_m3 / funnel.PACKING)
     change = scene_size.change(GRAINS, grains, scene_size.TABULATED.get(definition, definition))
 
-    def angle(ratio):
+    def angle(ratio: float) -> float:
         before = math.degrees(math.atan(ratio * cone)) + change.angle_deg
         return math.degrees(math.atan(math.tan(math.radians(before)) / change.height**1.5))
 
@@ -175,8 +182,8 @@ def _known_band(config, particle, definition, height_mm):
     return Band(angle(row["mean"]), sd, angle(row["largest"]), source)
 
 
-def _grain_mm(config, particle):
-    """Height of a grain, the "berry" of `measure.fit_from`."""
+def _grain_mm(config: Mapping[str, Any], particle: "Particle") -> float:
+    """Return the height of a grain, the "berry" of `measure.fit_from`."""
     return config["measure"]["berry_height_mm"] or 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
 
 
@@ -189,7 +196,7 @@ def nearest_row(section: Mapping[str, Any], definition: str, grain: float) -> tu
     table = read_table(TABLE, ("definition", "samples", "mean", "sd", "largest", *wanted))
     table = table[table["definition"] == definition]
 
-    def away(row):
+    def away(row: "pd.Series") -> float:
         numbers = (key for key in wanted if key != "flank")
         other_rule = "flank" in wanted and wanted["flank"] != row["flank"]
         return sum(abs(wanted[key] - row[key]) for key in numbers) + other_rule

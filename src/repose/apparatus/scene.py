@@ -107,7 +107,7 @@ class Filmed:
         bounded: Bounded,
         interval_s: float | None = None,
         progress: Callable[[float], object] | None = None,
-    ):
+    ) -> None:
         simulation = bounded.simulation
         self.bounded, self.simulation, self.progress = bounded, simulation, progress
         self.every = None if interval_s is None else max(1, round(interval_s / simulation.time_step_s))

@@ -8,11 +8,14 @@ grain, becomes a smaller part of it.
 import functools
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from repose.core.section import AUTO
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TABLE = Path(__file__).with_name("number_of_grains.csv")
 LENGTHS = (
@@ -52,7 +55,7 @@ class Change(NamedTuple):
 
 
 @functools.cache
-def _table():
+def _table() -> "pd.DataFrame":
     import pandas as pd  # not by the processes that pour and measure, of which there are hundreds
 
     return pd.read_csv(TABLE)
@@ -136,8 +139,8 @@ def advice(config: Config, diameter_mm: float, height_mm: float, poured: int | N
     yield from _smaller(config, grains, fewer, diameter_mm)
 
 
-def _smaller(config, grains, enough, diameter_mm):
-    """What a smaller scene costs and changes, and its keys: of as many grains as are enough, or of the most known."""
+def _smaller(config: Config, grains: int, enough: int | None, diameter_mm: float) -> Iterator[str]:
+    """Say what a smaller scene costs and changes, and its keys: with `enough` grains, or the most of the table."""
     largest, definition = max(numbers()), _definition(config)
     fewer = enough or largest
     other = change(grains, fewer, definition)
@@ -156,25 +159,25 @@ def _smaller(config, grains, enough, diameter_mm):
         yield _as_yaml("targets", [_lower(target, high) for target in config["targets"]])
 
 
-def _definition(config):
-    """The definition of the table for the calibrated angle."""
+def _definition(config: Config) -> str:
+    """Return the definition of the table for the calibrated angle."""
     response = config["measure"]["response"]
     return TABULATED.get(response, response)
 
 
-def _lower(target, share):
-    """A target, the Height by a share of it."""
+def _lower(target: dict[str, Any], share: float) -> dict[str, Any]:
+    """Copy a target; scale the Height by a share."""
     share = share if target["response"] == "height_mm" else 1.0
     numbers = {key: _rounded(share * target[key]) for key in ("value", "sd")}
     return target | numbers | {"range": [_rounded(share * end) for end in target["range"]]}
 
 
-def _rounded(number):
+def _rounded(number: object) -> object:
     return float(f"{number:.5g}") if isinstance(number, float) else number
 
 
-def _as_yaml(key, value):
-    """A key in one line, as a configuration takes it."""
+def _as_yaml(key: str, value: object) -> str:
+    """Write a key in one line, as a configuration takes it."""
     import yaml
 
     return yaml.safe_dump({key: value}, default_flow_style=True, sort_keys=False, width=10**6).strip()[1:-1]

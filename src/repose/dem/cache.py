@@ -14,9 +14,10 @@ import pickle
 import sys
 import uuid
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from types import FunctionType
+from typing import IO, Any, cast
 
 import numba
 from llvmlite import binding
@@ -30,8 +31,8 @@ HOME = Path(__file__).parent
 _outside: dict[str, str] = {}  # sources of laws from other packages, by module and function
 
 
-def _sources():
-    """Names and texts of all files of this package."""
+def _sources() -> Iterator[bytes]:
+    """Yield names and texts of all files of this package."""
     for path in sorted(HOME.rglob("*.py")):
         yield path.relative_to(HOME).as_posix().encode() + path.read_bytes()
 
@@ -102,8 +103,8 @@ class KernelCache(NullCache):
             _write(path, dumps((sig, data._reduce())))
         _lock(path, fcntl.LOCK_UN)
 
-    def _path(self, signature, codegen):
-        """A file named after all that the code depends on; not after the signature's pickle, which may vary."""
+    def _path(self, signature: object, codegen: Any) -> str:
+        """Name a file after all that the code depends on; not after the signature's pickle, which may vary."""
         function = self._function
         name = f"{function.__module__}.{function.__qualname__}"
         cells = dumps([cell.cell_contents for cell in function.__closure__ or ()])
@@ -113,8 +114,8 @@ class KernelCache(NullCache):
         return os.path.join(folder(), f"{name.replace('<', '').replace('>', '')}-{digest[:24]}")
 
 
-def _read(path, signature):
-    """What is stored of a signature; None where nothing is, or only a part."""
+def _read(path: str, signature: object) -> tuple[Any, ...] | None:
+    """Read the code stored for a signature; None if there is none, or only a part."""
     try:
         with open(path, "rb") as file:
             of, stored = pickle.load(file)
@@ -123,7 +124,7 @@ def _read(path, signature):
     return stored if of == signature else None
 
 
-def _write(path, content):
+def _write(path: str, content: bytes) -> None:
     """Store a file in one move; where none can be written, each process compiles anew."""
     part = f"{path}.{uuid.uuid4().hex}"
     try:
@@ -137,15 +138,15 @@ def _write(path, content):
 
 
 @functools.cache
-def _warn_once(message):
-    """A warning; the filters of Python would let it pass again after each compilation."""
+def _warn_once(message: str) -> None:
+    """Warn; the filters of Python would let a warning pass again after each compilation."""
     warnings.warn(message, stacklevel=3)
 
 
 _locks: dict[str, IO[bytes]] = {}  # a file of each folder, whose bytes stand for its kernels
 
 
-def _lock(path, kind):
+def _lock(path: str, kind: int) -> None:
     """Wait for the lock of a kernel, or give it back; where the folder has no locks there is none to wait for."""
     parent = os.path.dirname(path)
     with contextlib.suppress(OSError):
@@ -173,7 +174,7 @@ event.register("numba:compile", _Failure())
 def add_source(*functions: Callable[..., Any] | None) -> None:
     """Compile with the functions of a law: one from outside moves the cache folder of all kernels."""
     own = f"{__package__}."
-    given = [function for function in functions if function is not None]
+    given = [cast(FunctionType, function) for function in functions if function is not None]
     if all(function.__module__.startswith(own) for function in given):
         return
     for function in given:
@@ -182,14 +183,14 @@ def add_source(*functions: Callable[..., Any] | None) -> None:
             _outside[f"{name} {function.__name__}"] = _source(name, function)
 
 
-def _used(function):
-    """Names of the modules of the functions that a function calls, directly."""
+def _used(function: FunctionType) -> set[str]:
+    """Name the modules of the functions that a function calls directly."""
     used = [function.__globals__.get(name) for name in function.__code__.co_names]
     return {value.__module__ for value in used if callable(value) and isinstance(value.__module__, str)}
 
 
-def _source(module, function):
-    """Source of a module, or of a notebook the function's code; and the numbers that the function uses."""
+def _source(module: str, function: FunctionType) -> str:
+    """Return a module's source, or a notebook function's code; and the numbers that the function uses."""
     try:
         source = inspect.getsource(sys.modules[module])
     except (KeyError, OSError, TypeError):

@@ -26,7 +26,7 @@ class Material:
     shear_modulus_pa: float
     poisson_ratio: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         positive("shear_modulus_pa", self.shear_modulus_pa)
         number("poisson_ratio", self.poisson_ratio, "above -1, at most 0.5", lambda nu: -1.0 < nu <= 0.5)
 
@@ -68,7 +68,7 @@ class Contact:
     twisting_friction: float | None = None
     constants: Mapping[str, float] = field(default_factory=dict, hash=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         number("restitution", self.restitution, "above 0, at most 1", lambda e: 0.0 < e <= 1.0)
         not_negative("static_friction", self.static_friction)
         not_negative("rolling_friction", self.rolling_friction)

@@ -123,8 +123,8 @@ class Observables:
         """Time at which each body fell through the exit height (N,) [s]; nan where it did not."""
         return self._seen(self.bodies.exit_time)
 
-    def _seen(self, values):
-        """Values of the bodies in the order of their addition: a view where the engine has the same order."""
+    def _seen(self, values: np.ndarray) -> np.ndarray:
+        """Order values of the bodies as they were added: a view where the engine has the same order."""
         return values[self._inner[: self.n_bodies]] if self._shared else values[: self.n_bodies]
 
     @property
@@ -229,13 +229,15 @@ class Observables:
             np.concatenate([flat, curved, meshed]),
         )
 
-    def _beyond(self, bodies, normals, offsets, spheres):
-        """How far bodies, or one sphere of each clump, reach (M,) beyond planes of these normals and offsets."""
+    def _beyond(
+        self, bodies: np.ndarray, normals: np.ndarray, offsets: np.ndarray, spheres: np.ndarray
+    ) -> np.ndarray:
+        """Measure how far bodies, or one sphere of each clump, reach (M,) beyond planes with these normals."""
         reach = self._reach(bodies, normals, spheres if self._of_clumps else None)
         return reach + np.sum(normals * self.positions[bodies], axis=1) - offsets
 
-    def _reach(self, body, direction, sphere):
-        """Extents (M,) of bodies, or of one sphere of each, along directions (M, 3) in space."""
+    def _reach(self, body: np.ndarray, direction: np.ndarray, sphere: np.ndarray | None) -> np.ndarray:
+        """Measure the extents (M,) of bodies, or of one sphere of each, along directions (M, 3) in space."""
         local = np.einsum("nji,nj->ni", rotation_matrices(self.quaternions[body]), direction)
         reach = np.zeros(len(body))
         for number, shape in enumerate(self.shapes.values()):
@@ -311,8 +313,8 @@ class Observables:
             azimuth = self._sphere_azimuths(body, wall, np.zeros((n, 3)))
         return body, wall, rows[:, :3].copy(), azimuth
 
-    def _sphere_azimuths(self, body, wall, centres):
-        """Azimuths (M,) in the frames of curved walls of spheres with these centres (M, 3) in their bodies."""
+    def _sphere_azimuths(self, body: np.ndarray, wall: np.ndarray, centres: np.ndarray) -> np.ndarray:
+        """Compute azimuths (M,) in the frames of curved walls for spheres with these centres (M, 3) in their bodies."""
         turn = rotation_matrices(self.quaternions[body])
         places = self.positions[body] + np.einsum("nij,nj->ni", turn, centres)
         frames = self.walls.frames[wall]
@@ -346,8 +348,10 @@ class Observables:
         )
 
 
-def _tangent_planes(walls, wall, normals, azimuths):
-    """Offsets (M,) of the tangent planes of cones, tubes and rings where bodies touch them."""
+def _tangent_planes(
+    walls: st.Walls, wall: np.ndarray, normals: np.ndarray, azimuths: np.ndarray
+) -> np.ndarray:
+    """Compute the offsets (M,) of the tangent planes of cones, tubes and rings where bodies touch them."""
     n_cones = len(walls.cones)
     frames = walls.frames[wall]
     offsets = np.sum(normals * frames[:, :3], axis=1)

@@ -1,9 +1,12 @@
 """Rotation matrices of quaternions (w, x, y, z), and directions in space."""
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+Number = TypeVar("Number", float, np.ndarray)
 
 
 def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
@@ -24,8 +27,8 @@ def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
     return np.moveaxis(np.array(_rows(w, x, y, z)), 2, 0)
 
 
-def _rows(w, x, y, z):
-    """The rows of the matrix of a unit quaternion: of numbers or of arrays."""
+def _rows(w: Number, x: Number, y: Number, z: Number) -> list[list[Number]]:
+    """Return the rows of the matrix of a unit quaternion, of numbers or of arrays."""
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],

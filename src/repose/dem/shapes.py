@@ -15,8 +15,8 @@ from .rotations import sphere_directions
 DIRECTIONS = 2000  # in which a clump's extent is calculated
 
 
-def _semi_axes(value):
-    """Half axes (K, 3) of K ellipsoids, or ValueError."""
+def _semi_axes(value: object) -> np.ndarray:
+    """Return half axes (K, 3) of K ellipsoids, or raise ValueError."""
     try:
         axes = np.atleast_2d(np.array(value, float))
     except (TypeError, ValueError):
@@ -27,8 +27,8 @@ def _semi_axes(value):
     return axes
 
 
-def _inertia(value):
-    """Principal moments (3,) that a body can have, or ValueError."""
+def _inertia(value: object) -> np.ndarray:
+    """Return principal moments (3,) that a body can have, or raise ValueError."""
     inertia = vector("inertia_kg_m2", value)
     if not (np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum()):
         raise ValueError(
@@ -63,7 +63,7 @@ class Shape:
     inertia_kg_m2: np.ndarray
     material: str
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         axes = _semi_axes(self.semi_axes_m)
         positive("mass_kg", self.mass_kg)
         inertia = _inertia(self.inertia_kg_m2)
@@ -204,8 +204,8 @@ class Shape:
         return float(np.sum(axes.max(axis=1) ** 2 / axes.min(axis=1))) / self.bounding_radius_m
 
 
-def _spheres(value):
-    """Centres and radii (M, 4) of M spheres, or ValueError."""
+def _spheres(value: object) -> np.ndarray:
+    """Return centres and radii (M, 4) of M spheres, or raise ValueError."""
     try:
         spheres = np.array(value, float)
     except (TypeError, ValueError):
@@ -252,7 +252,7 @@ class Clump:
     inertia_kg_m2: np.ndarray
     material: str
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         spheres = _spheres(self.spheres_m)
         positive("mass_kg", self.mass_kg)
         inertia = _inertia(self.inertia_kg_m2)

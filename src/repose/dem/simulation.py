@@ -194,12 +194,12 @@ class Simulation(Observables):
         self.counts = np.zeros(st.COUNTS, np.int64)
 
     @property
-    def _n_state(self):
-        """Rows that the force laws keep for each contact."""
+    def _n_state(self) -> int:
+        """Count the rows that the force laws keep for each contact."""
         return self.contact_law.n_state + self.rolling_law.n_state
 
-    def _wall_arrays(self, old=None, changed=-1):
-        """The walls as the kernels take them, where they are now; `changed` has another motion."""
+    def _wall_arrays(self, old: st.Walls | None = None, changed: int = -1) -> st.Walls:
+        """Make the walls as the kernels take them, where they are now; `changed` has another motion."""
         size = float(np.linalg.norm(self.upper - self.lower))
         return wall_arrays(self.wall_set, self._numbers.of_all, size, old, changed)
 

@@ -1,7 +1,7 @@
 """Bodies and walls as triangles, for pictures and for files that other programs draw."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,8 +36,8 @@ def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarra
     return body.support_point(normals), normals, _grid_triangles(rings, sectors)
 
 
-def _seen_from_inside(clump, rays):
-    """The farthest points of a clump's spheres along unit vectors (V, 3) from its origin, and the normals there."""
+def _seen_from_inside(clump: Clump, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find a clump's farthest points along unit vectors (V, 3) from its origin, and the normals there."""
     centres, radii = clump.spheres_m[:, :3], clump.spheres_m[:, 3]
     along = rays @ centres.T
     square = along**2 - np.sum(centres**2, axis=1) + radii**2
@@ -49,8 +49,8 @@ def _seen_from_inside(clump, rays):
     return points, normals
 
 
-def _grid_triangles(rows, columns):
-    """Triangles of a grid of points (rows + 1, columns) that closes on itself along its rows."""
+def _grid_triangles(rows: int, columns: int) -> np.ndarray:
+    """Triangulate a grid of points (rows + 1, columns) that closes on itself along its rows."""
     here, there = np.meshgrid(np.arange(rows) * columns, np.arange(columns), indexing="ij")
     after = (there + 1) % columns
     a, b, c, d = here + there, here + after, here + columns + there, here + columns + after
@@ -85,15 +85,15 @@ def plane_polygon(
     return square
 
 
-def _box_sides(lower, upper):
-    """Outward normals of a box, each with a corner on its side."""
+def _box_sides(lower: np.ndarray, upper: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield the outward normals of a box, each with a corner on its side."""
     for axis in np.eye(3):
         yield axis, upper
         yield -axis, lower
 
 
-def _clipped(polygon, normal, offset):
-    """The part of a convex polygon (M, 3) with normal.x at most an offset (Sutherland and Hodgman 1974)."""
+def _clipped(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarray:
+    """Cut a convex polygon (M, 3) to normal.x at most an offset (Sutherland and Hodgman 1974)."""
     beyond = polygon @ normal - offset
     corners = []
     for here, there, a, b in zip(polygon, np.roll(polygon, -1, 0), beyond, np.roll(beyond, -1), strict=True):
@@ -122,16 +122,16 @@ def cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
     return np.array([[m_r * offset + e_r * s, m_z * offset + e_z * s] for s in (first, last)])
 
 
-def _revolved(profile):
-    """Points of a profile (M, 2) of radius and height, turned about the axis, and their triangles, facing inwards."""
+def _revolved(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Turn a profile (M, 2) of radius and height about the axis: points, and triangles that face inwards."""
     around = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
     r, z = profile[:, 0, None], profile[:, 1, None]
     points = np.stack(np.broadcast_arrays(r * np.cos(around), r * np.sin(around), z), axis=-1)
     return points.reshape(-1, 3), _grid_triangles(len(profile) - 1, SECTORS)
 
 
-def _edge_profile(ring):
-    """Radius and height (M, 2) of the part of a `RingEdge` that bodies can touch, in its own frame [m]."""
+def _edge_profile(ring: RingEdge) -> np.ndarray:
+    """Compute radius and height (M, 2) of the part of a `RingEdge` that bodies can touch, in its own frame [m]."""
     angle = 2.0 * math.pi * (np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS) / TUBE_SECTORS
     open_to = np.ones(TUBE_SECTORS, bool)
     middle = 0.5 * (angle[1:] + angle[:-1])
@@ -176,10 +176,10 @@ def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarra
     return found
 
 
-def _all_spheres(clump, rings, sectors):
-    """Every sphere of a clump as triangles: points (V, 3) m, triangles (T, 3)."""
+def _all_spheres(clump: Clump, rings: int, sectors: int) -> tuple[np.ndarray, np.ndarray]:
+    """Triangulate every sphere of a clump: points (V, 3) m, triangles (T, 3)."""
     ball, _normals, triangles = tessellate(
-        Clump([[0.0, 0.0, 0.0, 1.0]], 1.0, np.ones(3), "any"), rings, sectors
+        Clump(np.array([[0.0, 0.0, 0.0, 1.0]]), 1.0, np.ones(3), "any"), rings, sectors
     )
     points = clump.spheres_m[:, None, :3] + clump.spheres_m[:, None, 3:] * ball
     first = len(ball) * np.arange(len(points))

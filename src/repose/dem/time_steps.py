@@ -1,7 +1,7 @@
 """The longest time step: it resolves an impact, and a body between two others is stable."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from .laws.law import Law
@@ -98,16 +98,17 @@ def pressed(
     return Limit(2.0 / frequency / (math.sqrt(1.0 + z * z) + z), reason)
 
 
-def _pressed_by_all(scene, shape):
-    """`pressed` by each wall and by bodies of each shape's material."""
+def _pressed_by_all(scene: Scene, shape: Shape | Clump) -> Iterator[Limit]:
+    """Yield `pressed` by each wall and by bodies of each shape's material."""
     yield from (pressed(scene, shape, wall) for wall in sorted(scene.walls))
     for material in sorted({kind.material for kind in scene.shapes.values()}):
         yield pressed(scene, shape, material, of_body=True)
 
 
-def _duration(scene, a, b, speed_m_s):
-    """Duration of a head-on impact of two shapes [s]."""
+def _duration(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -> float:
+    """Compute the duration of a head-on impact of two shapes [s]."""
     mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
     radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
     materials = scene.materials[a.material], scene.materials[b.material]
+    assert scene.law.contact_time is not None
     return scene.law.contact_time(*materials, scene.contacts[a.material, b.material], mass, radius, speed_m_s)

@@ -42,7 +42,7 @@ class Motion:
     angular_velocity_rad_s: Vector = ORIGIN
     pivot_m: Vector = ORIGIN
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.row()
 
     def row(self) -> np.ndarray:
@@ -59,8 +59,8 @@ class Motion:
 STILL = Motion()
 
 
-def _check_common(surface):
-    """ValueError unless a wall's material is a name and its motion a `Motion`."""
+def _check_common(surface: "Wall") -> None:
+    """Raise ValueError unless a wall's material is a name and its motion a `Motion`."""
     name_of("material", surface.material)
     if not isinstance(surface.motion, Motion):
         raise ValueError(f"motion is {surface.motion!r}; allowed: a Motion")
@@ -95,7 +95,7 @@ class Plane:
     radius_m: float = math.inf
     motion: Motion = STILL
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _check_common(self)
         self.row()
 
@@ -140,7 +140,7 @@ class Cone:
     axis: Vector = UP
     motion: Motion = STILL
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _check_common(self)
         m_r, m_z, _offset, first, last, e_r, e_z = vector("line", self.line, 7)
         if max(abs(math.hypot(m_r, m_z) - 1.0), abs(math.hypot(e_r, e_z) - 1.0)) > 1e-6 or not first < last:
@@ -284,7 +284,7 @@ class RingEdge:
     axis: Vector = UP
     motion: Motion = STILL
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _check_common(self)
         edge = positive("edge_radius_m", self.edge_radius_m)
         number("radius_m", self.radius_m, f"above edge_radius_m, {edge}", lambda radius: radius > edge)
@@ -338,7 +338,7 @@ class Mesh:
     origin_m = ORIGIN
     axis = UP
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         vertices = np.asarray(self.vertices_m, float)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
             raise ValueError(f"vertices_m is {self.vertices_m!r}; allowed: (V, 3) finite numbers")
@@ -441,7 +441,7 @@ class WallSet:
 
     surfaces: Mapping[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         kinds = (Plane, Cone, RingEdge, Mesh)
         self.surfaces = mapping("walls", self.surfaces, kinds, "Plane, Cone, Cylinder, RingEdge or Mesh")
         self.names = [
@@ -500,8 +500,10 @@ def wall_arrays(
     )
 
 
-def _approach(surface, axis, place, motion, size_m):
-    """Upper bound of the speed of a wall's points towards a body [m/s]; 0 for a wall that turns about its own axis.
+def _approach(
+    surface: "Wall", axis: np.ndarray, place: np.ndarray, motion: np.ndarray, size_m: float
+) -> float:
+    """Bound the speed of a wall's points towards a body from above [m/s]; 0 for a wall that turns about its own axis.
 
     axis, place: normal and middle of a plane, else axis and origin of the wall's present frame.
     """

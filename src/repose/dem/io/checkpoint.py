@@ -5,9 +5,9 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,16 +20,19 @@ from ..shapes import Clump, Shape
 from ..walls import Motion
 from .whole import write_whole
 
+if TYPE_CHECKING:
+    from ..simulation import Simulation
+
 FORMAT = 1
 ABOUT = "about"  # the array that holds the description
 WHOLE = "a whole file that Simulation.save wrote"
 OF_BODIES = ("limit", "deepest")  # arrays of wall contacts that have a place for each body and do not grow
 
 
-def save(simulation: Any, path: str | os.PathLike) -> None:
+def save(simulation: "Simulation", path: str | os.PathLike) -> None:
     """Write a simulation to a .npz of plain arrays, in one move; the descriptive part is JSON in bytes."""
     about = json.dumps(_description(simulation)).encode()
-    arrays = {ABOUT: np.frombuffer(about, np.uint8), **dict(_arrays(simulation))}
+    arrays: dict[str, Any] = {ABOUT: np.frombuffer(about, np.uint8), **dict(_arrays(simulation))}
     write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
 
 
@@ -53,8 +56,8 @@ def load(kind: type, path: str | os.PathLike) -> Any:
     return simulation
 
 
-def _read(path):
-    """Description and arrays of a file."""
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read description and arrays of a file."""
     if not path.is_file():
         raise InputError(path, "file", None, "an existing checkpoint, written by Simulation.save")
     try:
@@ -66,8 +69,8 @@ def _read(path):
     return about, arrays
 
 
-def _arrays(simulation):
-    """Every array of a simulation, single or in a named tuple, with its name."""
+def _arrays(simulation: "Simulation") -> Iterator[tuple[str, np.ndarray]]:
+    """Yield every array of a simulation, single or in a named tuple, with its name."""
     for name, value in vars(simulation).items():
         if isinstance(value, np.ndarray):
             yield name, value
@@ -76,7 +79,7 @@ def _arrays(simulation):
                 yield f"{name}.{field}", getattr(value, field)
 
 
-def _restore(simulation, arrays):
+def _restore(simulation: "Simulation", arrays: Mapping[str, np.ndarray]) -> None:
     """Give a new simulation the arrays of another."""
     made = dict(_arrays(simulation))
     if set(made) != set(arrays):
@@ -96,14 +99,14 @@ def _restore(simulation, arrays):
         setattr(simulation, group, getattr(simulation, group)._replace(**fields))
 
 
-def _may_grow(name):
-    """Whether an array belongs to the lists of contacts, which grow."""
+def _may_grow(name: str) -> bool:
+    """Tell whether an array belongs to the lists of contacts, which grow."""
     group, _, field = name.partition(".")
     return group in ("pairs", "flat", "curved", "meshed", "clumps") and field not in OF_BODIES
 
 
-def _aligned(values):
-    """A copy that begins at a cache line, as the kernels need it."""
+def _aligned(values: np.ndarray) -> np.ndarray:
+    """Copy an array so that it begins at a cache line, as the kernels need it."""
     if values.dtype != np.float64:
         return values.copy()
     copy = st.zeros(*values.shape)
@@ -111,8 +114,8 @@ def _aligned(values):
     return copy
 
 
-def _description(simulation):
-    """The arguments of a simulation, for JSON."""
+def _description(simulation: "Simulation") -> dict[str, Any]:
+    """Describe the arguments of a simulation, for JSON."""
     physics = simulation.physics
     walls = simulation.wall_set.surfaces
     return {
@@ -141,8 +144,8 @@ def _description(simulation):
     }
 
 
-def _arguments(about):
-    """Arguments of the described simulation."""
+def _arguments(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Make the arguments of the described simulation."""
     walls = {}
     for name, (kind, fields) in about["walls"].items():
         motion = Motion(**_tuples(fields["motion"]))
@@ -156,13 +159,13 @@ def _arguments(about):
     }
 
 
-def _shape(fields):
-    """The shape that has these fields."""
+def _shape(fields: Mapping[str, Any]) -> Clump | Shape:
+    """Make the shape that has these fields."""
     return Clump(**fields) if "spheres_m" in fields else Shape(**fields)
 
 
-def _plain(value):
-    """A value in the types of JSON; an object becomes a mapping of its fields."""
+def _plain(value: Any) -> Any:
+    """Convert a value to the types of JSON; an object becomes a mapping of its fields."""
     if dataclasses.is_dataclass(value):
         return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, np.ndarray | np.generic):
@@ -174,8 +177,8 @@ def _plain(value):
     return value
 
 
-def _tuples(value):
-    """A value of JSON with tuples in place of lists."""
+def _tuples(value: Any) -> Any:
+    """Convert a value of JSON: tuples in place of lists."""
     if isinstance(value, dict):
         return {name: _tuples(item) for name, item in value.items()}
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

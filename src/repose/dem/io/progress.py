@@ -48,22 +48,22 @@ def display(
         yield report
 
 
-def _words(marks, end_s, time_step_s):
-    """Simulated time, speed and time left."""
+def _words(marks: deque[tuple[float, float]], end_s: float, time_step_s: float) -> str:
+    """Tell simulated time, speed and time left."""
     (wall, begin), (now, time_s) = marks[0], marks[-1]
     speed = (time_s - begin) / max(now - wall, 1e-9)
     left = clock((end_s - time_s) / speed) if speed > 0.0 else "--:--"
     return f"{time_s:.3f}/{end_s:.3f} s, {speed:.3g} s/s, {speed / time_step_s:.0f} steps/s, {left} left"
 
 
-def _line(label, _time_s, words):
+def _line(label: str, _time_s: float, words: str) -> None:
     """Write a line on stderr."""
     print(" ".join([label, words]).strip(), file=sys.stderr, flush=True)
 
 
 @contextmanager
-def _bar(label, begin_s, end_s):
-    """Draws a bar on the terminal."""
+def _bar(label: str, begin_s: float, end_s: float) -> Iterator[Callable[[float, str], None]]:
+    """Draw a bar on the terminal."""
     # a quarter of a second of imports that no quiet run should pay for
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn

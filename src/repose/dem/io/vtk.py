@@ -7,6 +7,7 @@ the libraries that could do it bring a renderer or a mesh converter along.
 import base64
 import math
 import os
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
 CONTENTS = ("points", "surfaces", "walls")
+
+# Points, cells ("Verts" or "Polys", and the points of each), point data, cell data.
+Content = tuple[np.ndarray, tuple[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]
 
 
 def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = "points") -> None:
@@ -64,8 +68,8 @@ def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = 
     write_whole(path, lambda handle: handle.write(text.encode()))
 
 
-def _body_points(simulation):
-    """Points, cells, point data and cell data of the bodies as points."""
+def _body_points(simulation: "Simulation") -> Content:
+    """Return points, cells, point data and cell data of the bodies as points."""
     here = np.flatnonzero(simulation.present)
     extents = np.array([shape.half_extents_m for shape in simulation.shapes.values()])
     semi_axes = simulation.scales[here, None] * extents[simulation.shape_ids[here]]
@@ -83,14 +87,14 @@ def _body_points(simulation):
     return simulation.positions[here], ("Verts", np.arange(len(here))[:, None]), data, {}
 
 
-def _body_surfaces(simulation):
-    """Points, cells, point data and cell data of the bodies as triangles."""
+def _body_surfaces(simulation: "Simulation") -> Content:
+    """Return points, cells, point data and cell data of the bodies as triangles."""
     points, triangles, body = triangulated_bodies(simulation)
     return points, ("Polys", triangles), {}, {"id": body, "shape": simulation.shape_ids[body]}
 
 
-def _walls(simulation):
-    """Points, cells, point data and cell data of the walls."""
+def _walls(simulation: "Simulation") -> Content:
+    """Return points, cells, point data and cell data of the walls."""
     names = list(simulation.wall_set.surfaces)
     points, triangles, wall, n = [np.zeros((0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)], 0
     for name, (corners, faces) in triangulated_walls(simulation).items():
@@ -104,8 +108,8 @@ def _walls(simulation):
 _CONTENT_OF = {"points": _body_points, "surfaces": _body_surfaces, "walls": _walls}
 
 
-def _data_array(name, values, extra=""):
-    """A DataArray element: the number of bytes and the bytes, in base64."""
+def _data_array(name: str, values: np.ndarray, extra: str = "") -> str:
+    """Write a DataArray element: the number of bytes and the bytes, in base64."""
     values = np.ascontiguousarray(values)
     code = values.dtype.str[1:]
     columns = values.shape[1] if values.ndim > 1 else 1
@@ -116,14 +120,21 @@ def _data_array(name, values, extra=""):
     )
 
 
-def _names_array(name, names):
-    """An array of texts: the codes of their letters, each text ended by a 0."""
+def _names_array(name: str, names: Sequence[str]) -> str:
+    """Write an array of texts: the codes of their letters, each text ended by a 0."""
     codes = " ".join(" ".join(str(byte) for byte in [*text.encode(), 0]) for text in names)
     return f'<Array type="String" Name={quoteattr(name)} NumberOfTuples="{len(names)}" format="ascii">{codes}</Array>'
 
 
-def _poly_data(time_s, names, points, cells, point_data, cell_data):
-    """The text of a .vtp file; cells: "Verts" or "Polys" and the points of each (M, corners)."""
+def _poly_data(
+    time_s: float,
+    names: Mapping[str, Iterable[str]],
+    points: np.ndarray,
+    cells: tuple[str, np.ndarray],
+    point_data: Mapping[str, np.ndarray],
+    cell_data: Mapping[str, np.ndarray],
+) -> str:
+    """Write the text of a .vtp file; cells: "Verts" or "Polys" and the points of each (M, corners)."""
     kind, corners = cells
     ends = corners.shape[1] * np.arange(1, len(corners) + 1)
     lines = [
@@ -214,8 +225,8 @@ class VtkSeries:
         text = self._collection()
         write_whole(self.path, lambda handle: handle.write(text.encode()))
 
-    def _collection(self):
-        """The text of the .pvd file."""
+    def _collection(self) -> str:
+        """Write the text of the .pvd file."""
         sets = [
             f'<DataSet timestep="{time!r}" part="{part}" file={quoteattr(file)}/>'
             for time, files in self._entries
