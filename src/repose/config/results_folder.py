@@ -64,7 +64,10 @@ def existing_results(results_dir: str) -> Faults:
 
 def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
     """Make the pattern of the paths that rules write; their wildcards stand in braces."""
-    words = {"runs": "|".join(map(run_folder, apparatus.names())), "strategy": "|".join(strategies.names())}
+    words = {
+        "runs": "|".join(map(run_folder, apparatus.names())),
+        "strategy": "|".join(name for name in strategies.names() if name != "published"),
+    }
     words |= dict.fromkeys(NUMBERS, r"\d+")
 
     def regex(path):
