@@ -21,7 +21,7 @@ class DrumInside:
     turned_rad: float = 0.0  # about -y; the marks on the rim show it
 
     def outline(self) -> np.ndarray:
-        """Points (144, 3) in m that a picture must contain: both rims."""
+        """Give points (144, 3) in m that a picture must contain: both rims."""
         angle = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
         outer, half = self.radius_m + self.thickness_m, 0.5 * self.length_m
         return np.concatenate(
@@ -32,7 +32,7 @@ class DrumInside:
         )
 
     def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depth (H, W) [m], or infinity, and unit normal (H, W, 3) of the drum along rays (H, W, 3) of unit depth."""
+        """Give depth (H, W) [m] or infinity, and unit normal (H, W, 3) of the drum for rays (H, W, 3) of unit depth."""
         half = 0.5 * self.length_m
         front, back = ((y - eye_m[1]) / rays[..., 1] for y in (-half, half))
         mouth = np.hypot(*((eye_m + front[..., None] * rays)[..., k] for k in (0, 2)))
@@ -50,7 +50,7 @@ class DrumInside:
         return np.where(mouth <= self.radius_m + self.thickness_m, depth, np.inf), normal
 
     def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
-        """Colours (M, 3) of places on the drum: red, green and blue, 0 to 1 or a little above."""
+        """Give colours (M, 3) of places on the drum: red, green and blue, 0 to 1 or a little above."""
         tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
         colour = DRUM_TONE * 1.1 * tone[:, None]
         rim = np.hypot(place[:, 0], place[:, 2]) > 0.9999 * self.radius_m

@@ -18,10 +18,10 @@ class Drawable(Protocol):
         """Distance of its farthest point from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Support function: distance (...,) in m of the tangent plane with normal `n` from the centre."""
+        """Give the support function: distance (...,) in m of the tangent plane with normal `n` from the centre."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Farthest points (..., 3) in m of the body in the unit directions `n` of the body's frame."""
+        """Give the farthest points (..., 3) in m of the body in the unit directions `n` of the body's frame."""
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,14 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """The bodies at their places as triangles; each sphere of a body of spheres is a part of its own."""
+    """Give the bodies at their places as triangles; each sphere of a body of spheres is a part of its own."""
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)
     return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))
 
 
 def _spheres(shape: Drawable) -> np.ndarray | None:
-    """Spheres (M, 4) of a shape, or None for a shape without."""
+    """Give the spheres (M, 4) of a shape, or None for a shape without."""
     spheres = getattr(shape, "spheres_m", None)
     return spheres if spheres is not None and len(spheres) else None
 
@@ -74,7 +74,7 @@ def _place_parts(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """`Bodies` if a shape consists of spheres: each sphere is a part."""
+    """Give `Bodies` if a shape consists of spheres: each sphere is a part."""
     turn = rotation_matrices(quaternions)
     parts = []
     for kind, shape in enumerate(shapes):
@@ -99,7 +99,7 @@ def _tessellated(
     scales: np.ndarray,
     owner: np.ndarray,
 ) -> Bodies:
-    """`Bodies` of convex parts."""
+    """Give `Bodies` of convex parts."""
     tessellated = [tessellate(shape) for shape in shapes]
     points, normals = (np.array([body[k] for body in tessellated]) for k in range(2))
     triangles = tessellated[0][2]

@@ -130,20 +130,20 @@ def animate_drum(
 
 
 def drum_inside(section: Mapping[str, Any], turned_rad: float) -> DrumInside:
-    """The drum as a backdrop; `section` is the configuration's `drum`."""
+    """Give the drum as a backdrop; `section` is the configuration's `drum`."""
     thickness_m = 1e-3 * section["wall_thickness_mm"]
     radius_m = 0.5e-3 * section["outer_diameter_mm"] - thickness_m
     return DrumInside(radius_m, 1e-3 * section["length_mm"], thickness_m, float(turned_rad))
 
 
 def _moving(record: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Times, positions, quaternions and scales of a trajectory."""
+    """Give times, positions, quaternions and scales of a trajectory."""
     positions = record["position"]
     return record["time_s"], positions, record["quaternion"], record.get("scale", np.ones(positions.shape[1]))
 
 
 def _checked(out_path: str | Path) -> Path:
-    """The path; InputError for an ending that cannot be written."""
+    """Give the path; InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:
         raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
@@ -151,7 +151,7 @@ def _checked(out_path: str | Path) -> Path:
 
 
 def _spread(times: np.ndarray, frames: int) -> np.ndarray:
-    """Indices of at most this number of frames, evenly over the time."""
+    """Give the indices of at most this number of frames, evenly over the time."""
     return np.searchsorted(times, np.linspace(times[0], times[-1], min(frames, len(times))))
 
 
@@ -170,7 +170,7 @@ def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path
 
 
 def _encoded(pictures: Sequence[Image.Image], shown_ms: list[int], kind: str, effort: int) -> bytes:
-    """The pictures as the content of a file, with fewer colours for more `effort` (0 to 4)."""
+    """Give the pictures as the content of a file, with fewer colours for more `effort` (0 to 4)."""
     options: dict[str, Any] = {"format": kind, "save_all": True, "duration": shown_ms, "loop": 0}
     content = io.BytesIO()
     if kind == "WEBP":

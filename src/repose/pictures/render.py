@@ -14,7 +14,7 @@ from repose.dem import Simulation
 from repose.pictures import shading
 from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Bodies, Drawable, place_bodies
-from repose.pictures.scenery import FIELD_OF_VIEW_DEG, Frustum, Setting, look_at, outline, setting_of
+from repose.pictures.scenery import FIELD_OF_VIEW_DEG, Camera, Frustum, Setting, look_at, outline, setting_of
 from repose.pictures.view import look
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def render_pile(
     scales: np.ndarray | None = None,
     colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture (height, width, 3), RGB, of grains of one shape; arguments as in `render_bodies`.
+    """Give a shaded picture (height, width, 3), RGB, of grains of one shape; arguments as in `render_bodies`.
 
     `walls` are drawn translucent; a `backdrop` replaces the plate at z = 0.
     """
@@ -62,7 +62,7 @@ def render_bodies(
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
     colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture (height, width, 3), RGB, of bodies of several shapes and sizes; same input, same picture.
+    """Give a shaded picture (height, width, 3), RGB, of bodies of several shapes and sizes; same input, same picture.
 
     A body with a NaN is not drawn. `quaternions` are w, x, y, z, body to world; `shape_ids` are places in `shapes`, by
     default the first. The default `setting` is a plate at z = 0. The picture contains the points `frame_m` (M, 3), by
@@ -96,7 +96,7 @@ def render_mesh(
     field_of_view_deg: float,
     colour: str,
 ) -> np.ndarray:
-    """A shaded picture (height, width, 3), RGB, of one mesh in m; arguments as in `render_bodies`."""
+    """Give a shaded picture (height, width, 3), RGB, of one mesh in m; arguments as in `render_bodies`."""
     rays = (width * supersample, height * supersample)
     camera = look_at(frame_m, *rays, elevation_deg, azimuth_deg, field_of_view_deg=field_of_view_deg)
     one, vertices = np.zeros(1, int), np.asarray(mesh.vertices)[None]
@@ -106,15 +106,23 @@ def render_mesh(
     return _painted(camera, bodies, tints, largest, frame_m, Setting(None), supersample)
 
 
-def _painted(camera, bodies, tints, largest, frame, setting, supersample):
-    """The picture of bodies in their places; `largest` is the radius of the largest in m."""
+def _painted(
+    camera: Camera,
+    bodies: Bodies,
+    tints: np.ndarray,
+    largest: float,
+    frame: np.ndarray,
+    setting: Setting,
+    supersample: int,
+) -> np.ndarray:
+    """Give the picture of bodies in their places; `largest` is the radius of the largest in m."""
     view = look(camera, bodies, setting)
     lit, sky = shading.light_and_sky(camera, bodies, view, largest)
     return shading.paint(camera, view, tints, lit, sky, frame, setting, supersample)
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
-    """A shaded picture (height, width, 3), RGB, of a simulation at its present time; `view` goes to `render_bodies`."""
+    """Give a shaded picture (height, width, 3), RGB, of a simulation as it is; `view` goes to `render_bodies`."""
     centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
     shapes = list(simulation.shapes.values())
     ids, scales = simulation.shape_ids, simulation.scales

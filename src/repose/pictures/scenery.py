@@ -26,7 +26,20 @@ class Frustum:
     r_low_m: float
     z_high_m: float  # height and radius of the upper end
     r_high_m: float
-    frame: tuple = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)  # origin in m, rotation to the world by rows
+    frame: tuple[float, ...] = (
+        0,
+        0,
+        0,
+        1,
+        0,
+        0,
+        0,
+        1,
+        0,
+        0,
+        0,
+        1,
+    )  # origin in m, rotation to the world by rows
 
     @property
     def slope(self) -> float:
@@ -69,7 +82,7 @@ class Camera:
     height: int
 
     def project(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Columns and rows of points in pixels, row 0 on top, and their inverse depth in 1/m."""
+        """Give the columns and rows of points in pixels, row 0 on top, and their inverse depth in 1/m."""
         seen = (points_m - self.eye_m) @ self.axes.T
         near = 1.0 / seen[..., 2]
         x = self.width / 2 + self.focal_px * seen[..., 0] * near
@@ -77,21 +90,21 @@ class Camera:
         return x, y, near
 
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
-        """Direction (R, width, 3) of each pixel's ray in the world, scaled to unit depth along the view."""
+        """Give direction (R, width, 3) of each pixel's ray in the world, scaled to unit depth along the view."""
         x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal_px
         y = (self.height / 2 - np.arange(self.height)[rows] - 0.5) / self.focal_px
         right, up, forward = self.axes
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
     def bands(self, multiple: int = 1) -> Iterator[slice]:
-        """Rows of the picture in bands, so that a large picture needs little memory."""
+        """Give rows of the picture in bands, so that a large picture needs little memory."""
         step = multiple * max(1, BAND_PIXELS // (multiple * self.width))
         for first in range(0, self.height, step):
             yield slice(first, first + step)
 
 
 def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:
-    """The funnel's cone and, if it has one, its tube; `section` is the configuration's `funnel`."""
+    """Give the funnel's cone and, if it has one, its tube; `section` is the configuration's `funnel`."""
     funnel = Funnel(
         **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS},
         cone_angle_deg=section["cone_angle_deg"],
@@ -113,7 +126,7 @@ def look_at(
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:
-    """A `Camera` in a given direction with all points in view."""
+    """Give a `Camera` in a given direction with all points in view."""
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
     right = np.array([-math.sin(az), math.cos(az), 0.0])
@@ -130,7 +143,7 @@ def look_at(
 def outline(
     centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()
 ) -> np.ndarray:
-    """Points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin."""
+    """Give points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin."""
     spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
     rings = [
@@ -149,7 +162,7 @@ def outline(
 def setting_of(
     simulation: Simulation, planes: np.ndarray | None = None, wall_frames: np.ndarray | None = None
 ) -> Setting:
-    """The `Setting` of a simulation's walls, at present or at places of a recorded frame.
+    """Give the `Setting` of a simulation's walls, at present or at places of a recorded frame.
 
     A level endless plane below all others is the plate; planes end at the simulation's box; rounded edges are not
     drawn. `planes` (P, 7) and `wall_frames` (C, 12) come from `repose.dem.Recorder`; None means the present.

@@ -22,7 +22,7 @@ LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # i
 
 
 def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN) -> np.ndarray:
-    """Colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1, slightly different for each body."""
+    """Give colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1, slightly different for each body."""
     first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     colours = np.array([first, *(OTHERS[k % len(OTHERS)] for k in range(shapes - 1))])
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
@@ -40,7 +40,7 @@ def paint(
     setting: Setting,
     supersample: int,
 ) -> np.ndarray:
-    """The picture (H / supersample, W / supersample, 3), RGB, of a camera's view."""
+    """Give the picture (H / supersample, W / supersample, 3), RGB, of a camera's view."""
     height, width = camera.height // supersample, camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
     order = _far_to_near(setting.frusta, camera)
@@ -58,7 +58,7 @@ def paint(
 def light_and_sky(
     camera: Camera, bodies: Bodies, view: View, largest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (H, W) of the light and of the sky that reach each visible point; 1 without a point."""
+    """Give the shares (H, W) of the light and of the sky that reach each visible point; 1 without a point."""
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
@@ -77,7 +77,7 @@ def light_and_sky(
 
 
 def _place(camera: Camera, view: View, rays: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Places (M, 3) in m of the points that some pixels show."""
+    """Give the places (M, 3) in m of the points that some pixels show."""
     return camera.eye_m + view.depth[where][:, None] * rays[where]
 
 
@@ -106,7 +106,7 @@ def _shade_bodies(
     lit: np.ndarray,
     sky: np.ndarray,
 ) -> np.ndarray:
-    """Lambert, a waxy highlight and a rim of sky light; arrays (M, 3) and (M,)."""
+    """Shade by Lambert, a waxy highlight and a rim of sky light; arrays (M, 3) and (M,)."""
     diffuse = np.clip(normal @ towards, 0, 1) * lit
     half = towards - sight
     half /= np.linalg.norm(half, axis=1, keepdims=True)
@@ -148,7 +148,7 @@ def _paint_flat(
 
 
 def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
-    """Numbers of the frusta's sides, far ones first, by their median distance along some thousands of rays."""
+    """Give the numbers of the frusta's sides, far ones first, by their median distance along some thousands of rays."""
     step = max(1, camera.height // 100)
     rays = camera.rays(slice(None, None, step))[:, ::step]
     medians = [np.nanmedian(distance) for wall in walls for _, distance, _ in _sides(wall, camera, rays)]
@@ -188,7 +188,7 @@ def _blend_walls(
 
 
 def _sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[tuple[Frustum, np.ndarray, np.ndarray]]:
-    """Far and near side of a frustum's endless cone: distance (H, W) along each ray, and mask of the rays that hit."""
+    """Give far and near side of a frustum's endless cone: distance (H, W) along each ray, mask of the rays that hit."""
     turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye, own_rays = (camera.eye_m - wall.frame[:3]) @ turn, rays @ turn
     r_eye = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
@@ -204,7 +204,7 @@ def _sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[tuple[Frustu
 
 
 def _light_axes(camera: Camera) -> np.ndarray:
-    """Rows: two axes across the light, then towards it; the light turns with the camera."""
+    """Give rows: two axes across the light, then towards it; the light turns with the camera."""
     heading = np.array([camera.axes[2][0], camera.axes[2][1], 0.0])
     length = np.linalg.norm(heading)
     heading = heading / length if length > 1e-9 else camera.axes[1]
@@ -217,7 +217,7 @@ def _light_axes(camera: Camera) -> np.ndarray:
 def _light_map(
     vertices: np.ndarray, triangles: np.ndarray, axes: np.ndarray, size: int = 1400
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Depth map seen from the light (largest height towards the light), its origin and pixel size [m]."""
+    """Give the depth map seen from the light (largest height towards the light), its origin and pixel size [m]."""
     place = vertices @ axes.T
     low = place[..., :2].min(axis=(0, 1))
     pixel_m = float((place[..., :2].max(axis=(0, 1)) - low).max() / size)

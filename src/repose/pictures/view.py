@@ -30,12 +30,12 @@ class View:
         return np.isfinite(self.depth) & ~(self.hit | self.plate | self.behind)
 
     def rows(self, rows: slice) -> "View":
-        """The view of some rows, in the same memory."""
+        """Give the view of some rows, in the same memory."""
         return View(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
-    """The view of a camera on bodies, from `place_bodies`, in a setting."""
+    """Give the view of a camera on bodies, from `place_bodies`, in a setting."""
     shape = (camera.height, camera.width)
     nearest, body, corner, weights = raster.draw(*camera.project(bodies.vertices), bodies.triangles, shape)
     plate, behind = np.zeros(shape, bool), np.zeros(shape, bool)
@@ -70,7 +70,7 @@ def _look_at(view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray,
 
 
 def _on_bodies(bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Normals (M, 3) in the world of points on triangles of parts."""
+    """Give normals (M, 3) in the world of points on triangles of parts."""
     corners = bodies.triangles[triangle]
     share = np.column_stack([1 - weights.sum(axis=1), weights])
     shape = bodies.shape_ids[part]
@@ -80,7 +80,7 @@ def _on_bodies(bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: 
 
 
 def _panel_depths(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """Depth (H, W) at which each ray meets a panel from its visible side; infinite for a ray that misses it."""
+    """Give depth (H, W) at which each ray meets a panel from its visible side; infinite for a ray that misses it."""
     normal, corners = panel.normal, panel.corners_m
     towards = rays @ normal
     with np.errstate(divide="ignore", invalid="ignore"):

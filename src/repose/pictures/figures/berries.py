@@ -60,7 +60,7 @@ def sizes_and_sphericity(inputs: Inputs, config: Config) -> Figure:
 
 
 def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: str) -> None:
-    """Histogram of one size with the normal curve of its mean and standard deviation."""
+    """Draw the histogram of one size with the normal curve of its mean and standard deviation."""
     mean, sd = values.mean(), values.std(ddof=1)
     # Equal berries have one bin, and a curve too narrow to see.
     sd_shown = max(sd, 1e-3 * mean)
@@ -124,7 +124,7 @@ def particle_and_mesh(inputs: Inputs, config: Config) -> Figure:
 
 
 def _made(mesh: "trimesh.Trimesh", kind: str, chosen: Particle, section: Mapping[str, Any]) -> Particle:
-    """The chosen particle, or one of another kind from the same mesh."""
+    """Give the chosen particle, or one of another kind from the same mesh."""
     from repose.particle import build
 
     if kind == chosen.kind:
@@ -133,7 +133,7 @@ def _made(mesh: "trimesh.Trimesh", kind: str, chosen: Particle, section: Mapping
 
 
 def _parts(particle: Particle) -> str:
-    """The parts of a particle, in words."""
+    """Say the parts of a particle, in words."""
     if particle.is_clump:
         return f"{len(particle.spheres_m)} spheres"
     count = len(particle.semi_axes_m)
@@ -141,7 +141,7 @@ def _parts(particle: Particle) -> str:
 
 
 def _caption(panel: Axes, title: str, body: Particle | Body | None, words: str) -> None:
-    """Name, volume, mass, moments and further words on a body."""
+    """Draw the name, volume, mass, moments and further words on a body."""
     panel.axis("off")
     panel.set_title(title, loc="center", fontweight="bold")
     if body is not None:

@@ -88,7 +88,7 @@ def published_solutions(inputs: Inputs, config: Config) -> Figure:
 
 
 def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
-    """One response of the published solutions, as published and as simulated here."""
+    """Draw one response of the published solutions, as published and as simulated here."""
     x, response = np.arange(len(table)), target.response
     _band(panel, target)
     if (column := derived(response.name, "published_simulated")) in table:
@@ -110,7 +110,7 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
 
 
 def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
-    """One response of each solution, with the prediction's error in percent of the simulated value."""
+    """Draw one response of each solution, with the prediction's error in percent of the simulated value."""
     response = target.response
     predicted, simulated = (
         table[column].to_numpy(float) for column in (response.predicted, response.simulated)
@@ -132,7 +132,7 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
 
 
 def _band(panel: Axes, target: Target) -> None:
-    """The physical measurement: mean line and a band of one standard deviation."""
+    """Draw the physical measurement: mean line and a band of one standard deviation."""
     mean, sd = target.value, target.sd
     look = {"color": style.GREEN, "alpha": 0.15, "lw": 0, "label": "measured ± standard deviation"}
     panel.axhspan(mean - sd, mean + sd, **look)
@@ -140,7 +140,7 @@ def _band(panel: Axes, target: Target) -> None:
 
 
 def _name_solutions(panel: Axes, table: pd.DataFrame) -> None:
-    """The solutions' names along the horizontal axis."""
+    """Draw the solutions' names along the horizontal axis."""
     names = table["solution"].astype(str).str.replace("representative", "repr.").tolist()
     if "role" in table:
         marked = table["role"] == "representative"

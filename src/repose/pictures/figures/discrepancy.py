@@ -70,7 +70,7 @@ def over_the_discrepancy(inputs: Inputs, config: Config) -> Figure:
 
 
 def _intervals(panel: Axes, name: str, stated: pd.DataFrame, study: pd.DataFrame) -> None:
-    """The 95 % interval of one parameter: a band for each stated correlation, a bar for the shape study."""
+    """Draw the 95 % interval of one parameter: a band for each stated correlation, a bar for the shape study."""
     for k, (_, own) in enumerate(stated.groupby("discrepancy_correlation")):
         low, high, look = own[f"{name}_low"], own[f"{name}_high"], style.series(k)
         panel.fill_between(own["discrepancy_percent"], low, high, color=look["color"], alpha=0.18, lw=0)

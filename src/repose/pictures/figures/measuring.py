@@ -52,7 +52,7 @@ def definitions(inputs: Inputs, config: Config) -> Figure:
 
 
 def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pile.Measurement:
-    """The silhouette in mm about its crest with both lines of each definition; returns its measurement."""
+    """Draw the silhouette in mm about its crest with both lines of each definition, and give its measurement."""
     scale = settings.mm_per_pixel
     measured = pile.measure_segmented(
         pile.segment(image, settings.largest_pile_only, image.shape[0] - 0.5), settings
@@ -86,7 +86,7 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
 
 
 def _views(panel: Axes, everywhere: pile.PileResult, measured: pile.Measurement) -> None:
-    """Each definition in every view, its mean, and a ring around the first view."""
+    """Draw each definition in every view, its mean, and a ring around the first view."""
     for k, name in enumerate(DEFINITIONS):
         values = everywhere.aor[name]
         panel.plot(values, np.full(values.size, -k), "o", ms=3.5, color=COLOURS[name], alpha=0.55, mew=0)

@@ -62,7 +62,7 @@ def planes(inputs: Inputs, config: Config) -> Figure:
 
 
 def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up: Target) -> None:
-    """Means of the samples with their standard errors."""
+    """Draw the means of the samples with their standard errors."""
     for key, table in tables.items():
         label, colour = SAMPLES[key]
         x, y = table[across.name], table[up.name]
@@ -72,7 +72,7 @@ def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up
 
 
 def _targets(panel: Axes, across: Target, up: Target) -> None:
-    """The box of the target ranges, and the mean of the measured piles with its standard error."""
+    """Draw the box of the target ranges, and the mean of the measured piles with its standard error."""
     sides = across.high - across.low, up.high - up.low
     look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3}
     panel.add_patch(Rectangle((across.low, up.low), *sides, **look, label="asked for: target ranges"))
@@ -88,7 +88,7 @@ def _targets(panel: Axes, across: Target, up: Target) -> None:
 
 
 def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
-    """Predictions of the solutions, and the answer as predicted and as simulated."""
+    """Draw the predictions of the solutions, and the answer as predicted and as simulated."""
     x, y = across.response, up.response
     kind = "feasible solutions" if solutions["feasible"].any() else "nearest solutions, none feasible"
     look = {"ms": 2.6, "mew": 0, "color": style.ORANGE, "zorder": 5}

@@ -58,17 +58,17 @@ def profiles(inputs: Inputs, config: Config) -> Figure:
 
 
 def columns_of(response: Any) -> tuple[str, str, str]:
-    """Columns of a score's prediction, simulation and standard error."""
+    """Give the columns of a score's prediction, simulation and standard error."""
     return response.predicted, response.simulated, response.error
 
 
 def band(profile: Profile, sd: np.ndarray) -> np.ndarray:
-    """Standard deviations (n,) of the heights of scores with independent errors (functions,)."""
+    """Give the standard deviations (n,) of the heights of scores with independent errors (functions,)."""
     return np.sqrt(profile.basis**2 @ np.square(sd))
 
 
 def draw(panel: Axes, profile: Profile, sd: float, lines: tuple[Line, ...]) -> None:
-    """The measured heights with their standard deviation, and lines with their bands."""
+    """Draw the measured heights with their standard deviation, and lines with their bands."""
     measured = {"fmt": "o", "ms": 3, "color": style.BLACK, "elinewidth": 0.8, "zorder": 3}
     panel.errorbar(profile.x, profile.z, yerr=sd, label="measured ± SD", **measured)
     for k, line in enumerate(lines):

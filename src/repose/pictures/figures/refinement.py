@@ -69,7 +69,7 @@ def approach(inputs: Inputs, config: Config) -> Figure:
 def _deviations(
     panel: Axes, rounds: pd.DataFrame, values: Mapping[str, np.ndarray], tolerance: float, colour: str
 ) -> None:
-    """One response: its tolerance as a band, predictions as hollow diamonds, simulated means with standard errors."""
+    """Draw one response: its tolerance as a band, hollow diamonds as predicted, means as simulated with errors."""
     place = rounds["round"].to_numpy(float)
     simulated, predicted = (
         100 * (values[what] / values["target"] - 1) for what in ("simulated", "predicted")
@@ -92,5 +92,5 @@ def _deviations(
 
 
 def _wrapped(text: str, width: int = 110) -> str:
-    """Text in lines."""
+    """Wrap a text into lines."""
     return "\n".join(textwrap.wrap(text, width))

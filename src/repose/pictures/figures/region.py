@@ -4,6 +4,8 @@ The form is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: th
 parameters on one side of the diagonal, the optical depth on the other.
 """
 
+from typing import Any
+
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
@@ -86,14 +88,14 @@ def not_excluded(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-def _bands():
-    """Colours of the bands of least implausibility, for a mesh."""
+def _bands() -> dict[str, Any]:
+    """Give the colours of the bands of least implausibility, for a mesh."""
     colours = ListedColormap([colour for colour, _ in BANDS.values()])
     return {"cmap": colours, "norm": BoundaryNorm([0.0, *list(BANDS)[:-1], 1e9], colours.N)}
 
 
 def _edges(space: ParameterSpace, cells: int) -> list[np.ndarray]:
-    """Edges of the cells of each free parameter, in its unit."""
+    """Give the edges of the cells of each free parameter, in its unit."""
     edges = []
     for k in range(space.dimensions):
         quantile = np.full((cells + 1, space.dimensions), 0.5)

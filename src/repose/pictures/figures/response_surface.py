@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from repose.core.files import read_json, read_table
 from repose.core.parameters import SYMBOLS
-from repose.core.targets import Target
+from repose.core.targets import Target, Targets
 from repose.doe.model import Model
 from repose.strategies.response_surface.screening import models_of
 
@@ -44,7 +44,7 @@ FITTED = {"samples": "response_surface/surface.csv", "dataset": "response_surfac
     caption="Standardised effects of the response surface: single parameters, products of two, squares.",
 )
 def pareto(inputs: Inputs, config: Config) -> Figure:
-    """Standardised effects of a step, the largest first, with the limits of significance."""
+    """Draw the standardised effects of a step, the largest first, with the limits of significance."""
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
     effects, targets = read_table(inputs["effects"], columns), style.targets_of(config)
     terms = len(effects) // len(targets)
@@ -112,7 +112,7 @@ def contours(inputs: Inputs, config: Config) -> Figure:
 
 
 def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], point: np.ndarray) -> None:
-    """One response over two factors; the thick line is its target, the star the optimum."""
+    """Draw one response over two factors; the thick line is its target, the star the optimum."""
     axis = np.linspace(-1, 1, GRID)
     across, up = np.meshgrid(axis, axis)
     points = np.repeat(point[None], GRID * GRID, axis=0)
@@ -129,15 +129,15 @@ def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], p
     panel.set_title(f"{target.response.symbol} ({target.response.unit})")
 
 
-def _models(inputs, config):
-    """Targets, and the fitted surfaces."""
+def _models(inputs: Inputs, config: Config) -> tuple[Targets, list[Model]]:
+    """Give the targets, and the fitted surfaces."""
     table, dataset = (pd.DataFrame(read_table(inputs[name], ("sample",))) for name in ("samples", "dataset"))
     targets = style.targets_of(config)
     return targets, models_of(table, dataset, targets, "quadratic")
 
 
-def _words(term):
-    """A term with the parameters' symbols."""
+def _words(term: str) -> str:
+    """Say a term with the parameters' symbols."""
     if term.endswith("^2"):
         return f"{SYMBOLS[term[:-2]]}²"
     return " × ".join(SYMBOLS[name] for name in term.split("*"))

@@ -43,7 +43,7 @@ TITLES = {
     ),
 )
 def states(inputs: Inputs, config: Config) -> Figure:
-    """Figure 15 of the paper: side views along the axis with the line fitted to the upper edge, a panel per state."""
+    """Draw side views along the axis with the line fitted to the upper edge, a panel per state."""
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle, scales = Particle.load(inputs["particle"]), arrays.get("scale")
     slipped = "position_before" in arrays
@@ -65,7 +65,7 @@ def states(inputs: Inputs, config: Config) -> Figure:
 
 
 def _slip(turned_deg: float, runs: pd.DataFrame, section: Mapping[str, Any]) -> str:
-    """How far and how long the drum turned before the first slip, in words: in this run, and in all that slipped."""
+    """Say how far and how long the drum turned before the first slip: in this run, and in all that slipped."""
     seconds = turned_deg / np.degrees(section["angular_velocity_rad_s"])
     words = f"The bed slipped first when the drum had turned by {turned_deg:.1f}°, after {seconds:.1f} s."
     slipped = runs[runs["status"] == "ok"] if len(runs) else runs
@@ -138,7 +138,7 @@ def course(inputs: Inputs, config: Config) -> Figure:
 
 
 def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapping[str, Any]) -> None:
-    """Angles of surface and bed of every run over the time, with the start of the first slip."""
+    """Draw the angles of surface and bed of every run over the time, with the start of the first slip."""
     for k, (seed, run) in enumerate(record.groupby("seed")):
         summary = runs[runs["seed"] == seed].iloc[0]
         turning = run if summary["status"] != "ok" else run[run["time_s"] <= summary["after_time_s"]]
@@ -162,7 +162,7 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapp
 
 
 def _layers(panel: Axes, profile: pd.DataFrame, section: Mapping[str, Any]) -> None:
-    """Motion of the slipping layer over the depth of every run."""
+    """Draw the motion of the slipping layer over the depth of every run."""
     panel.set(xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)")
     panel.invert_yaxis()
     if not len(profile):

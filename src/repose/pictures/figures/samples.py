@@ -50,7 +50,7 @@ def design_matrix(inputs: Inputs, config: Config) -> Figure:
 
 
 def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
-    """Bars of the minimum distance of each method, in the empty corner."""
+    """Draw the bars of the minimum distance of each method, in the empty corner."""
     panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
     panel.set_in_layout(False)
     names = [METHODS[method] for method in comparison["method"]]
@@ -94,7 +94,7 @@ def responses_over_parameters(inputs: Inputs, config: Config) -> Figure:
 
 
 def _over_parameter(panel: Axes, table: pd.DataFrame, name: str, response: Response) -> None:
-    """One response over one parameter; a failed sample is a cross below all values."""
+    """Draw one response over one parameter; a failed sample is a cross below all values."""
     good, failed = table[table["status"] == "ok"], table[table["status"] != "ok"]
     error = good[response.error].fillna(0.0)
     floor = (good[response.name] - error).min() if len(good) else 0.0
@@ -109,7 +109,7 @@ def _over_parameter(panel: Axes, table: pd.DataFrame, name: str, response: Respo
 
 
 def _account(table: pd.DataFrame) -> str:
-    """Numbers of samples and of failures, with the reasons, in words."""
+    """Say the numbers of samples and of failures, with the reasons, in words."""
     failed = table[table["status"] != "ok"]
     text = "bars: ± 1 standard error over seeds; ρ: rank correlation; "
     if failed.empty:

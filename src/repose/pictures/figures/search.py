@@ -1,7 +1,7 @@
 """Figure 14 and the convergence of the island genetic algorithm."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,7 @@ def feasible_solutions(inputs: Inputs, config: Config) -> Figure:
 
 
 def _title(figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]) -> None:
-    """Number of solutions shown, and whether they are feasible."""
+    """Draw the number of solutions shown, and whether they are feasible."""
     if summary["feasible"]:
         shown = int(_true(solutions["feasible"]).sum())
         text, colour = f"{shown} feasible solutions", style.BLACK
@@ -72,23 +72,29 @@ def _title(figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping
         figure.supxlabel(words, fontsize=6.8, color=style.RED, wrap=True)
 
 
-def _jitter(count):
-    """Fixed sideways places for points, the same in each figure."""
+def _jitter(count: int) -> np.ndarray:
+    """Give fixed sideways places for points, the same in each figure."""
     return (np.arange(count) * 0.6180339887 % 1.0) - 0.5
 
 
-def _true(column):
-    """A column of true and false, in any spelling, as a boolean array."""
+def _true(column: pd.Series) -> np.ndarray:
+    """Give a column of true and false, in any spelling, as a boolean array."""
     return column.astype(str).str.lower().eq("true").to_numpy()
 
 
-def _representative(solutions):
-    """Mask of the representative solution."""
+def _representative(solutions: pd.DataFrame) -> np.ndarray:
+    """Give the mask of the representative solution."""
     return _true(solutions["representative"])
 
 
-def _parameter_strips(panel, solutions, ranges, names, published):
-    """A strip for each parameter that is searched, its range from left to right."""
+def _parameter_strips(
+    panel: Axes,
+    solutions: pd.DataFrame,
+    ranges: Mapping[str, tuple[float, float]],
+    names: Sequence[str],
+    published: pd.DataFrame | None,
+) -> None:
+    """Draw a strip for each parameter that is searched, its range from left to right."""
     for row, name in enumerate(names):
         low, high = ranges[name]
         position = (solutions[name].to_numpy() - low) / (high - low)
@@ -114,8 +120,8 @@ def _parameter_strips(panel, solutions, ranges, names, published):
     panel.tick_params(axis="y", length=0)
 
 
-def _strip(panel, y, position, marked, labelled):
-    """The range of one parameter with all solutions, their interval, and the representative one."""
+def _strip(panel: Axes, y: float, position: np.ndarray, marked: np.ndarray, labelled: bool) -> None:
+    """Draw the range of one parameter with all solutions, their interval, and the representative one."""
     panel.barh(y, 1, height=0.62, color="#EEF0F2", zorder=0)
     width = position.max() - position.min()
     panel.barh(y + 0.03, width, left=position.min(), height=0.40, color=style.SKY, alpha=0.35, zorder=1)
@@ -128,7 +134,7 @@ def _strip(panel, y, position, marked, labelled):
 
 
 def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> None:
-    """Predictions of one response from left to right, with its range and its aim."""
+    """Draw the predictions of one response from left to right, with its range and its aim."""
     values, marked = solutions[target.response.predicted].to_numpy(), _representative(solutions)
     panel.axvspan(target.low, target.high, color=style.GREEN, alpha=0.2, lw=0)
     panel.axvline(target.aim, color=style.GREEN, lw=1.2, ls="--")

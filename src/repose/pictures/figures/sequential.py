@@ -60,7 +60,7 @@ def sequential(inputs: Inputs, config: Config) -> Figure:
 
 
 def _probability(panel: Axes, batches: Any, section: Mapping[str, Any]) -> None:
-    """Probability after each batch, the probability that the remaining pours can reach, and the required one."""
+    """Draw the probability after each batch, the one that the remaining pours can reach, and the required one."""
     lines = {
         "probability": ("o-", 4, style.BLUE, "probability of the best point"),
         "reachable": (":", 4, style.GREY, "the most that the pours left can make of it"),

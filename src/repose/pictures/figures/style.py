@@ -74,24 +74,24 @@ UNDATED = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Da
 
 
 def applied() -> AbstractContextManager[None]:
-    """Context with this style alone, independent of the user's settings, which it restores at its end."""
+    """Give the context with this style alone, independent of the user's settings, which it restores at its end."""
     return matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "agg", **SETTINGS})
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of this size in inches, laid out so that no part is cut off; it needs no window."""
+    """Draw an empty figure of this size in inches, laid out so that no part is cut off; it needs no window."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def targets_of(config: Config) -> Targets:
-    """The targets of a configuration, in its order."""
+    """Give the targets of a configuration, in its order."""
     return Targets.of(config["targets"])
 
 
 def ranges_of(config: Config) -> dict[str, tuple[float, float]]:
-    """Ends of the axis of each parameter: its range, with some room around a fixed value."""
+    """Give the ends of the axis of each parameter: its range, with some room around a fixed value."""
     ranges = {}
     for name in named(config["parameters"]):
         low, high = range_of(name, config["parameters"][name])
@@ -101,7 +101,7 @@ def ranges_of(config: Config) -> dict[str, tuple[float, float]]:
 
 
 def response_label(response: Response, before: str = "") -> str:
-    """Label of an axis, as in ``predicted AoR (deg)``, with a dash for no unit; `before` precedes the symbol."""
+    """Write the label of an axis, as ``predicted AoR (deg)``, with a dash for no unit; `before` precedes the symbol."""
     return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
 
 
@@ -123,7 +123,7 @@ def name_the_line(figure: Figure, config: Config) -> None:
 
 
 def parameter_label(name: str) -> str:
-    """Label of an axis of a parameter: its symbol and its unit, a dash for a number."""
+    """Write the label of an axis of a parameter: its symbol and its unit, a dash for a number."""
     return f"{SYMBOLS[name]} ({(FURTHER[name].constant.unit if name in FURTHER else '') or '–'})"
 
 
@@ -140,12 +140,12 @@ def name_panels(panels: Sequence[Axes]) -> None:
 
 
 def series(k: int) -> dict[str, str]:
-    """``color`` and ``ls`` of curve number k, from 0, for `plot`; the first seven have colours of their own."""
+    """Give ``color`` and ``ls`` of curve number k, from 0, for `plot`; the first seven have colours of their own."""
     return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
 
 
 def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[Axes]:
-    """A panel for each of `count` things; the other places stay empty."""
+    """Give a panel for each of `count` things; the other places stay empty."""
     columns = min(columns, count)
     rows = math.ceil(count / columns)
     panels = np.atleast_1d(figure.subplots(rows, columns, **options)).ravel()
@@ -155,7 +155,7 @@ def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[A
 
 
 def grid_rows(count: int, columns: int = 2) -> int:
-    """Number of rows that `grid` needs."""
+    """Give the number of rows that `grid` needs."""
     return math.ceil(count / min(columns, count))
 
 
@@ -196,12 +196,12 @@ def save(
 
 
 def pixels(config: Config, at_default: int) -> int:
-    """Size of a shaded picture: as given at the default resolution, in proportion at the configuration's."""
+    """Give the size of a shaded picture: as given at the default resolution, in proportion at the configuration's."""
     return round(at_default * config.get("figures", {}).get("dpi", DPI) / DPI)
 
 
 def scale_bar(panel: Axes, camera: "Camera", place_m: np.ndarray, extent_m: float, where: str = "") -> None:
-    """A bar of 1, 2 or 5 times a power of ten, at most 0.3 of an extent, at the scale of a camera at a place.
+    """Draw a bar of 1, 2 or 5 times a power of ten, at most 0.3 of an extent, at the scale of a camera at a place.
 
     It lies in the lower right corner of the camera's picture; `where` follows its length in words.
     """
@@ -216,6 +216,6 @@ def scale_bar(panel: Axes, camera: "Camera", place_m: np.ndarray, extent_m: floa
 
 
 def note(axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any) -> Text:
-    """Small text inside the axes, by default in the upper left corner; `x` and `y` are shares of the axes."""
+    """Give small text inside the axes, by default in the upper left corner; `x` and `y` are shares of the axes."""
     style = {"va": "top", "ha": "left", "fontsize": 6.8, "linespacing": 1.35} | options
     return axes.text(x, y, text, transform=axes.transAxes, **style)

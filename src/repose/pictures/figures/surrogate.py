@@ -59,7 +59,7 @@ BELOW = (
     ),
 )
 def network_structure(inputs: Inputs, config: Config) -> Figure:
-    """Figure 10 of the paper, for the best network: an input's lines are as thick as its influence, not its weights.
+    """Draw the best network; an input's lines are as thick as its influence, not its weights.
 
     Weights mislead: large ones cancel where two hidden neurons pull the same response in opposite directions.
     """
@@ -100,7 +100,7 @@ def network_structure(inputs: Inputs, config: Config) -> Figure:
 
 
 def influence(model: Surrogate, config: Config) -> tuple[np.ndarray, np.ndarray]:
-    """Total Sobol index of each input for each output of a surrogate, and the sign of the output's rise with it.
+    """Give the total Sobol index of each input for each output of a surrogate, and the sign of the output's rise.
 
     Both have the shape (outputs, inputs), and are 0 for a fixed input, and for all if an output is constant.
     """
@@ -110,7 +110,7 @@ def influence(model: Surrogate, config: Config) -> tuple[np.ndarray, np.ndarray]
     shares, ways = np.zeros((2, len(model.outputs), len(model.inputs)))
     free = [model.inputs.index(name) for name in space.free]
 
-    def respond(values):
+    def respond(values: np.ndarray) -> np.ndarray:
         return model.predict(space.complete(values))
 
     try:
@@ -123,7 +123,7 @@ def influence(model: Surrogate, config: Config) -> tuple[np.ndarray, np.ndarray]
 
 
 def _connections(panel: Axes, shares: np.ndarray, places: list[np.ndarray]) -> None:
-    """A line between each node of a layer and of the next; those of an input by its mean share, the others thin."""
+    """Draw a line between each node of a layer and of the next; an input's by its mean share."""
     mean = shares.mean(axis=0)
     for nodes, following, sizes in (
         (places[0], places[1], mean / (mean.max() or 1.0)),
@@ -136,7 +136,7 @@ def _connections(panel: Axes, shares: np.ndarray, places: list[np.ndarray]) -> N
 
 
 def _column(x: float, count: int) -> np.ndarray:
-    """Places (count, 2) of a layer's nodes, top to bottom; few nodes stand closer together."""
+    """Give the places (count, 2) of a layer's nodes, top to bottom; few nodes stand closer together."""
     reach = min(1.0, 0.11 * (count + 1)) if count > 1 else 0.0
     return np.column_stack([np.full(count, float(x)), np.linspace(reach, -reach, count)])
 
@@ -181,7 +181,7 @@ def predicted_against_simulated(inputs: Inputs, config: Config) -> Figure:
 
 
 def _new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
-    """Means of the points that were poured beside the design, with the predictions of the final surrogate."""
+    """Give the means of the points that were poured beside the design, with the predictions of the final surrogate."""
     model = load(inputs["network"])
     points = read_table(inputs["fresh"], ("status", *model.inputs, *targets.names, *targets.errors))
     points = points[points["status"] == "ok"].assign(split="new points")
@@ -191,7 +191,7 @@ def _new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
 
 
 def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
-    """Points of one response on equal axes with the line y = x; R2, RMSE and number of points of each split above."""
+    """Draw the points of one response on equal axes with y = x; R2, RMSE and number of each split above."""
     lines = []
     both = table[[shown.name, shown.predicted]].to_numpy()
     margin = 0.06 * (both.max() - both.min())
@@ -219,5 +219,5 @@ def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None
 
 
 def _share(r2: float | None) -> str:
-    """R2 in words."""
+    """Say R2 in words."""
     return "undefined" if r2 is None else f"{r2:.3f}"

@@ -102,7 +102,7 @@ def measurement(inputs: Inputs, config: Config) -> Figure:
 def _name_lines(
     panel: Axes, measured: pile.Measurement, settings: pile.MeasureSettings, top_mm: float
 ) -> None:
-    """The angle of each side beside its line, and above them their mean with the line in words."""
+    """Draw the angle of each side beside its line, and above them their mean with the line in words."""
     angle = measured.angles[settings.response]
     sides = (("left", angle.left_deg, drawing.RED, -1), ("right", angle.right_deg, drawing.GREEN, 1))
     for (name, side_deg, colour, way), line in zip(sides, angle.lines, strict=True):
@@ -160,7 +160,7 @@ def apparatus(inputs: Inputs, config: Config) -> Figure:
 
 
 def _levels(panel: Axes, funnel: Mapping[str, Any], factory: float, half_view: float) -> None:
-    """The three red lines: factory, outlet and plate."""
+    """Draw the three red lines: factory, outlet and plate."""
     levels = {"particle factory": factory, "funnel outlet": funnel["outlet_height_mm"], "": 0.0}
     for name, z in levels.items():
         panel.axhline(z, color=LINE, lw=0.9, zorder=4)
@@ -203,7 +203,7 @@ def _dimensions(panel: Axes, funnel: Config, top: float, half_inlet: float) -> N
 
 
 def _grains(panel: Axes, inputs: Inputs, colour: str) -> None:
-    """Side view of the grains during a pour, each with its true outline, the nearest drawn last."""
+    """Draw the side view of the grains during a pour, each with its true outline, the nearest drawn last."""
     particle = Particle.load(inputs["particle"])
     record = read_npz(inputs["trajectory"], ("time_s", "position", "quaternion"), "the trajectory of a pour")
     frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))

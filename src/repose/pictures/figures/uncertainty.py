@@ -73,14 +73,14 @@ def noise_floor(inputs: Inputs, config: Config) -> Figure:
 
 
 def _noise_panels(figure: Figure, count: int) -> tuple[list[Axes], list[Axes]]:
-    """A panel for each response, two in a row, and two panels over the seeds below them."""
+    """Give a panel for each response, two in a row, and two panels over the seeds below them."""
     rows = [[f"{k}", f"{min(k + 1, count - 1)}"] for k in range(0, count, 2)]
     panels = figure.subplot_mosaic([*rows, ["error", "r2"]], height_ratios=[1.15] * len(rows) + [1])
     return [panels[f"{k}"] for k in range(count)], [panels["error"], panels["r2"]]
 
 
 def _variances(panel: Axes, target: Target, row: Mapping[str, float]) -> None:
-    """Standard deviations of a response, in words, above its runs."""
+    """Draw the standard deviations of a response, in words, above its runs."""
     unit = target.response.unit
     text = (
         f"standard deviation within samples {row['sd_within']:.2f} {unit}\n"
@@ -93,7 +93,7 @@ def _variances(panel: Axes, target: Target, row: Mapping[str, float]) -> None:
 
 
 def _over_seeds(panels: list[Axes], seeds: pd.DataFrame, target: Target, look: Mapping[str, str]) -> None:
-    """Standard error and reachable R2 of one response."""
+    """Draw the standard error and reachable R2 of one response."""
     name, label = target.response.quantity, target.response.symbol
     panels[0].plot(seeds["seeds"], seeds[f"{name}_se_percent"], label=label, **look)
     band = (seeds[f"{name}_reachable_r2_{end}"] for end in ("low", "high"))
@@ -102,7 +102,7 @@ def _over_seeds(panels: list[Axes], seeds: pd.DataFrame, target: Target, look: M
 
 
 def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> None:
-    """Runs of each sample, the samples in order of their means."""
+    """Draw the runs of each sample, the samples in order of their means."""
     means = ok.groupby("sample")[column].mean().sort_values()
     place = pd.Series(np.arange(len(means)), index=means.index)
     panel.scatter(ok["sample"].map(place), ok[column], s=2.5, color=colour, alpha=0.45, lw=0)
@@ -162,7 +162,7 @@ def corner(inputs: Inputs, config: Config) -> Figure:
 def _marginal(
     panel: Axes, values: pd.Series, bounds: tuple[float, float], space: ParameterSpace, table: pd.DataFrame
 ) -> None:
-    """Histogram of one parameter's draws with its prior and the published interval."""
+    """Draw the histogram of one parameter's draws with its prior and the published interval."""
     panel.hist(values, bins=25, range=bounds, density=True, color=style.BLUE, alpha=0.35)
     panel.plot(*_prior_density(space, str(values.name)), color=style.GREY, lw=0.9, ls="--")
     row = table.loc[values.name]
@@ -174,7 +174,7 @@ def _marginal(
 
 
 def _prior_density(space: ParameterSpace, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Values of a free parameter over its range, and the density of its prior there."""
+    """Give the values of a free parameter over its range, and the density of its prior there."""
     k = space.free.index(name)
     unit = np.full((201, space.dimensions), 0.5)
     unit[:, k] = np.linspace(0, 1, 201)
@@ -185,7 +185,7 @@ def _prior_density(space: ParameterSpace, name: str) -> tuple[np.ndarray, np.nda
 def _pair(
     panel: Axes, draws: pd.DataFrame, across: str, down: str, ranges: Mapping[str, tuple[float, float]]
 ) -> None:
-    """Smoothed counts of two parameters' draws, filled down to each credible share."""
+    """Draw the smoothed counts of two parameters' draws, filled down to each credible share."""
     counts, x, y = np.histogram2d(draws[across], draws[down], bins=25, range=(ranges[across], ranges[down]))
     counts = _smoothed(_smoothed(counts).T).T
     order = np.sort(counts.ravel())[::-1]
@@ -199,7 +199,7 @@ def _pair(
 
 
 def _smoothed(counts: np.ndarray) -> np.ndarray:
-    """Counts (n, m) smoothed along the first axis by (1, 2, 1) / 4 twice, their ends reflected."""
+    """Give counts (n, m) smoothed along the first axis by (1, 2, 1) / 4 twice, their ends reflected."""
     for _ in range(2):
         wide = np.concatenate([counts[:1], counts, counts[-1:]])
         counts = (wide[:-2] + 2 * wide[1:-1] + wide[2:]) / 4
@@ -207,7 +207,7 @@ def _smoothed(counts: np.ndarray) -> np.ndarray:
 
 
 def _published_box(table: pd.DataFrame, across: str, down: str) -> Rectangle:
-    """The published intervals of two parameters."""
+    """Give the published intervals of two parameters."""
     (x0, x1), (y0, y1) = (
         table.loc[name, ["published_low", "published_high"]].astype(float) for name in (across, down)
     )
@@ -215,7 +215,7 @@ def _published_box(table: pd.DataFrame, across: str, down: str) -> Rectangle:
 
 
 def _account(summary: Mapping[str, Any], targets: Targets) -> str:
-    """Predictions of the posterior, in words."""
+    """Say the predictions of the posterior, in words."""
     predicted = summary["predicted"]
     parts = [
         f"predicted {response.symbol} {predicted[response.name]['mean']:.1f} {response.unit} "
@@ -254,7 +254,7 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
     for k, row in table.iterrows():
         y, low, width = len(table) - 1 - k, row["low"], row["high"] - row["low"]
 
-        def place(*values, low=low, width=width):
+        def place(*values: float, low: float = low, width: float = width) -> np.ndarray:
             return (np.array(values) - low) / width
 
         panel.barh(y, 1, height=0.8, color="#EEF0F2", zorder=0)
@@ -269,8 +269,8 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
         panel.plot(place(row["median"]), [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
         text = f"{100 * row['width_ratio']:.0f} %   {row['information_bits']:.2f} bits"
         panel.text(1.03, y, text, fontsize=6.8, va="center")
-        for x, value in ((0, row["low"]), (1, row["high"])):
-            panel.text(x, y - 0.47, f"{value:g}", fontsize=6, ha="center", va="center", color=style.GREY)
+        for end, value in ((0, row["low"]), (1, row["high"])):
+            panel.text(end, y - 0.47, f"{value:g}", fontsize=6, ha="center", va="center", color=style.GREY)
     panel.text(
         1.03, len(table) - 0.45, "width / prior's,\ninformation", fontsize=6.3, va="bottom", color=style.GREY
     )
@@ -312,7 +312,7 @@ def sobol_indices(inputs: Inputs, config: Config) -> Figure:
 
 
 def _bars(panel: Axes, rows: pd.DataFrame) -> None:
-    """Indices of one response, a pair of bars for each parameter."""
+    """Draw the indices of one response, a pair of bars for each parameter."""
     place = np.arange(len(rows))
     for name, offset, colour, text in (
         ("first", -0.2, style.BLUE, "first order"),

@@ -20,14 +20,14 @@ WORDS = ("reason", "warning", "status", "role", "line", "source", "wall")
 
 
 def text(value: Any) -> str:
-    """Any value as escaped text; four digits for a number, empty for None or NaN."""
+    """Write any value as escaped text; four digits for a number, empty for None or NaN."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     return f"{value:.4g}" if isinstance(value, float) else html.escape(str(value))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts") -> str:
-    """A table that scrolls sideways on a narrow screen; the class ``sorts`` makes it sortable."""
+    """Write a table that scrolls sideways on a narrow screen; the class ``sorts`` makes it sortable."""
     cells = "".join(f"<th{_kind(title)}>{html.escape(title)}</th>" for title in head)
     body = "".join(
         "<tr>" + "".join(_cell(name, value) for name, value in zip(head, row, strict=True)) + "</tr>"
@@ -39,18 +39,18 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts
     )
 
 
-def _kind(name):
-    """The class of a column's cells: words are aligned left."""
+def _kind(name: str) -> str:
+    """Write the class of a column's cells: words are aligned left."""
     return ' class="words"' if name in WORDS else ""
 
 
-def _cell(name, value):
-    """A cell; on a phone the style shows the column's name beside its value."""
+def _cell(name: str, value: Any) -> str:
+    """Write a cell; on a phone the style shows the column's name beside its value."""
     return f'<td{_kind(name)} data-head="{html.escape(name)}">{text(value)}</td>'
 
 
 def folded(title: str, frame: pd.DataFrame) -> str:
-    """A table of a study, folded behind its title."""
+    """Write a table of a study, folded behind its title."""
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
     shown = table([str(column) for column in frame.columns], rows)
     shown = shown.replace('class="wide"', 'class="wide tall"', 1)
@@ -58,8 +58,8 @@ def folded(title: str, frame: pd.DataFrame) -> str:
     return f"<details><summary>{html.escape(title)} ({len(frame)} rows)</summary>{shown}</details>"
 
 
-def picture(path: str | os.PathLike, caption: str) -> str:
-    """A picture embedded in the page, which opens large; a photograph is reduced. InputError if the file is no picture.
+def picture(path: str | os.PathLike[str], caption: str) -> str:
+    """Embed a picture, which opens large; a photograph is reduced. InputError if the file is no picture.
 
     A figure, whose file has a resolution, is not shrunk below `READABLE` of its size on paper.
     """

@@ -12,7 +12,7 @@ from repose.pictures.report.study import Study
 from repose.studies.calibration import Calibration
 
 
-def write(calibration: Calibration, out_path: str | os.PathLike) -> None:
+def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report."""
     study, targets = calibration.study, calibration.study.targets
     row = {"role": "representative", "reason": ""}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.core.files import read_table, write_text
 from repose.core.parameters import LABELS
+from repose.core.targets import Target
 from repose.particle.particle import Particle
 from repose.pictures.report import prediction, scene, sections, three
 from repose.pictures.report.study import Study, read
@@ -25,14 +26,14 @@ def write(
     jobs: Sequence[str],
     files: Mapping[str, str],
     tables: Mapping[str, str],
-    out_path: str | os.PathLike,
+    out_path: str | os.PathLike[str],
 ) -> None:
     """Write the report of a study from its files."""
     study = read(config, jobs, files)
     write_study(study, {title: read_table(path) for title, path in tables.items()}, out_path)
 
 
-def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: str | os.PathLike) -> None:
+def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: str | os.PathLike[str]) -> None:
     """Write the report of a study in memory; `tables` are further tables by title."""
     parts = (sections.answer, sections.check, sections.other_parameters, sections.how_found)
     body = "\n".join([*(part(study) for part in parts), sections.all_tables(tables)])
@@ -41,7 +42,7 @@ def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: st
 
 
 def content(study: Study) -> dict[str, Any]:
-    """Data for the scripts: plain values without NaN."""
+    """Give data for the scripts: plain values without NaN."""
     page: dict[str, Any] = {
         "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
         "targets": [_target(study, target) for target in study.targets],
@@ -59,7 +60,7 @@ def content(study: Study) -> dict[str, Any]:
 
 
 def for_copy(study: Study) -> str:
-    """The parameters as lines of YAML."""
+    """Write the parameters as lines of YAML."""
     lines = [f"# {study.config['label']}: {sections.verdict(study)[1]}"]
     lines += [
         f"{name}: {value:.6g}  # {LABELS.get(name, name)}"
@@ -69,7 +70,7 @@ def for_copy(study: Study) -> str:
 
 
 def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
-    """The whole page as text; `body` is HTML, `values` go to the scripts as JSON."""
+    """Write the whole page as text; `body` is HTML, `values` go to the scripts as JSON."""
     # JSON allows "<" in this form; it cannot end the script early
     coded = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     view = _own("view.js")
@@ -91,13 +92,13 @@ def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
 """
 
 
-def _own(name):
-    """Text of a file in the folder of this module."""
+def _own(name: str) -> str:
+    """Write the text of a file in the folder of this module."""
     return (HERE / name).read_text(encoding="utf-8")
 
 
-def _parameter(study, k):
-    """One parameter as plain values."""
+def _parameter(study: Study, k: int) -> dict[str, Any]:
+    """Give one parameter as plain values."""
     space, name = study.space, study.space.names[k]
     fixed = name in space.fixed
     i = None if fixed else space.free.index(name)
@@ -111,8 +112,8 @@ def _parameter(study, k):
     }
 
 
-def _target(study, target):
-    """One target as plain values, with the ends of its gauge."""
+def _target(study: Study, target: Target) -> dict[str, Any]:
+    """Give one target as plain values, with the ends of its gauge."""
     seen = study.dataset[target.name].dropna()
     simulated = study.number(target.response.simulated)
     shown = [*seen, target.low, target.high, target.value - target.sd, target.value + target.sd]

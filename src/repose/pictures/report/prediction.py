@@ -20,17 +20,17 @@ SHARED = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
 
 def packed(array: np.ndarray, kind: str) -> str:
-    """An array as Base64 text for a typed array of JavaScript; `kind` is a little-endian type of NumPy, as ``<f4``."""
+    """Write an array as Base64 for a typed array of JavaScript; `kind` is a little-endian type of NumPy, as ``<f4``."""
     return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode()
 
 
 def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
-    """Whether the page has the surrogate itself, and not curves."""
+    """Tell whether the page has the surrogate itself, and not curves."""
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
 def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) -> dict[str, Any]:
-    """A trained surrogate as plain values, `kind` ``network`` or ``curves``; `answer` is the reported parameter set."""
+    """Give a surrogate as plain values, `kind` ``network`` or ``curves``; `answer` is the reported parameter set."""
     if is_whole(surrogate):
         members = surrogate.members_ if isinstance(surrogate, NetworkEnsemble) else [surrogate]
         contents = [member.to_dict() for member in members]

@@ -25,8 +25,10 @@ ABSENT, STEPS = 65535, 65534
 MAX_TRIANGLES = 600_000  # of all bodies together, for a phone
 
 
-def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping[str, Any]) -> dict[str, Any]:
-    """A pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
+def for_page(
+    trajectory: str | os.PathLike[str], particle: Particle, section: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Give a pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
 
     Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`, `turns`,
     quaternions x, y, z, w, `scales` or None, `walls`, rows of z, r below and z, r above, and `plate_mm`, a radius.
@@ -57,13 +59,13 @@ def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping
 
 
 def frames_shown(times_s: np.ndarray, count: int) -> np.ndarray:
-    """Numbers of the frames in a page: evenly over the time, with the last one."""
+    """Give the numbers of the frames in a page: evenly over the time, with the last one."""
     most = min(FRAMES, max(2, MAX_BYTES // (BYTES * max(count, 1))), len(times_s))
     return np.unique(np.searchsorted(times_s, np.linspace(times_s[0], times_s[-1], most)))
 
 
 def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions (T, N, 3) as uint16 `whole`, with `low` and `step` (3,): position = low + step * whole."""
+    """Give positions (T, N, 3) as uint16 `whole`, with `low` and `step` (3,): position = low + step * whole."""
     there = np.isfinite(positions).all(axis=2)
     if not there.any():
         return np.full(positions.shape, ABSENT, np.uint16), np.zeros(3), np.ones(3)
@@ -75,7 +77,7 @@ def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One body as points in mm, normals and triangles; of spheres only the visible triangles."""
+    """Give one body as points in mm, normals and triangles; of spheres only the visible triangles."""
     if not particle.is_clump:
         rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
         points, normals, triangles = tessellate(particle, rings, 2 * rings)
@@ -88,8 +90,8 @@ def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarra
     return parts
 
 
-def _spheres(spheres, ball):
-    """Points, normals and triangles of the spheres (M, 4) that no other sphere contains."""
+def _spheres(spheres: np.ndarray, ball: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give points, normals and triangles of the spheres (M, 4) that no other sphere contains."""
     corners = np.asarray(ball.vertices)
     points = spheres[:, None, :3] + spheres[:, None, 3:] * corners
     distance = np.linalg.norm(points[:, :, None] - spheres[:, :3], axis=3)
@@ -101,8 +103,8 @@ def _spheres(spheres, ball):
     return points.reshape(-1, 3)[used], normals[used], triangles.reshape(-1, 3)
 
 
-def _packed_body(points, normals, triangles):
-    """Points, normals and triangles as text."""
+def _packed_body(points: np.ndarray, normals: np.ndarray, triangles: np.ndarray) -> dict[str, str]:
+    """Give points, normals and triangles as text."""
     return {
         "points": packed(points, "<f4"),
         "normals": packed(normals, "<f4"),

@@ -28,7 +28,7 @@ standard deviation. Blue: {blue}, the line holds the true mean with 95 % probabi
 
 
 def share(value: float | None) -> str:
-    """A probability in words, no more precise than the runs allow; "unknown" for None."""
+    """Write a probability in words, no more precise than the runs allow; "unknown" for None."""
     if value is None:
         return "unknown"
     if value > 0.995:
@@ -37,7 +37,7 @@ def share(value: float | None) -> str:
 
 
 def answer(study: Study) -> str:
-    """The parameters, their intervals, and the probability that they meet the targets."""
+    """Write the parameters, their intervals, and the probability that they meet the targets."""
     kind, words = verdict(study)
     first, _, others = html.escape(words).replace("+-", "±").partition(". ")
     rows = [_parameter_row(study, k) for k in range(len(study.space.names))]
@@ -58,8 +58,8 @@ def answer(study: Study) -> str:
     )
 
 
-def _origin(study):
-    """Date, version, commit and processor of the results in a line."""
+def _origin(study: Study) -> str:
+    """Write the date, version, commit and processor of the results in a line."""
     record = study.record
     commit = f", commit {record['commit']}" if record.get("commit") else ""
     made = f"Results of {study.date}, by repose {record.get('repose')}{commit}, on {record.get('processor')}."
@@ -67,7 +67,7 @@ def _origin(study):
 
 
 def verdict(study: Study) -> tuple[str, str]:
-    """Whether the targets are met: a class of the style, and the line that ends a run, with the probability."""
+    """Tell whether the targets are met: a class of the style, and the line that ends a run, with the probability."""
     found = Answer(
         label=study.config["label"],
         parameters=dict(zip(study.space.names, study.answer.tolist(), strict=True)),
@@ -85,8 +85,8 @@ def verdict(study: Study) -> tuple[str, str]:
     return kind, f"{line[0].upper()}{line[1:]} {_probability(study) if found.feasible else found.message}"
 
 
-def _probability(study):
-    """The probability that the targets are met, in sentences."""
+def _probability(study: Study) -> str:
+    """Write the probability that the targets are met, in sentences."""
     chance, k = study.chance["all"], len(study.targets)
     if chance is None:
         return "How probable this is, is unknown: fewer than two runs of these parameters could be measured."
@@ -103,15 +103,15 @@ def _probability(study):
 
 
 def impossible(files: Mapping[str, str]) -> Iterator[str]:
-    """A paragraph for each angle of the card that piles of these grains cannot have at the targeted Height."""
+    """Give a paragraph for each angle of the card that piles of these grains cannot have at the targeted Height."""
     for test in card.read(files["card"])["tests"] if "card" in files else ():
         if "reach" in test and not test["reach"]["possible"]:
             sentence = html.escape(test["reach"]["sentence"]).replace("+-", "±")
             yield f'<p class="verdict bad">{sentence}</p>'
 
 
-def _checks(study):
-    """The answer's predicted, simulated and measured responses."""
+def _checks(study: Study) -> Iterator[Check]:
+    """Give the answer's predicted, simulated and measured responses."""
     runs = study.number("n_seeds")
     status = NOT_AGAIN if runs is None else text(study.row.get("status"))
     for target in study.targets:
@@ -122,18 +122,18 @@ def _checks(study):
         yield replace(check, predicted=predicted, line=line)
 
 
-def _named(study):
-    """The checks with their responses in words."""
+def _named(study: Study) -> Iterator[Check]:
+    """Give the checks with their responses in words."""
     return (replace(check, response=check.label) for check in _checks(study))
 
 
-def _interval_head(study):
-    """Head of the column of intervals, if there is one."""
+def _interval_head(study: Study) -> list[str]:
+    """Give the head of the column of intervals, if there is one."""
     return [] if study.posterior is None else ["95 % interval", "left open"]
 
 
-def _parameter_row(study, k):
-    """Row of one parameter in the answer."""
+def _parameter_row(study: Study, k: int) -> list[Any]:
+    """Give the row of one parameter in the answer."""
     space, name = study.space, study.space.names[k]
     if name in space.fixed:
         unknown = [] if study.posterior is None else ["", ""]
@@ -157,8 +157,8 @@ def _parameter_row(study, k):
     ]
 
 
-def _how_well_known(study):
-    """Meaning of the intervals."""
+def _how_well_known(study: Study) -> str:
+    """Write the meaning of the intervals."""
     parts = [
         "<p class='note'>The values are one parameter set. Use it as a whole: other sets agree with the measurements "
         "as well as it does, and values of different sets must not be mixed."
@@ -177,7 +177,7 @@ def _how_well_known(study):
 
 
 def check(study: Study) -> str:
-    """Measured, predicted and simulated responses, and the pile."""
+    """Write measured, predicted and simulated responses, and the pile."""
     head = ["response", "measured", "target range", "predicted", "simulated", "difference", "inside"]
     rows = [_response_row(study, target) for target in study.targets]
     trouble = text(study.row.get("reason"))
@@ -198,8 +198,8 @@ def check(study: Study) -> str:
     )
 
 
-def _lines(study):
-    """The answer's piles by every definition of the angle; empty without piles."""
+def _lines(study: Study) -> str:
+    """Write the answer's piles by every definition of the angle; empty without piles."""
     if not set(MEAN_KEYS.values()) <= set(study.row.index):
         return ""
     measure, rows = study.config["measure"], []
@@ -212,8 +212,8 @@ def _lines(study):
     return f"<h3>The same piles by other lines</h3>\n{table(['line', 'simulated', ''], rows, 'lines')}"
 
 
-def _table4(study):
-    """The sets that were simulated again: their responses as predicted and as simulated; empty for the answer alone."""
+def _table4(study: Study) -> str:
+    """Write the sets simulated again: responses as predicted and as simulated; empty for the answer alone."""
     if len(study.table4) < 2:
         return ""
     head, columns = ["set", "role", "runs"], []
@@ -233,7 +233,7 @@ def _table4(study):
 
 
 def _response_row(study: Study, target: Target) -> list[str]:
-    """Row of one target."""
+    """Give the row of one target."""
     response, unit = target.response, target.response.unit
     predicted, simulated, error = (
         study.number(column) for column in (response.predicted, response.simulated, response.error)
@@ -251,8 +251,8 @@ def _response_row(study: Study, target: Target) -> list[str]:
     ]
 
 
-def _pile(study):
-    """The 3-D view beside the photograph, or beside the measured silhouette."""
+def _pile(study: Study) -> str:
+    """Write the 3-D view beside the photograph, or beside the measured silhouette."""
     files, beside = study.files, ""
     if "photograph" in files:
         beside += picture(files["photograph"], "The physical pile")
@@ -278,7 +278,7 @@ through the pouring.</span></p></div>"""
 
 
 def other_parameters(study: Study) -> str:
-    """Sliders with the surrogate's predictions; empty without a surrogate."""
+    """Write sliders with the surrogate's predictions; empty without a surrogate."""
     if study.surrogate is None:
         return ""
     if is_whole(study.surrogate):
@@ -300,7 +300,7 @@ def other_parameters(study: Study) -> str:
 
 
 def how_found(study: Study) -> str:
-    """The steps with their numbers and figures."""
+    """Write the steps with their numbers and figures."""
     steps = "".join(f"<li>{html.escape(step)}</li>" for step in _steps(study))
     pictures = "".join(
         picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
@@ -311,13 +311,13 @@ def how_found(study: Study) -> str:
 
 
 def all_tables(tables: Mapping[str, pd.DataFrame]) -> str:
-    """The study's tables, each behind its title."""
+    """Write the study's tables, each behind its title."""
     shown = "".join(folded(title, table) for title, table in tables.items())
     return f'<div class="screen"><h3>Tables</h3>{shown}</div>' if shown else ""
 
 
-def _steps(study):
-    """The method in sentences."""
+def _steps(study: Study) -> Iterator[str]:
+    """Say the method in sentences."""
     if "steps" in study.summary:
         yield from study.summary["steps"]
         return
@@ -331,14 +331,15 @@ def _steps(study):
     benches = " and ".join(study.targets.apparatus).replace("_", " ")
     yield f"Design: {config['design']['samples']} parameter sets over {free} ({METHODS[config['design']['method']]})."
     yield f"Simulation of the bench test ({benches}): {study.dataset_summary['text']}"
-    yield f"Surrogate ({study.surrogate.name.replace('_', ' ')}): {_accuracy(study)}"
+    if study.surrogate is not None:
+        yield f"Surrogate ({study.surrogate.name.replace('_', ' ')}): {_accuracy(study)}"
     yield f"Search: {study.summary['message']}"
     again = f"{len(study.table4)} of the sets found were simulated again with new seeds"
     yield f"Check: {again}; the answer {row.get('n_seeds', 0):.0f} times."
 
 
-def _accuracy(study):
-    """Accuracy of the surrogate on samples that were not used in its training."""
+def _accuracy(study: Study) -> str:
+    """Write the accuracy of the surrogate on samples that were not used in its training."""
     test: dict[str, Any] = study.metrics.get("test") or {}
     parts = [
         f"{response.label} to {test[response.name]['rmse']:.2g} {response.unit} (R² {test[response.name]['r2']:.2f})"

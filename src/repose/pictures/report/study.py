@@ -1,7 +1,7 @@
 """The files of a finished study, read for its report."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from typing import Any
@@ -68,7 +68,7 @@ class Study:
     record: Mapping[str, Any]  # their version, commit and processor, as `repose.core.provenance.machine`
 
     def number(self, column: str) -> float | None:
-        """A number of the answer's row; None if missing."""
+        """Give a number of the answer's row; None if missing."""
         value = self.row.get(column)
         return None if value is None or pd.isna(value) else float(value)
 
@@ -119,15 +119,15 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
     )
 
 
-def _require(files, names):
+def _require(files: Mapping[str, str], names: Iterable[str]) -> None:
     """Raise InputError if any of these files is missing."""
     for name in names:
         if name not in files:
             raise InputError("report", "--input", None, f"{name}=PATH; a report needs {', '.join(names)}")
 
 
-def _surrogate(files, targets, space):
-    """The surrogate of a file, or the kriging model of all runs of a strategy, or None."""
+def _surrogate(files: Mapping[str, str], targets: Targets, space: ParameterSpace) -> Predictor | None:
+    """Give the surrogate of a file, or the kriging model of all runs of a strategy, or None."""
     if "network" in files:
         return load(files["network"], targets.names)
     if "runs" not in files:
@@ -138,8 +138,8 @@ def _surrogate(files, targets, space):
     return SpaceKriging(Kriging(observed), space)
 
 
-def _runs(jobs, targets):
-    """Runs of each bench test."""
+def _runs(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:
+    """Read the runs of each bench test."""
     runs: dict[str, list[Any]] = {}
     for path in jobs:
         job, apparatus = read_job(path, targets)
