@@ -102,10 +102,11 @@ def _kept_run(test, config, parameters, seed, particle, berry, path):
     from repose.apparatus import kept_runs
     from repose.apparatus.job import about_job
 
-    about = about_job(test, config, path.stem if path else "", parameters)
+    scene = Scene.of(config, parameters, berry, particle, seed)
+    about = about_job(test, scene, path.stem if path else "")
     run = kept_runs.read(path, about) if path else None
     if run is None:
-        run = test.run(Scene.of(config, parameters, berry, particle, seed))
+        run = test.run(scene)
         if path:
             kept_runs.write(path, about, run)
     return run

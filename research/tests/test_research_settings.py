@@ -44,12 +44,6 @@ def test_unknown_keys_and_wrong_types_are_reported_together(tmp_path, monkeypatc
         assert words in str(caught.value), words
 
 
-@pytest.mark.parametrize("section", settings.read(settings.HERE / "config.yaml"))
-def test_a_moved_section_is_reported_with_its_new_place(section):
-    with pytest.raises(InputError, match=f"{section} is .*; allowed: now .* research"):
-        Study.load(overrides={section: {"seed": 1}})
-
-
 def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
     """The changes of matched.yaml are a cell of the shape study."""
     monkeypatch.chdir(settings.HERE.parent)

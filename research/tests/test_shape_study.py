@@ -155,7 +155,8 @@ def test_published_sets_end_with_the_representative_that_stands_for_the_physical
 def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(config, tmp_path, monkeypatch):
     ran = []
 
-    def run(config, parameters, seed, *_):
+    def run(scene, *_):
+        seed = scene.seed
         ran.append(seed)
         arrays = {"position": np.random.default_rng(seed).normal(size=(4, 3))}
         return Run({"seed": seed, "status": "ok", "reason": ""}, arrays)

@@ -186,10 +186,12 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     """The handler of the workflow; a SystemExit in it would be the status of the run."""
     names = {"summary": "miga/summary.json", "representative": "validation/representative.csv"}
     files = {name: tmp_path / path for name, path in names.items()}
-    made = SimpleNamespace(rule="conclude", feasible="solutions.csv", **files)
-    known = {"answers": answer, "ANSWERS": {strategy: made}, "planned_rules": lambda: {"conclude"}}
+    made = SimpleNamespace(rule="conclude", feasible="solutions.csv", table4="t4.csv", **files)
+    known = {"answers": answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
     known |= {"config": study(tmp_path, simulated, feasible)}
-    known |= {"or_one_message": lambda function, *arguments: function(*arguments), "say_the_time": list}
+    known |= {
+        "CALL": SimpleNamespace(made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path)))
+    }
     exec(textwrap.dedent(HANDLER[1]), known)
     first = capsys.readouterr().out.splitlines()[0]
     assert first.startswith(

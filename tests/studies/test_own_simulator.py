@@ -241,8 +241,8 @@ def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
         noise_of(study, table[:14:2])
     alike = table.assign(angle_deg=table.groupby("sample")["angle_deg"].transform("first"))
     alike["time_s"] += np.linspace(0, 1e-7, len(alike))  # no row twice
-    with pytest.raises(InputError, match="all alike"):
-        noise_of(study, alike)
+    found = noise_of(study, alike)  # as of a simulator without random numbers: each set counts once
+    assert set(found.sources.values()) == {noise.ESTIMATED}
 
 
 @pytest.mark.slow

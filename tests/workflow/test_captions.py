@@ -9,6 +9,7 @@ import pytest
 from repose.config.study import Study
 
 ROOT = Path(__file__).parents[2]
+PARAMS = SimpleNamespace(caption="A caption.")  # of a figure: `@figure` says it, and tests/pictures hold it
 CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
 
 
@@ -18,7 +19,9 @@ def test_every_caption_can_be_filled_in(name, monkeypatch):
     config = Study.load(f"config/{name}.yaml").config
     words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     for path in CAPTIONS:
-        text = words.from_string(path.read_text()).render(snakemake=SimpleNamespace(config=config))
+        text = words.from_string(path.read_text()).render(
+            snakemake=SimpleNamespace(config=config, params=PARAMS)
+        )
         assert text.strip(), path.name
         assert "{" not in text, path.name
 
