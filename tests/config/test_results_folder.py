@@ -19,7 +19,9 @@ def config():
 
 
 def test_the_wildcards_of_outputs_stand_for_what_rules_write():
-    ours = results_folder.pattern_of(["r/{runs}/{sample}.json", "r/{strategy}/batch_{batch}/a.csv"]).fullmatch
+    ours = results_folder.pattern_of(
+        ["r/{runs}/{sample}.json", r"r/{strategy,a|b}/batch_{batch,\d{1,4}}/a.csv"]
+    ).fullmatch
     assert all(map(ours, ("r/heaps/001.json", "r/drum_runs/012.json", "r/refined/batch_1/a.csv")))
     assert not any(
         map(ours, ("r/heaps/a.json", "r/network/001.json", "r/published/batch_1/a.csv", "s/heaps/001.json"))

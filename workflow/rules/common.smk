@@ -41,9 +41,10 @@ if not config:
 # A fault ends here with one message, before any work.
 CALL = Call()
 with one_message():
-    if set("{}") & set(str(places.root())):  # snakemake takes them for wildcards
-        allowed = "a folder without braces"
-        raise InputError("installation", "folder", str(places.root()), allowed)
+    for place in (str(places.root()), f"{workflow.basedir}/Snakefile"):
+        if set("{}") & set(place):  # snakemake takes them for wildcards
+            allowed = "a folder without braces"
+            raise InputError("installation", "folder", place, allowed)
     STUDY = CALL.study(config)
 config = STUDY.config
 RESULTS = config["results_dir"]

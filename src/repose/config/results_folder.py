@@ -30,6 +30,7 @@ def run_folder(test: str) -> str:
 
 WITHOUT_RESULTS = ("benchmarks", "logs")  # written anew by every job
 NUMBERS = ("sample", "job", "seed", "batch")  # wildcards of rules
+WILDCARD = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")  # with its constraint, where it has one
 CHANGED = (
     *("content", "something else"),
     "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
@@ -71,7 +72,7 @@ def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
     words |= dict.fromkeys(NUMBERS, r"\d+")
 
     def regex(path):
-        parts = re.split(r"\{(\w+)[^}]*\}", path)
+        parts = re.split(WILDCARD, path)
         parts[::2] = map(re.escape, parts[::2])
         parts[1::2] = [f"(?:{words.get(name, '[^/]+')})" for name in parts[1::2]]
         return "".join(parts)
