@@ -51,10 +51,13 @@ class Call:
 
     @cached_property
     def began_s(self) -> float:
-        """When this process began."""
+        """When this process began; a clock that was set since the system started moves psutil's answer by seconds."""
         import psutil
 
-        return psutil.Process().create_time()
+        after_start_s = psutil.Process().create_time() - psutil.boot_time()
+        if not hasattr(time, "CLOCK_BOOTTIME"):  # Linux has it
+            return psutil.boot_time() + after_start_s
+        return time.time() - time.clock_gettime(time.CLOCK_BOOTTIME) + after_start_s
 
     def study(self, config: Mapping[str, Any]) -> Study:
         """Make the study of snakemake's `config`, with its files checked where jobs may follow."""
