@@ -35,10 +35,7 @@ def scene(law, seed, grains):
     rng, top = np.random.default_rng(seed), OUTLET_HEIGHT + (HALF_WIDTH - HALF_OUTLET) * np.tan(SLOPE)
     stone = Material(4e6 / 2.98, 0.49)
     simulation = Simulation(
-        {
-            name: Shape.sphere(0.5 * width, 1056.0, "grain")
-            for name, width in zip("sl", WIDTHS_M, strict=True)
-        },
+        {name: Shape.sphere(0.5 * width, 1056.0, "grain") for name, width in zip("sl", WIDTHS_M, strict=True)},
         {"grain": stone, "wall": stone, "side": stone},
         {("grain", "grain"): GRAIN, ("grain", "wall"): GRAIN, ("grain", "side"): SMOOTH},
         3e-5,

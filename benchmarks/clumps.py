@@ -39,9 +39,7 @@ def timed_us(simulation, steps):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--berries", type=int, default=500)
     parser.add_argument("--spheres", type=int, default=14)
     arguments = parser.parse_args()

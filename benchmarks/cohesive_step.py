@@ -60,9 +60,7 @@ def main():
     print(machine()["processor"])
     for law, times in took.items():
         ratio, contacts = np.array(times) / dry, len(scenes[law].contacts())
-        print(
-            f"{law}: {contacts} contacts, {np.median(times):.1f} us a step, {np.median(ratio):.2f} times the dry one"
-        )
+        print(f"{law}: {contacts} contacts, {np.median(times):.1f} us a step, {np.median(ratio):.2f} times the dry one")
 
 
 if __name__ == "__main__":

@@ -88,10 +88,7 @@ def funnel(dem, tube=0.0):
     top = (0.06 - foot_r) / math.cos(slope) + math.cos(slope) * foot_r + math.sin(slope) * foot_z
     up = (math.cos(slope), math.sin(slope))
     line = (math.sin(slope), -math.cos(slope), offset, along, top, *up)
-    walls = {
-        "plate": dem.Plane((0, 0, 0), (0, 0, 1), "wall", 0.07),
-        "cone": dem.Cone(line, "wall"),
-    }
+    walls = {"plate": dem.Plane((0, 0, 0), (0, 0, 1), "wall", 0.07), "cone": dem.Cone(line, "wall")}
     if tube:
         walls["tube"] = dem.Cone((1.0, 0.0, radius, outlet, height, 0.0, 1.0), "wall")
         walls["neck"] = dem.RingEdge(core, edge, "wall", (up, (0.0, -1.0)), height)
@@ -153,11 +150,7 @@ class Scene:
         height = self.first_m + 0.03 * self.bodies
         simulation = dem.Simulation(
             {f"shape {k}": make(dem) for k, make in enumerate(self.particles)},
-            {
-                "body": dem.Material(4.3e4, 0.32),
-                "wall": dem.Material(1e6, 0.3),
-                "other": dem.Material(1e5, 0.25),
-            },
+            {"body": dem.Material(4.3e4, 0.32), "wall": dem.Material(1e6, 0.3), "other": dem.Material(1e5, 0.25)},
             {
                 ("body", "body"): dem.Contact(0.2, 0.64, 0.04),
                 ("body", "wall"): dem.Contact(0.25, 0.48, 0.18),
@@ -318,9 +311,7 @@ def differences(one, two):
 
 def main():
     """Compare two checkouts; the exit code says whether they simulate the same."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkouts", nargs="*", type=Path, help="folders of two checkouts")
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), choices=list(SCENES), metavar="SCENE")
     parser.add_argument("--write", type=Path, help=argparse.SUPPRESS)

@@ -91,10 +91,7 @@ def main():
                     found.append(one)
             gain = 100.0 * (np.array(found) - 1.0)
             shares = [100.0 * np.mean(gain > limit) for limit in (100.0 * ROUNDING, 5.0)]
-            print(
-                f"{wall:7s} {e:.1f} {len(found):6d} {shares[0]:7.2f} {shares[1]:9.2f} {gain.max():+8.1f}",
-                flush=True,
-            )
+            print(f"{wall:7s} {e:.1f} {len(found):6d} {shares[0]:7.2f} {shares[1]:9.2f} {gain.max():+8.1f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -88,9 +88,7 @@ def flow_g_s(seed, deep):
         left.append(float((simulation.positions[:, 2] < -RADIUS_M).sum()))
         simulation.run(EVERY_S, False)
     mass_g = 1e3 * DENSITY_KG_M3 * 4.0 / 3.0 * np.pi * RADIUS_M**3
-    print(
-        f"seed {seed}: {simulation.n_bodies} spheres, {left[0]:.0f} to {left[-1]:.0f} have left", flush=True
-    )
+    print(f"seed {seed}: {simulation.n_bodies} spheres, {left[0]:.0f} to {left[-1]:.0f} have left", flush=True)
     return np.polyfit(times, left, 1)[0] * mass_g / (TIMES_DEEP if deep else 1)
 
 

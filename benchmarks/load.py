@@ -54,9 +54,7 @@ def measured(name: str, words: list[str], folder: Path) -> bool:
     cpu_s, memory_mb = used.ru_utime + used.ru_stime, used.ru_maxrss / 1000
     most_s, most_mb = LIMITS[name]
     wall_s = time.perf_counter() - began
-    print(
-        f"{name}: {cpu_s:.1f} s of CPU (limit {most_s:.0f}), {wall_s:.1f} s by the clock, {memory_mb:.0f} MB"
-    )
+    print(f"{name}: {cpu_s:.1f} s of CPU (limit {most_s:.0f}), {wall_s:.1f} s by the clock, {memory_mb:.0f} MB")
     return command.returncode == 0 and cpu_s < most_s and memory_mb < most_mb
 
 

@@ -175,14 +175,7 @@ def write_atoms(path, bed):
     """The bed as a data file that LIGGGHTS and LAMMPS read."""
     wide, half = 1.1 * bed["radius_m"], 1.1 * bed["half_length_m"]
     lines = ["spheres that flow", "", f"{len(bed['radii_m'])} atoms", "1 atom types", ""]
-    lines += [
-        f"{-wide} {wide} xlo xhi",
-        f"{-half} {half} ylo yhi",
-        f"{-wide} {wide} zlo zhi",
-        "",
-        "Atoms",
-        "",
-    ]
+    lines += [f"{-wide} {wide} xlo xhi", f"{-half} {half} ylo yhi", f"{-wide} {wide} zlo zhi", "", "Atoms", ""]
     for k, (radius, at) in enumerate(zip(bed["radii_m"], bed["positions_m"], strict=True), start=1):
         lines.append(f"{k} 1 {2.0 * radius!r} {bed['density_kg_m3']} {at[0]!r} {at[1]!r} {at[2]!r}")
     lines += ["", "Velocities", ""]
@@ -325,9 +318,7 @@ def prepare(arguments, bed, drum, directory):
             row = Row(engine, "sphere", cores)
             try:
                 command, environment, text, state = ready(cores)
-                row.seconds = functools.partial(
-                    their_step_s, row, command, environment, directory, text, state
-                )
+                row.seconds = functools.partial(their_step_s, row, command, environment, directory, text, state)
             except (RuntimeError, OSError) as reason:
                 row.missing = str(reason)
             rows.append(row)
@@ -415,9 +406,7 @@ the fastest that was found. Two cores are two processes in LIGGGHTS and LAMMPS, 
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--grains", type=int, default=50_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--engines", nargs="*", default=list(SKIN_M))

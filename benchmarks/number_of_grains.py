@@ -33,20 +33,12 @@ def row(study, grains, pours):
     scale = (grains / study.config["funnel"]["berries"]) ** (1 / 3)
     began = time.process_time()
     records = [
-        run_once(
-            bench("funnel"), Scene.of(config, study.parameters.centre, study.grain, study.particle, seed)
-        )[0]
+        run_once(bench("funnel"), Scene.of(config, study.parameters.centre, study.grain, study.particle, seed))[0]
         for seed in range(1, pours + 1)
     ]
     cost = (time.process_time() - began) / pours
     good = [record for record in records if record["status"] == "ok"]
-    values = {
-        "label": study.config["label"],
-        "grains": grains,
-        "scale": scale,
-        "pours": len(good),
-        "of": pours,
-    }
+    values = {"label": study.config["label"], "grains": grains, "scale": scale, "pours": len(good), "of": pours}
     for name in ANGLES:
         found = [record[f"aor_{name}_deg"] for record in good if record.get(f"aor_{name}_deg") is not None]
         values[f"aor_{name}_deg"], values[f"aor_{name}_se_deg"] = mean_and_error(found)
@@ -57,9 +49,7 @@ def row(study, grains, pours):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", nargs="+", default=["config/config.yaml"])
     parser.add_argument("--grains", type=int, nargs="+", default=list(GRAINS))
     parser.add_argument("--out", type=Path, default=Path("number_of_grains.csv"))

@@ -93,9 +93,7 @@ def theirs(name, job, case, step_s, commands):
     """Centres (N, 3) and their velocities after a case with an exported deck."""
     program, _ = one_pile.DECKS[name]
     job = replace(job, gravity_m_s2=case.gravity, time_step_s=step_s, duration_s=case.seconds)
-    table = one_pile.run_deck(
-        name, job, commands, lambda text, folder: EDITS[program](text, job, case, folder)
-    )
+    table = one_pile.run_deck(name, job, commands, lambda text, folder: EDITS[program](text, job, case, folder))
     # the first sphere of a grain lies in its centre
     first = table.iloc[:: len(job.spheres_m)]
     return first[["x", "y", "z"]].to_numpy(), first[["vx", "vy", "vz"]].to_numpy()
@@ -109,9 +107,7 @@ def words(values):
 def edit_liggghts(text, job, case, folder):
     """The deck of LIGGGHTS with these grains in place of its pour."""
     lines = []
-    for k, (place, turn, velocity) in enumerate(
-        zip(case.places, case.turns, case.velocities, strict=True), 1
-    ):
+    for k, (place, turn, velocity) in enumerate(zip(case.places, case.turns, case.velocities, strict=True), 1):
         turned = Rotation.from_rotvec(turn).as_matrix()
         spheres = np.column_stack([job.spheres_m[:, :3] @ turned.T, job.spheres_m[:, 3]])
         (folder / f"clump{k}.txt").write_text("".join(words(row) + "\n" for row in spheres))
@@ -134,9 +130,7 @@ def edit_liggghts(text, job, case, folder):
 def edit_lammps(text, job, case, folder):
     """The deck of LAMMPS with these grains in place of its pour."""
     lines, bodies = [], [f"{len(case.places)}"]
-    for k, (place, turn, velocity) in enumerate(
-        zip(case.places, case.turns, case.velocities, strict=True), 1
-    ):
+    for k, (place, turn, velocity) in enumerate(zip(case.places, case.turns, case.velocities, strict=True), 1):
         angle = float(np.linalg.norm(turn))
         axis = np.array(turn) / angle if angle else np.array((0.0, 0.0, 1.0))
         turned = Rotation.from_rotvec(turn).as_matrix()
@@ -185,9 +179,7 @@ def result(case, centres, velocities):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("engines", nargs="*", default=[*one_pile.OURS, *one_pile.DECKS])
     parser.add_argument("--cases", nargs="*", default=list(CASES))
     parser.add_argument("--step", type=float, default=one_pile.TIME_STEP_S, help="time step in s")

@@ -129,10 +129,7 @@ def pour_ours(name, set_name, seed):
 
 def their_rolling(set_name, job):
     """The parameters with the coefficients of rolling that the decks hold."""
-    rolling = {
-        f"mur_{key}": rolling_coefficient(job, pair)
-        for key, pair in (("gg", job.grains), ("gp", job.on_wall))
-    }
+    rolling = {f"mur_{key}": rolling_coefficient(job, pair) for key, pair in (("gg", job.grains), ("gp", job.on_wall))}
     return SETS[set_name] | rolling
 
 
@@ -236,9 +233,7 @@ def pour(arguments, sets=("calibrated", "high")):
                 else:
                     places, status = pour_theirs(name, set_name, seed, commands)
                 np.savez(file, places=places, engine=name, set=set_name, seed=seed, status=status)
-                print(
-                    name, set_name, seed, status, f"highest {1e3 * places[:, :, 2].max():.1f} mm", flush=True
-                )
+                print(name, set_name, seed, status, f"highest {1e3 * places[:, :, 2].max():.1f} mm", flush=True)
 
 
 def compared(runs):
@@ -311,8 +306,7 @@ def markdown(rows):
     told = rows[["set", "engine", "runs", "failed"]].copy()
     for response, label in RESPONSES.items():
         told[label] = [
-            f"{mean:.1f} +- {error:.1f}"
-            for mean, error in zip(rows[response], rows[f"{response}_se"], strict=True)
+            f"{mean:.1f} +- {error:.1f}" for mean, error in zip(rows[response], rows[f"{response}_se"], strict=True)
         ]
         told[f"z, {label}"] = [
             f"{z:.1f} ({own:.1f})"
@@ -322,18 +316,13 @@ def markdown(rows):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=("spheres", "pour", "table"))
     parser.add_argument("engines", nargs="*", default=[*OURS, *DECKS])
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--lmp", default="lmp", help="LAMMPS, with its path")
     parser.add_argument(
-        "--work",
-        type=Path,
-        default=Path(tempfile.gettempdir()) / "repose-one-pile",
-        help="folder of the runs",
+        "--work", type=Path, default=Path(tempfile.gettempdir()) / "repose-one-pile", help="folder of the runs"
     )
     arguments = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -77,14 +77,7 @@ def main():
     if not math.isfinite(energy):
         raise ArithmeticError(f"kinetic energy is {energy}")
     print(
-        json.dumps(
-            {
-                "us": times,
-                "touching": last["c_touching"],
-                "energy_j": energy,
-                "version": str(engine.version()),
-            }
-        )
+        json.dumps({"us": times, "touching": last["c_touching"], "energy_j": energy, "version": str(engine.version())})
     )
 
 

@@ -38,13 +38,7 @@ def build(pile):
     O.materials.append([berry, wall])
     radius = pile["radius_m"]
     O.bodies.append([utils.sphere(center, radius, material=0) for center in pile["positions_m"]])
-    for axis, place, sense in (
-        (2, 0.0, 1),
-        (0, 0.0, 1),
-        (0, pile["side_m"], -1),
-        (1, 0.0, 1),
-        (1, pile["side_m"], -1),
-    ):
+    for axis, place, sense in ((2, 0.0, 1), (0, 0.0, 1), (0, pile["side_m"], -1), (1, 0.0, 1), (1, pile["side_m"], -1)):
         O.bodies.append(utils.wall(place, axis, sense=sense, material=1))
     physics = Ip2_FrictMat_FrictMat_MindlinPhys(
         en=by_pair(pile, "e"),

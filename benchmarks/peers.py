@@ -43,9 +43,7 @@ BERRY_INERTIA_KG_M2 = (1.5512e-8, 4.0834e-8, 4.3092e-8)
 SHAPES = {
     "sphere": Shape.sphere(RADIUS_M, DENSITY_KG_M3, "berry"),
     "ellipsoid": Shape.ellipsoid(SEMI_AXES_M, DENSITY_KG_M3, "berry"),
-    "two-ellipsoid berry": Shape(
-        BERRY_SEMI_AXES_M, DENSITY_KG_M3 * BERRY_VOLUME_M3, BERRY_INERTIA_KG_M2, "berry"
-    ),
+    "two-ellipsoid berry": Shape(BERRY_SEMI_AXES_M, DENSITY_KG_M3 * BERRY_VOLUME_M3, BERRY_INERTIA_KG_M2, "berry"),
 }
 OUR_SETTLE_STEPS, PEER_SETTLE_STEPS = 30_000, 10_000
 BLOCKS = 5
@@ -254,10 +252,7 @@ def measure(rounds, piles, timers):
                 rows[name].us.append(us)
                 rows[name].over_spheres.append(us / times["sphere"])
                 rows[name].over_ellipsoids.append(us / times["ellipsoid"])
-        print(
-            f"round {number}: " + "  ".join(f"{key} {row.us[-1]:.1f}" for key, row in rows.items()),
-            flush=True,
-        )
+        print(f"round {number}: " + "  ".join(f"{key} {row.us[-1]:.1f}" for key, row in rows.items()), flush=True)
     for name, pile in piles.items():
         rows[name].contacts = 2 * len(pile.contacts()) / COUNT
         rows[name].energy_j = float(pile.kinetic_energies().sum())
@@ -278,9 +273,7 @@ def table(rows, missing):
             f"| {min(row.us):.1f} - {max(row.us):.1f} "
             f"| {np.median(row.over_spheres):.2f} | {np.median(row.over_ellipsoids):.2f} |"
         )
-    lines += [
-        f"| {row.engine} | {row.particle} | not measured: {row.missing} | | | | | | |" for row in missing
-    ]
+    lines += [f"| {row.engine} | {row.particle} | not measured: {row.missing} | | | | | | |" for row in missing]
     return "\n".join(lines)
 
 
@@ -331,9 +324,7 @@ def write_section(path, text):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--no-install", dest="install", action="store_false")
     parser.add_argument("--venv", default=str(Path(tempfile.gettempdir()) / "repose-peers"))

@@ -25,14 +25,7 @@ from repose.measure.saved_piles import pile_responses
 
 CONFIG = ("config/method.yaml", "config/config.yaml")
 RESPONSES = (
-    *(
-        "aor_flank_deg",
-        "aor_secant_deg",
-        "aor_steepest_deg",
-        "aor_whole_deg",
-        "aor_straightest_deg",
-        "height_mm",
-    ),
+    *("aor_flank_deg", "aor_secant_deg", "aor_steepest_deg", "aor_whole_deg", "aor_straightest_deg", "height_mm"),
     *("base_radius_mm", "packing_percent", "radius_90_mm", "loose_percent"),
 )
 KEPT = ("position", "quaternion", "in_pile", "scale")
@@ -67,9 +60,7 @@ def pour(path, seeds, processes):
         runs = pool.map(one, jobs, chunksize=1)
     arrays = {name: np.array([run[2][k] for run in runs]) for k, name in enumerate(KEPT)}
     names = np.repeat(list(sets), seeds)
-    np.savez_compressed(
-        path, set=names, status=[run[0] for run in runs], cpu_s=[run[1] for run in runs], **arrays
-    )
+    np.savez_compressed(path, set=names, status=[run[0] for run in runs], cpu_s=[run[1] for run in runs], **arrays)
 
 
 def measured(path, study):
@@ -109,15 +100,11 @@ def compare(before, after):
             counts = dict(zip(*np.unique(status[here], return_counts=True), strict=True))
             print(f"{name}, {side}: {counts}, {np.median(cpu_s[here]):.2f} s of processor time, the median")
     p = chi2.sf(sum_of_sets, degrees)
-    print(
-        f"chi squared {sum_of_sets:.1f} with {degrees} degrees of freedom, p {p:.3f}; largest ratio {largest:.2f}"
-    )
+    print(f"chi squared {sum_of_sets:.1f} with {degrees} degrees of freedom, p {p:.3f}; largest ratio {largest:.2f}")
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("step", choices=("pour", "compare"))
     parser.add_argument("files", nargs="+")
     parser.add_argument("--seeds", type=int, default=64)

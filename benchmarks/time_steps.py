@@ -32,9 +32,7 @@ TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 2.7e-4, 3.4e-4, 4.5e-4, 4.9e-4, 1e-3)
 PHASES = 12  # number of places within a step at which the impact begins
 RESTITUTION = 0.2
 SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
-SOFT = Solid(
-    "berry", 1.1352e5, 0.32, 840.47
-)  # Young's modulus: 2 (1 + nu) times the shear modulus of 4.3e4 Pa
+SOFT = Solid("berry", 1.1352e5, 0.32, 840.47)  # Young's modulus: 2 (1 + nu) times the shear modulus of 4.3e4 Pa
 
 
 def restitutions(step_s, **laws):
@@ -57,22 +55,15 @@ def oblique_errors(step_s, **laws):
     contact, radius_m, speed_m_s = Contact(0.98, 0.092, 0.0), 2.5e-3, 3.9
     errors = {"sticks": 0.0, "slides": 0.0}
     for degrees in oblique.TEST_4:
-        normal, along = (
-            speed_m_s * math.cos(math.radians(degrees)),
-            speed_m_s * math.sin(math.radians(degrees)),
-        )
+        normal, along = (speed_m_s * math.cos(math.radians(degrees)), speed_m_s * math.sin(math.radians(degrees)))
         hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius_m, normal)
-        result = oblique.impact(
-            ALUMINIUM_OXIDE, radius_m, contact, (along, 0.0, -normal), (0.0, 0.0, 0.0), **laws
-        )
+        result = oblique.impact(ALUMINIUM_OXIDE, radius_m, contact, (along, 0.0, -normal), (0.0, 0.0, 0.0), **laws)
         most = oblique.sliding_impulse(contact, normal)
         slides = along > oblique.SLIDES * 3.5 * most
         spring = laws.get("contact_law", "hertz_mindlin")
         tension = laws.get("tension", "keep")
         right = (
-            along - most
-            if slides
-            else oblique.equation_of_hit(ALUMINIUM_OXIDE, hertz, contact, along, spring, tension)
+            along - most if slides else oblique.equation_of_hit(ALUMINIUM_OXIDE, hertz, contact, along, spring, tension)
         )
         kind = "slides" if slides else "sticks"
         errors[kind] = max(errors[kind], abs(result[0][0] - right) / normal)
@@ -117,22 +108,14 @@ def rows(study, seeds, pairs):
         yield step_s, "error of hits that stick, slide", *(f"{errors[kind]:.4f}" for kind in errors)
         if pairs:
             yield step_s, "largest energy left, with friction", np.max(lossy), len(lossy)
-            yield (
-                step_s,
-                "energy left, elastic: mean, largest",
-                np.mean(elastic),
-                np.max(elastic),
-                len(elastic),
-            )
+            yield (step_s, "energy left, elastic: mean, largest", np.mean(elastic), np.max(elastic), len(elastic))
         for response in Targets.of(study.config["targets"]).responses:
             values = [run[response.name] for run in runs if run.get(response.name) is not None]
             yield step_s, response.name, *mean_and_error(values), len(values)
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", nargs="+", default=["config/config.yaml"])
     parser.add_argument("--seeds", type=int, default=2, help="pours of each time step; 0: impacts alone")
     parser.add_argument("--pairs", type=int, default=0, help="hits of two berries of each time step")

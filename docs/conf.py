@@ -35,13 +35,7 @@ include_patterns = [
 ]
 exclude_patterns = [".*", "build", "dist", "docs/_build", "paper.md", "results", "tests", "workflow"]
 
-extensions = [
-    "myst_nb",
-    "sphinx.ext.autodoc",
-    "sphinx.ext.napoleon",
-    "sphinx.ext.viewcode",
-    "sphinx_copybutton",
-]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "sphinx_copybutton"]
 # docs/notebook.md runs here, but not in .ci/run; a cell that fails ends the build.
 nb_execution_mode = "force"
 nb_execution_in_temp = True

@@ -85,9 +85,7 @@ class DropTest(BenchTest[DropSettings]):
         record = {"seed": int(scene.seed), "status": status, "reason": bounded.broken}
         return Run(record, {"position": simulation.positions.astype(np.float32)}, filmed.frames())
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record with the spread; None where the run failed."""
         spread = None
         if record["status"] == "ok":

@@ -42,11 +42,7 @@ def main(bodies=240, seconds=1.5):
     rng = np.random.default_rng(1)
     for k in range(bodies):  # loosely stacked at the top of the slope: 3 across, 8 along, 10 high
         across, along, up = k % 3 - 1, k // 3 % 8, k // 24
-        place = (
-            (-0.38 + 0.022 * along) * DOWN
-            + (0.012 + 0.021 * up) * NORMAL
-            + np.array([0.0, 0.024 * across, 0.0])
-        )
+        place = (-0.38 + 0.022 * along) * DOWN + (0.012 + 0.021 * up) * NORMAL + np.array([0.0, 0.024 * across, 0.0])
         simulation.add("berry", place, rng.normal(size=4))
 
     frames = Recorder()

@@ -45,9 +45,7 @@ def main(bodies=400, seconds=1.6):
     for k in range(bodies):  # layers of 4 x 4, every third body a ball
         layer, place = divmod(k, 16)
         xy = spots[[place % 4, place // 4]] + rng.uniform(-0.001, 0.001, 2)
-        simulation.add(
-            "ball" if rng.random() < 1 / 3 else "berry", (*xy, 0.015 + 0.023 * layer), rng.normal(size=4)
-        )
+        simulation.add("ball" if rng.random() < 1 / 3 else "berry", (*xy, 0.015 + 0.023 * layer), rng.normal(size=4))
 
     simulation.run(seconds, record=VtkSeries(OUT / "mixed_bed.pvd"), record_every_s=0.1)
 
@@ -55,9 +53,7 @@ def main(bodies=400, seconds=1.6):
     Image.fromarray(picture).save(OUT / "mixed_bed.png")
     pairs = simulation.shape_ids[simulation.contacts()]
     unlike = np.mean(pairs[:, 0] != pairs[:, 1])
-    print(
-        f"{len(pairs)} contacts, {100 * unlike:.0f} % of them between a berry and a ball; pictures in {OUT}"
-    )
+    print(f"{len(pairs)} contacts, {100 * unlike:.0f} % of them between a berry and a ball; pictures in {OUT}")
 
 
 if __name__ == "__main__":

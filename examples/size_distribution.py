@@ -50,9 +50,7 @@ def main(layers=60, seconds=0.5):
 
     view = {"elevation_deg": 20.0, "azimuth_deg": 20.0}
     Image.fromarray(render_simulation(simulation, height=800, **view)).save(OUT / "size_distribution.png")
-    animate(
-        simulation, frames.frames(), OUT / "size_distribution.gif", pictures=16, width=300, height=320, **view
-    )
+    animate(simulation, frames.frames(), OUT / "size_distribution.gif", pictures=16, width=300, height=320, **view)
     print(f"scales {scales.min():.2f} to {scales.max():.2f}, mean {scales.mean():.2f}; pictures in {OUT}")
 
 

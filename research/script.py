@@ -14,15 +14,7 @@ from repose.core.lock import joined_folder
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
-NOT_READ = (
-    "config",
-    "out",
-    "samples",
-    "part",
-    "work",
-    "depends_on",
-    "simulates",
-)  # options that name no input
+NOT_READ = ("config", "out", "samples", "part", "work", "depends_on", "simulates")  # options that name no input
 
 
 def option(*names: str, **keywords: Any) -> Option:
@@ -39,12 +31,7 @@ class Script:
         self.parts = self.parser.add_subparsers(required=True, dest="part")
 
     def part(
-        self,
-        name: str,
-        out: str,
-        *options: Option,
-        depends_on: Callable | None = None,
-        simulates: bool = False,
+        self, name: str, out: str, *options: Option, depends_on: Callable | None = None, simulates: bool = False
     ) -> Callable[[Callable], Callable]:
         """Decorator: the function gets the options with `study`, and both configurations in one; it returns a text.
 

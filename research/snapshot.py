@@ -57,9 +57,7 @@ def _kept(source: Path) -> list[Path]:
     found = []
     for folder, below, names in os.walk(source):
         known = set(below) if Path(folder) != source else OWN.intersection(below)
-        below[:] = sorted(
-            name for name in known if name not in left_out and not Path(folder, name, CONFIG).is_file()
-        )
+        below[:] = sorted(name for name in known if name not in left_out and not Path(folder, name, CONFIG).is_file())
         found += [Path(folder, name) for name in names if Path(name).suffix in SUFFIXES]
     return sorted(path for path in found if not OTHERS.fullmatch(path.name))
 

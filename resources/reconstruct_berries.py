@@ -95,9 +95,7 @@ def pair_axes(axes, target, rng):
 def reconstruct_sizes(table1, rng):
     """Fifty berries, (50, 3) in hundredths of a millimetre."""
     table1 = table1.set_index("dimension")
-    axes = np.stack(
-        [normal_axis(*table1.loc[name, ["maximum", "minimum", "mean"]]) for name in SIZE_COLUMNS], axis=1
-    )
+    axes = np.stack([normal_axis(*table1.loc[name, ["maximum", "minimum", "mean"]]) for name in SIZE_COLUMNS], axis=1)
     target = table1.loc[["equivalent_diameter_mm", "sphericity_percent"], ["maximum", "minimum", "mean"]]
     sizes = pair_axes(axes, target.to_numpy(dtype=float).ravel(), rng)
     return rng.permutation(sizes)

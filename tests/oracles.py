@@ -33,9 +33,7 @@ def gap(semi_axes, d, qa, qb, count=4000):
     turns = rotation(qa), rotation(qb)
 
     def f(n):
-        return n @ d - sum(
-            np.linalg.norm(a * (n @ turn), axis=-1) for a in np.atleast_2d(semi_axes) for turn in turns
-        )
+        return n @ d - sum(np.linalg.norm(a * (n @ turn), axis=-1) for a in np.atleast_2d(semi_axes) for turn in turns)
 
     n = sphere_points(count)
     start = n[f(n).argmax()]
@@ -160,9 +158,7 @@ def circle_distance(semi_axes, centre, q, radius, height, count=720):
     turn, axes = rotation(q), np.atleast_2d(semi_axes)[0]
 
     def distances(theta):
-        circle = np.column_stack(
-            [radius * np.cos(theta), radius * np.sin(theta), np.full(len(theta), height)]
-        )
+        circle = np.column_stack([radius * np.cos(theta), radius * np.sin(theta), np.full(len(theta), height)])
         return _points_to_ellipsoid((circle - centre) @ turn, axes)[0]
 
     theta = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)

@@ -5,9 +5,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 
-def not_refused(
-    call: Callable[[Any], object], cases: Iterable[tuple[Any, str]], error: type[Exception]
-) -> list[str]:
+def not_refused(call: Callable[[Any], object], cases: Iterable[tuple[Any, str]], error: type[Exception]) -> list[str]:
     """Of (case, pattern of the message), those that `call(case)` takes, or refuses with another message."""
     found = []
     for case, words in cases:

@@ -29,9 +29,7 @@ def main():
         measured = []
         for seed in SEEDS:
             run = test.run(Scene.of(study.config, values, study.grain, study.particle, seed))
-            measured += [
-                test.measure(run.record, run.arrays, Scene.of(study.config, {}, study.grain, study.particle))
-            ]
+            measured += [test.measure(run.record, run.arrays, Scene.of(study.config, {}, study.grain, study.particle))]
         for response in responses:
             angles = [one[response] for one in measured if one.get(response) is not None]
             mean, error = mean_and_error(angles)

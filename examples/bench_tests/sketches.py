@@ -71,9 +71,7 @@ def drop_test(config: Mapping[str, Any]) -> Figure:
     _solid(panel, (-half, half), (-0.04 * height, 0))
     turn = np.linspace(0, 2 * math.pi, 60)
     around = 0.5 * BODY_MM * np.array([np.cos(turn), np.sin(turn)])
-    panel.fill(
-        around[0], height + 0.5 * BODY_MM + around[1], facecolor=config["colour"], edgecolor=style.BLACK
-    )
+    panel.fill(around[0], height + 0.5 * BODY_MM + around[1], facecolor=config["colour"], edgecolor=style.BLACK)
     beside = -0.6 * half
     dimension(panel, (beside, 0), (beside, height), f"{height:g}", (1.05 * beside, height / 2), ha="right")
     _words(panel, (0, -0.07 * height), f"plate: {own['surface']}")
@@ -84,9 +82,7 @@ def drop_test(config: Mapping[str, Any]) -> Figure:
 def drawdown(config: Mapping[str, Any]) -> Figure:
     """Both chambers, slot and gate."""
     own = section(config, "drawdown")
-    width, slot, lower, floor = (
-        own[key] / 2 for key in ("width_mm", "slot_mm", "lower_width_mm", "floor_mm")
-    )
+    width, slot, lower, floor = (own[key] / 2 for key in ("width_mm", "slot_mm", "lower_width_mm", "floor_mm"))
     floor *= 2
     drop, top = own["drop_mm"], own["drop_mm"] + own["height_mm"]
     panel = _panel((-1.2 * lower, 1.2 * lower), (-0.12 * top, 1.12 * top))
@@ -113,12 +109,7 @@ def drawdown(config: Mapping[str, Any]) -> Figure:
 def cylinder(config: Mapping[str, Any]) -> Figure:
     """The vessel, the collar through which it is filled over its rim, and the core that gives the bulk density."""
     own = section(config, "cylinder")
-    radius, height, collar, margin = (
-        own["diameter_mm"] / 2,
-        own["height_mm"],
-        own["collar_mm"],
-        own["core_margin_mm"],
-    )
+    radius, height, collar, margin = (own["diameter_mm"] / 2, own["height_mm"], own["collar_mm"], own["core_margin_mm"])
     top = height + collar
     panel = _panel((-2.2 * radius, 2.2 * radius), (-0.12 * top, 1.12 * top))
     _vessel(panel, radius, height, collar)
@@ -133,14 +124,7 @@ def cylinder(config: Mapping[str, Any]) -> Figure:
     )
     panel.plot(inside[:2], [margin] * 2, style.GREY, ls="--", lw=0.8)
     _words(panel, (0, height / 2), f"core,\n{margin:g} inside")
-    dimension(
-        panel,
-        (-radius, -0.06 * top),
-        (radius, -0.06 * top),
-        f"{2 * radius:g}",
-        (0, -0.06 * top),
-        va="center",
-    )
+    dimension(panel, (-radius, -0.06 * top), (radius, -0.06 * top), f"{2 * radius:g}", (0, -0.06 * top), va="center")
     _beside(panel, -1.5 * radius, (0, height))
     _beside(panel, -1.5 * radius, (height, top))
     _motion(panel, (0, 1.08 * top), (0, 0.94 * top), f"{own['speed_m_s']:g} m/s")
@@ -184,10 +168,7 @@ def turning(config: Mapping[str, Any]) -> Figure:
         panel.plot([side * share] * 2, [-inner, inner], style.GREY, ls="--", lw=0.8)
     _words(panel, (0, 0.5 * inner), "fitted")
     panel.plot(
-        [-0.12 * outer, 0.12 * outer, 0, 0, 0],
-        [0, 0, 0, -0.12 * outer, 0.12 * outer],
-        color=style.BLACK,
-        lw=0.6,
+        [-0.12 * outer, 0.12 * outer, 0, 0, 0], [0, 0, 0, -0.12 * outer, 0.12 * outer], color=style.BLACK, lw=0.6
     )
     under, speeds = -1.2 * outer, np.atleast_1d(own["angular_velocity_rad_s"])
     dimension(panel, (-inner, under), (inner, under), f"{2 * inner:g}", (0, under), va="center")
@@ -197,11 +178,7 @@ def turning(config: Mapping[str, Any]) -> Figure:
     _motion(panel, tuple(last[0]), tuple(last[1]), "")
     _words(panel, (1.05 * outer, 0.15 * outer), "\n".join(f"{speed:g} rad/s" for speed in speeds), ha="left")
     tilt = own.get("tilt_deg", 0)
-    _words(
-        panel,
-        (0, -1.34 * outer),
-        f"length {own['length_mm']:g}" + (f", axis tilted {tilt:g}°" if tilt else ""),
-    )
+    _words(panel, (0, -1.34 * outer), f"length {own['length_mm']:g}" + (f", axis tilted {tilt:g}°" if tilt else ""))
     return panel.figure
 
 

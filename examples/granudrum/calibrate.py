@@ -88,9 +88,7 @@ def turned(name: str, parameters: dict[str, float], seed: int, how: Procedure) -
     path = OUT / "drums" / f"{name}.json"
     for kept in (path, TURNED / f"{name}.json"):
         known = read_json(kept) if kept.exists() else {"parameters": dict.fromkeys(parameters, math.nan)}
-        alike = [
-            math.isclose(known["parameters"][key], value, rel_tol=1e-6) for key, value in parameters.items()
-        ]
+        alike = [math.isclose(known["parameters"][key], value, rel_tol=1e-6) for key, value in parameters.items()]
         if all(alike) and known["seed"] == seed:
             write_json(path, known)
             break
@@ -116,11 +114,7 @@ def drums_as_published(
     name: str, parameters: dict[str, float], seeds: Sequence[int], rpm: Sequence[int] = RPM
 ) -> list[dict]:
     """Surfaces by speed for each seed; each speed is a drum of its own that starts at rest."""
-    jobs = [
-        (f"{name}_{seed}_{speed}rpm", parameters, seed, as_published(speed))
-        for speed in rpm
-        for seed in seeds
-    ]
+    jobs = [(f"{name}_{seed}_{speed}rpm", parameters, seed, as_published(speed)) for speed in rpm for seed in seeds]
     found = dict(zip([(seed, speed) for speed in rpm for seed in seeds], all_turned(jobs), strict=True))
     return [{speed: found[seed, speed][speed] for speed in rpm} for seed in seeds]
 
@@ -162,9 +156,7 @@ def screened() -> tuple[Study, calibration.Calibration]:
     return study, study.answer()
 
 
-def corrected(
-    study: Study, screening: calibration.Calibration
-) -> tuple[calibration.Calibration, list[Turned]]:
+def corrected(study: Study, screening: calibration.Calibration) -> tuple[calibration.Calibration, list[Turned]]:
     """The answer for drums that turn as published, from the screening and some such drums; with it each step's drums.
 
     It ends when the drums of a step are as near to both surfaces as the published answer.
@@ -182,23 +174,17 @@ def corrected(
     return answer, steps
 
 
-def shifts(
-    study: Study, screening: calibration.Calibration, at: dict[str, float], drums: list[dict]
-) -> pd.DataFrame:
+def shifts(study: Study, screening: calibration.Calibration, at: dict[str, float], drums: list[dict]) -> pd.DataFrame:
     """Scores of drums as published less those that the short runs predict for their parameters."""
     return scored(study, drums) - screening.model.predict(np.array([[*at.values()]]))
 
 
-def with_drums(
-    study: Study, screening: calibration.Calibration, turned_at: list[Turned]
-) -> calibration.Calibration:
+def with_drums(study: Study, screening: calibration.Calibration, turned_at: list[Turned]) -> calibration.Calibration:
     """The answer by drums as published, and by the short runs with the mean shift between both."""
     shift = pd.concat([shifts(study, screening, *group) for group in turned_at]).mean()
     runs, last = study.runs.copy(), study.runs["sample"].astype(int).max()
     runs[shift.index] += shift
-    tables = [
-        scored(study, drums).assign(sample=last + step, **at) for step, (at, drums) in enumerate(turned_at, 1)
-    ]
+    tables = [scored(study, drums).assign(sample=last + step, **at) for step, (at, drums) in enumerate(turned_at, 1)]
     table = pd.concat([runs, *tables], ignore_index=True)[["sample", *PARAMETERS, *shift.index]]
     return calibration.calibrate(study, checked_runs(study, table))
 
@@ -221,9 +207,7 @@ def nearest(study: Study, screening: calibration.Calibration, turned_at: list[Tu
     def ratio(values):
         weight = 1 / np.square((there - values) / (high - low)).sum(axis=1).clip(1e-9)
         row = screening.model.predict(values[None])[0] + weight @ shift / weight.sum()
-        off = {
-            rpm: profile.heights(row[columns[rpm]]) - np.array(profile.z) for rpm, profile in profiles.items()
-        }
+        off = {rpm: profile.heights(row[columns[rpm]]) - np.array(profile.z) for rpm, profile in profiles.items()}
         return max(math.hypot(rms(off[rpm]), scatter[rpm]) / THEIR_GRAINS_MM[rpm] for rpm in RPM)
 
     found = differential_evolution(ratio, [*PARAMETERS.values()], seed=1, maxiter=60, popsize=12)
@@ -250,10 +234,7 @@ def compared(checks: list[dict]) -> pd.DataFrame:
         mean = lines.mean(axis=0)
         row = {"rpm": rpm, "single_runs_rms_mm": rms(lines - measured), "mean_rms_mm": rms(mean - measured)}
         row |= {"mean_mm": float(np.nanmean(mean - measured)), "scatter_mm": rms(lines.std(axis=0, ddof=1))}
-        of_theirs = {
-            "theirs_rms_mm": rms(theirs - measured),
-            "theirs_mean_mm": float(np.nanmean(theirs - measured)),
-        }
+        of_theirs = {"theirs_rms_mm": rms(theirs - measured), "theirs_mean_mm": float(np.nanmean(theirs - measured))}
         rows.append(row | of_theirs)
     return pd.DataFrame(rows)
 
@@ -304,9 +285,7 @@ def main() -> None:
     print(found[["parameter", "median", "credible_low", "credible_high"]].to_string(index=False))
     print(pd.concat(tables).to_string(index=False), flush=True)
     minutes = {path.stem: read_json(path)["minutes"] for path in sorted((OUT / "drums").glob("*.json"))}
-    checks = [
-        name for name in minutes if name.startswith("last_fresh") or name.endswith(("_10rpm", "_30rpm"))
-    ]
+    checks = [name for name in minutes if name.startswith("last_fresh") or name.endswith(("_10rpm", "_30rpm"))]
     runs = sum(2 if name.startswith("run") else 1 for name in minutes if name not in checks)
     print(f"{runs} runs and {len(checks)} to check: {sum(minutes.values()):.0f} minutes of processor")
 

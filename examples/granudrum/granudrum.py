@@ -35,12 +35,7 @@ COVERED = 0.1  # share of the frames: grey level 30 between the picture's backgr
 
 
 def drum(
-    sliding: float,
-    rolling: float,
-    grains: float,
-    seed: int,
-    young_pa: float = YOUNG_PA,
-    shares: np.ndarray = SHARES,
+    sliding: float, rolling: float, grains: float, seed: int, young_pa: float = YOUNG_PA, shares: np.ndarray = SHARES
 ) -> Simulation:
     """A drum at rest with a number of grains."""
     rng = np.random.default_rng(seed)
@@ -87,9 +82,7 @@ def surfaces(
 
     As in the pictures of the instrument, the bed is lifted at negative x.
     """
-    return [
-        line(occupied, x_mm, COVERED) for occupied in occupied_shares(simulation, rpm, turned_s, averaged_s)
-    ]
+    return [line(occupied, x_mm, COVERED) for occupied in occupied_shares(simulation, rpm, turned_s, averaged_s)]
 
 
 def occupied_shares(
@@ -155,9 +148,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--young-pa", type=float, default=YOUNG_PA, help="5e6 is published")
     parser.add_argument("--inserted", action="store_true", help="sizes that the published run inserted")
-    parser.add_argument(
-        "--files", type=Path, help="the published run's own grains at the speed of --rpm, not a drum"
-    )
+    parser.add_argument("--files", type=Path, help="the published run's own grains at the speed of --rpm, not a drum")
     asked = parser.parse_args()
     if asked.files and len(asked.rpm) > 1:
         parser.error(f"--rpm is {asked.rpm}; allowed: the one speed of the files in {asked.files}")

@@ -159,9 +159,7 @@ def draw_figure(found: dict) -> None:
             look = {"color": style.SERIES[k], "marker": "osD^v"[k], "ms": 5}
             plane.plot(pair.static, pair.rolling, **look)
             means = [found[name][of] for name in benches]
-            at = [
-                (x, mean, 2 * (error or 0.0)) for x, (mean, error, *_) in enumerate(means) if mean is not None
-            ]
+            at = [(x, mean, 2 * (error or 0.0)) for x, (mean, error, *_) in enumerate(means) if mean is not None]
             x, mean, error = zip(*at, strict=True)
             tests.errorbar(x, mean, yerr=error, capsize=2, **look)
             beside = {"textcoords": "offset points", "color": look["color"], "fontweight": "bold"}

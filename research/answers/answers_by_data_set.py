@@ -60,9 +60,7 @@ def merged(sets):
     X, place = np.unique(every.X, axis=0, return_inverse=True)
     rows = [every.values[place.ravel() == k].reshape(-1, every.responses) for k in range(len(X))]
     most = max(map(len, rows))
-    return Points(
-        X, np.array([np.pad(runs, ((0, most - len(runs)), (0, 0)), constant_values=np.nan) for runs in rows])
-    )
+    return Points(X, np.array([np.pad(runs, ((0, most - len(runs)), (0, 0)), constant_values=np.nan) for runs in rows]))
 
 
 def cut(design, pool):
@@ -76,8 +74,7 @@ def cut(design, pool):
             own = np.zeros(every.values.shape[:2], dtype=bool)
             own[quarter == k, pair] = True
             yield tuple(
-                Points(every.X, np.where(kept[:, :, None], every.values, np.nan))._with_runs()
-                for kept in (own, ~own)
+                Points(every.X, np.where(kept[:, :, None], every.values, np.nan))._with_runs() for kept in (own, ~own)
             )
 
 
@@ -140,12 +137,7 @@ def answers(model, judge, names, values, space):
         X = np.array([[found[parameter] for parameter in PARAMETERS]])
         truth, unsure = judge.predict(X), judge.covariance(X)
         off = 100 * (truth[0] / aim - 1)
-        row = {
-            "target": number,
-            "off": off[0],
-            "off_2": off[-1],
-            "judge_se": 100 * np.sqrt(unsure[0, 0, 0]) / aim[0],
-        }
+        row = {"target": number, "off": off[0], "off_2": off[-1], "judge_se": 100 * np.sqrt(unsure[0, 0, 0]) / aim[0]}
         row["judge_se_2"] = 100 * np.sqrt(unsure[0, -1, -1]) / aim[-1]
         for percent in PERCENT:
             reach = percent / 100 * aim
@@ -177,11 +169,7 @@ def run(args, study):
                 model = fit(name, own, space, targets_at(names, values[0]), config)
                 cost = time.process_time() - began
                 about = {"surrogate": name, "responses": responses, "set": set_name, "samples": len(own.X)}
-                about |= {
-                    "pours": int(own.counts().sum()),
-                    "fit_s": cost,
-                    "z_fresh": at_fresh_points(model, fresh),
-                }
+                about |= {"pours": int(own.counts().sum()), "fit_s": cost, "z_fresh": at_fresh_points(model, fresh)}
                 rows += [about | answer for answer in answers(model, judge, names, values, space)]
                 pd.DataFrame(rows).to_csv(args.out, index=False, float_format="%.5g")
     return pd.DataFrame(rows)
@@ -198,14 +186,7 @@ def by_sets(table, values):
 def summary(table):
     """The table of errors."""
     shares = (f"within {percent:g} % | stated, reported" for percent in PERCENT)
-    heads = [
-        "responses",
-        "surrogate",
-        "sets of samples, pours",
-        "mean error %",
-        "rms %",
-        "judge's own error %",
-    ]
+    heads = ["responses", "surrogate", "sets of samples, pours", "mean error %", "rms %", "judge's own error %"]
     yield "| " + " | ".join([*heads, *shares, "fresh z", "fit s"]) + " |"
     yield "|---" * 12 + "|"
     for (responses, name), own in table.groupby(["responses", "surrogate"], sort=False):
@@ -215,9 +196,7 @@ def summary(table):
         for key in errors:
             square, error = by_sets(own, own[key] ** 2)
             rms.append(f"{square**0.5:.2f} ± {error / 2 / square**0.5:.2f}")
-        judge = "; ".join(
-            f"{np.sqrt(np.mean(own[key.replace('off', 'judge_se')] ** 2)):.2f}" for key in errors
-        )
+        judge = "; ".join(f"{np.sqrt(np.mean(own[key.replace('off', 'judge_se')] ** 2)):.2f}" for key in errors)
         shares = []
         for percent in PERCENT:
             met, error = by_sets(own, own[f"met_{percent:g}"])
@@ -246,15 +225,11 @@ def reliability(table):
     yield "|---" * 8 + "|"
     for name, own in table.groupby("surrogate", sort=False):
         parts = [
-            pd.DataFrame(
-                {"set": own["set"], "stated": own[f"stated_{percent:g}"], "met": own[f"met_{percent:g}"]}
-            )
+            pd.DataFrame({"set": own["set"], "stated": own[f"stated_{percent:g}"], "met": own[f"met_{percent:g}"]})
             for percent in PERCENT
         ]
         every = pd.concat(parts, ignore_index=True)
-        for place, part in every.groupby(
-            pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True
-        ):
+        for place, part in every.groupby(pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True):
             difference, error = by_sets(part, part["met"].astype(float) - part["stated"])
             # where all sets achieve 1.00 their scatter has no information
             error = max(error, np.sqrt((part["stated"] * (1 - part["stated"])).sum()) / len(part))
@@ -285,31 +260,21 @@ def differences(table):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=Path("results/published/height_alone"))
     parser.add_argument("--config", default="config/config.yaml")
     parser.add_argument("--sets", choices=["parts", "whole"], default="parts")
     parser.add_argument(
-        "--runs",
-        type=Path,
-        nargs="*",
-        default=[],
-        help="folders with dataset.csv and runs.csv of further runs",
+        "--runs", type=Path, nargs="*", default=[], help="folders with dataset.csv and runs.csv of further runs"
     )
     parser.add_argument("--angle", default="aor_secant_deg", help="column of the second response")
     parser.add_argument("--responses", type=int, nargs="+", choices=[1, 2], default=[1, 2])
     parser.add_argument(
-        "--surrogates",
-        nargs="+",
-        default=["network_ensemble", "gaussian_process", *surrogate_candidates.NAMES],
+        "--surrogates", nargs="+", default=["network_ensemble", "gaussian_process", *surrogate_candidates.NAMES]
     )
     parser.add_argument("--targets", type=int, default=15)
     parser.add_argument("--read", type=Path, nargs="*", help="tables of earlier runs, instead of fitting")
-    parser.add_argument(
-        "--out", type=Path, default=Path("answers.csv"), help="CSV file with a row for each answer"
-    )
+    parser.add_argument("--out", type=Path, default=Path("answers.csv"), help="CSV file with a row for each answer")
     args = parser.parse_args()
     if args.read:
         tables = [pd.read_csv(path) for path in args.read]

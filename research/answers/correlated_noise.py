@@ -40,9 +40,7 @@ def trial(prior, used, X, Y, errors, covariance, order):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dataset", required=True, help="dataset.csv of a study")
-    parser.add_argument(
-        "--runs", required=True, help="runs.csv of the same study, two seeds a sample or more"
-    )
+    parser.add_argument("--runs", required=True, help="runs.csv of the same study, two seeds a sample or more")
     parser.add_argument("--config", default="config/config.yaml", help="its targets are taken (%(default)s)")
     parser.add_argument("--splits", type=int, default=8)
     parser.add_argument("--out", help="markdown file to write the table to")
@@ -64,9 +62,7 @@ def main():
             ]
             mean, error = np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits)
             cells = [f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:-1], error[:-1], strict=True)]
-            lines.append(
-                "| " + " | ".join([prior, "used" if used else "not used", *cells, f"{mean[-1]:.0f}"]) + " |"
-            )
+            lines.append("| " + " | ".join([prior, "used" if used else "not used", *cells, f"{mean[-1]:.0f}"]) + " |")
     print("\n".join(lines))
     if args.out:
         Path(args.out).write_text("\n".join(lines) + "\n")

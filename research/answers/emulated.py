@@ -45,8 +45,7 @@ class Simulator:
         """`noise_percent` of a pour; `plan.NOISE_PERCENT` is as in the pool."""
         self.times, space = noise_percent / plan.NOISE_PERCENT, ParameterSpace.of(config["parameters"])
         read = [
-            points.read(folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names)
-            for part in ("", "fresh_")
+            points.read(folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names) for part in ("", "fresh_")
         ]
         poured = points.joined([simulated._replace(X=space.unit(simulated.X)) for simulated in read])
         covariance = poured.covariance()

@@ -99,12 +99,7 @@ def network(simulator, goal, targets, config, random, budgets):
         yield budget, answer, np.nan
 
 
-METHODS = {
-    "sequential": of_the_strategy,
-    "GP on one hypercube": kriging,
-    "published chain": network,
-    **rivals.METHODS,
-}
+METHODS = {"sequential": of_the_strategy, "GP on one hypercube": kriging, "published chain": network, **rivals.METHODS}
 
 
 def of_truth(number, simulator, names, space, config, methods, noise):
@@ -124,9 +119,7 @@ def of_truth(number, simulator, names, space, config, methods, noise):
 def summary(table):
     """Errors by method and budget, and how far the stated probabilities are right at a stop, at the pool's noise."""
     table = table[table["noise_percent"] == plan.NOISE_PERCENT]
-    lines = [
-        "| responses | method | pours | truths | median worst error | 90th percentile | within 1 % | within 2 % |"
-    ]
+    lines = ["| responses | method | pours | truths | median worst error | 90th percentile | within 1 % | within 2 % |"]
     lines.append("|---|---|---|---|---|---|---|---|")
     for (k, method, pours), rows in table.groupby(["responses", "method", "pours"], sort=False):
         if pours in BUDGETS:
@@ -164,15 +157,11 @@ def main():
     parser = options(__doc__, TABLE)
     parser.add_argument("--emulator", choices=EMULATORS, default="process")
     parser.add_argument("--truths", type=int, nargs=2, default=[0, 40], metavar=("FROM", "TO"))
-    parser.add_argument(
-        "--noise-percent", type=float, default=plan.NOISE_PERCENT, help="of a pour; 5: as in the pool"
-    )
+    parser.add_argument("--noise-percent", type=float, default=plan.NOISE_PERCENT, help="of a pour; 5: as in the pool")
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     args = parser.parse_args()
     if args.emulator != "process" and args.out == TABLE:
-        parser.error(
-            f"--emulator {args.emulator}: --out is the table of the Gaussian process; allowed: another file"
-        )
+        parser.error(f"--emulator {args.emulator}: --out is the table of the Gaussian process; allowed: another file")
 
     columns = ["responses", "method", "truth", "noise_percent", "pours", "error_percent", "probability"]
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)

@@ -25,9 +25,7 @@ SMALL = {"discharge": {"berries": 300}, "turning": DRUM, "drum": DRUM}
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/joint"))
     parser.add_argument("--samples", type=int, default=110)
     parser.add_argument("--seeds", type=int, default=2)

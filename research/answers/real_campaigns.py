@@ -160,9 +160,7 @@ def collect(folder, kind):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", choices=("sequential", "refine"))
     parser.add_argument("--out", type=Path, default=Path("results/real"))
     parser.add_argument("--campaigns", type=int, nargs="*", default=range(CAMPAIGNS))

@@ -98,11 +98,7 @@ def grainlearning(simulator, goal, targets, config, random, budgets):
             "obs_data": [[aim] for aim in goal.aim],
         }
     )
-    mixture = {
-        "max_num_components": 2,
-        "covariance_type": "full",
-        "random_state": int(random.integers(2**31)),
-    }
+    mixture = {"max_num_components": 2, "covariance_type": "full", "random_state": int(random.integers(2**31))}
     weights = {"ess_target": 0.3, "scale_cov_with_max": True}
     study = IterativeBayesianFilter.from_dict({"Bayes_filter": weights, "sampling": mixture})
     study.initialize(system)
@@ -124,9 +120,7 @@ def response_surface(simulator, goal, targets, config, random, budgets):
         def poured(table, seeds=seeds, space=space):
             unit = space.unit(table[list(PARAMETERS)].to_numpy(float))
             means = simulator.pour(unit, seeds, random).means
-            return table[["sample", *PARAMETERS]].assign(
-                status="ok", **dict(zip(targets.names, means.T, strict=True))
-            )
+            return table[["sample", *PARAMETERS]].assign(status="ok", **dict(zip(targets.names, means.T, strict=True)))
 
         first = screening.design(space, section)
         corners, middle = screening.corners_and_centre(first)

@@ -67,14 +67,9 @@ def compared(files, response):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "--results",
-        type=Path,
-        default=Path("results/published/height_alone"),
-        help="folder of a study with its pool",
+        "--results", type=Path, default=Path("results/published/height_alone"), help="folder of a study with its pool"
     )
     parser.add_argument("--response", default="height_mm")
     parser.add_argument("--out", required=True, help="CSV file with a row for each training set and model")

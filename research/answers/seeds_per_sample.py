@@ -151,9 +151,7 @@ def poured(args, keys, places, X, seeds):
 
 def design_of(args):
     samples = read_samples(args.design)
-    return [{"sample": k} for k in samples["sample"]], samples[list(args.study.parameters.names)].to_numpy(
-        float
-    )
+    return [{"sample": k} for k in samples["sample"]], samples[list(args.study.parameters.names)].to_numpy(float)
 
 
 def fresh_of(study, config):
@@ -162,14 +160,7 @@ def fresh_of(study, config):
 
 
 @script.part(
-    "pour_pool",
-    f"{OUT}/pool.csv",
-    DESIGN,
-    POOL,
-    PROCESSES,
-    MINUTES,
-    depends_on=runs_depend_on,
-    simulates=True,
+    "pour_pool", f"{OUT}/pool.csv", DESIGN, POOL, PROCESSES, MINUTES, depends_on=runs_depend_on, simulates=True
 )
 def pour_pool(args, config):
     """Pour the design many times."""
@@ -272,19 +263,11 @@ def pour_answers(args, config):
     keys, names = ["data_set", "seeds"], list(args.study.parameters.names)
     found = read_table(args.answers, (*keys, *names))
     places, seed = found[keys].to_dict("records"), config["design"]["seed"]
-    seeds = [
-        seeds_of(seed, OF_ANSWERS, [place["data_set"], place["seeds"]], args.answer_seeds) for place in places
-    ]
+    seeds = [seeds_of(seed, OF_ANSWERS, [place["data_set"], place["seeds"]], args.answer_seeds) for place in places]
     return poured(args, keys, places, found[names].to_numpy(float), seeds)
 
 
-@script.part(
-    "judge",
-    OUT,
-    table_of("answers"),
-    table_of("fresh"),
-    table_of("answer_pours"),
-)
+@script.part("judge", OUT, table_of("answers"), table_of("fresh"), table_of("answer_pours"))
 def judge(args, config):
     """Judge all answers by real pours; choose by the rule."""
     targets, keys, study = args.study.targets, ["data_set", "seeds"], args.study

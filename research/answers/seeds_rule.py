@@ -43,11 +43,7 @@ def choose(upper: Mapping[int, Mapping[str, float]]) -> int:
 
     `upper` holds for each other number of seeds the largest bound over the responses of each quantity.
     """
-    met = [
-        seeds
-        for seeds, bounds in upper.items()
-        if all(bounds[name] <= limit for name, limit in LIMITS.items())
-    ]
+    met = [seeds for seeds, bounds in upper.items() if all(bounds[name] <= limit for name, limit in LIMITS.items())]
     return min(met, default=SEEDS[0])
 
 
@@ -78,9 +74,7 @@ class Judge:
         poured, row = np.unique(group, return_inverse=True)
         counts = np.bincount(row).astype(float)
         means = np.column_stack([np.bincount(row, column) / counts for column in values.T])
-        self.process = make("gaussian_process", {}).fit(
-            X[poured], means, precision=counts, noise_covariance=self.noise
-        )
+        self.process = make("gaussian_process", {}).fit(X[poured], means, precision=counts, noise_covariance=self.noise)
 
     def draw(self, X: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
         """Draws (count, m, k) of the mean responses at all parameter sets X (m, d) together."""
@@ -113,13 +107,7 @@ def verdict(
     again = random.integers(sets, size=(draws, sets))
     row = np.arange(draws)[:, None]
     # each (3, quantities) and (draws, 3, quantities), all the worse the larger
-    value = np.column_stack(
-        [
-            objective.mean(axis=(0, 1)),
-            1 - r2.mean(axis=0),
-            np.sqrt((error**2).mean(axis=(0, 1))),
-        ]
-    )
+    value = np.column_stack([objective.mean(axis=(0, 1)), 1 - r2.mean(axis=0), np.sqrt((error**2).mean(axis=(0, 1)))])
     resampled = np.concatenate(
         [
             objective[row, again].mean(axis=1)[:, :, None],

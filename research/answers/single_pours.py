@@ -49,9 +49,7 @@ def ways(X, Y, rows, starts, repeats=None):
     scale = Y[train].std(axis=0)
     yield (
         "by_error",
-        min(
-            rated or [first], key=lambda model: np.sum(((Y[unseen] - model.predict(X[unseen])) / scale) ** 2)
-        ).predict,
+        min(rated or [first], key=lambda model: np.sum(((Y[unseen] - model.predict(X[unseen])) / scale) ** 2)).predict,
     )
     both = np.concatenate([train, unseen])
     stopped = EarlyStoppingBP(starts=starts, held_back=SHARES[1] / (SHARES[0] + SHARES[1]))
@@ -78,9 +76,7 @@ def at_fresh_points(sets, names, splits, starts):
         repeats = pool.take(drawn, REPEATS)
         for way, predict in ways(X, Y, split(len(X), SHARES, k), starts, repeats):
             P = predict(fresh.X)
-            found = [
-                scores.accuracy(means[:, j], errors[:, j], P[:, j])["explainable"] for j in range(len(names))
-            ]
+            found = [scores.accuracy(means[:, j], errors[:, j], P[:, j])["explainable"] for j in range(len(names))]
             yield {"split": k, "way": way} | dict(zip(names, found, strict=True))
 
 
@@ -111,13 +107,9 @@ def reachable(main, names):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--results", type=Path, default=Path("results/published/recommended"))
-    parser.add_argument(
-        "--own", type=Path, help="folder of a study of single pours, as results/published/paper"
-    )
+    parser.add_argument("--own", type=Path, help="folder of a study of single pours, as results/published/paper")
     parser.add_argument("--responses", nargs=2, default=["aor_secant_view_deg", "height_view_mm"])
     parser.add_argument("--splits", type=int, default=20)
     parser.add_argument("--starts", type=int, default=20)

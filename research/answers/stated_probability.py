@@ -34,9 +34,7 @@ CELLS = (
     ("process", 2, 7.5),
     ("deep_ripple", 1, 2.5),
 )
-COLUMNS = [
-    *("emulator", "responses", "noise_percent", "truth", "pours", "probability", "error_percent", "stop"),
-]
+COLUMNS = [*("emulator", "responses", "noise_percent", "truth", "pours", "probability", "error_percent", "stop")]
 CLASSES, FEWEST, ERRORS = 5, 10, 2
 
 

@@ -133,9 +133,7 @@ class Kriging(Candidate):
         mixing = np.eye(k)
         if noise_covariance is not None:
             mixing = np.linalg.inv(np.linalg.cholesky(noise_covariance)).T
-            mixing = (
-                mixing @ np.linalg.eigh(np.atleast_2d(np.cov((Y @ mixing).T, aweights=precision[:, 0])))[1]
-            )
+            mixing = mixing @ np.linalg.eigh(np.atleast_2d(np.cov((Y @ mixing).T, aweights=precision[:, 0])))[1]
         values = Y @ mixing
         self.middle, self.scale = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-12)
         self.unmixing = np.linalg.inv(mixing)
@@ -179,9 +177,7 @@ class Kriging(Candidate):
         for length in FIRST_LENGTHS:
             start = np.array([0.0] + [np.log(length)] * d + [np.log(known[0]) if known else NOISE_LOG_MEAN])
             ends.append(
-                optimize.minimize(
-                    loss, start, jac=True, method="L-BFGS-B", bounds=[(-LIMIT, LIMIT)] * len(start)
-                )
+                optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-LIMIT, LIMIT)] * len(start))
             )
         best = min(ends, key=lambda end: end.fun).x
         curvature = np.array(
@@ -200,9 +196,7 @@ class Kriging(Candidate):
     def conditioned(self, theta, value, weight):
         K = self.between(theta, self.x, self.x) + np.diag(np.exp(theta[-1]) * weight)
         root = linalg.cholesky(K, lower=True)
-        return linalg.cho_solve((root, True), value), linalg.solve_triangular(
-            root, np.eye(len(K)), lower=True
-        )
+        return linalg.cho_solve((root, True), value), linalg.solve_triangular(root, np.eye(len(K)), lower=True)
 
     def moments(self, X):
         x = (checked_points(X, len(self.low)) - self.low) / self.span
@@ -212,9 +206,7 @@ class Kriging(Candidate):
             for theta, alpha, inverse_root in draws:
                 between = self.between(theta, x, self.x)
                 m.append(between @ alpha)
-                v.append(
-                    np.maximum(1.0 + np.exp(theta[0]) - ((between @ inverse_root.T) ** 2).sum(axis=1), 1e-12)
-                )
+                v.append(np.maximum(1.0 + np.exp(theta[0]) - ((between @ inverse_root.T) ** 2).sum(axis=1), 1e-12))
             means.append(np.mean(m, axis=0) * self.scale[k] + self.middle[k])
             variances.append((np.mean(v, axis=0) + np.var(m, axis=0)) * self.scale[k] ** 2)
         return np.column_stack(means), np.column_stack(variances)
@@ -234,11 +226,4 @@ class KrigingSmooth(Kriging):
     covariance_of = staticmethod(squared_exponential)
 
 
-NAMES = (
-    "network_of_part",
-    "network_resampled",
-    "network_process",
-    "process_of_part",
-    "kriging",
-    "kriging_smooth",
-)
+NAMES = ("network_of_part", "network_resampled", "network_process", "process_of_part", "kriging", "kriging_smooth")

@@ -79,10 +79,7 @@ class TunedMLP:
     """Size and decay by five-fold cross-validation, scaled inputs and response."""
 
     def __init__(self, inputs):
-        grid = {
-            "mlpregressor__hidden_layer_sizes": [(6,), (12,), (30,)],
-            "mlpregressor__alpha": [0.01, 0.1, 1.0, 10.0],
-        }
+        grid = {"mlpregressor__hidden_layer_sizes": [(6,), (12,), (30,)], "mlpregressor__alpha": [0.01, 0.1, 1.0, 10.0]}
         mlp = MLPRegressor(solver="lbfgs", activation="tanh", max_iter=400, random_state=0)
         self.search = GridSearchCV(make_pipeline(StandardScaler(), mlp), grid, cv=5)
 

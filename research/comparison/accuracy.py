@@ -30,9 +30,7 @@ def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str
     return pd.DataFrame(rows)
 
 
-def run(
-    sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], out_dir: str | Path
-) -> pd.DataFrame:
+def run(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], out_dir: str | Path) -> pd.DataFrame:
     """Write accuracy.csv; return the table."""
     table = table_of(sets, names, settings)
     write_table(Path(out_dir) / "accuracy.csv", table, float_format="%.6g")

@@ -106,11 +106,7 @@ def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed
 
 
 def with_process(
-    points: Points,
-    errors: np.ndarray,
-    covariance: np.ndarray,
-    kernel: Callable[[int], Any],
-    seed: int,
+    points: Points, errors: np.ndarray, covariance: np.ndarray, kernel: Callable[[int], Any], seed: int
 ) -> Emulator:
     """The emulator of some points: a Gaussian process for each response on means with known errors, even noise.
 
@@ -119,11 +115,7 @@ def with_process(
     is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
     """
     rows = np.random.default_rng(seed).permutation(len(points.X))
-    means, scaled, parts = (
-        points.means(),
-        rows[:MOST_FOR_SCALES],
-        [rows[fold::FOLDS] for fold in range(FOLDS)],
-    )
+    means, scaled, parts = (points.means(), rows[:MOST_FOR_SCALES], [rows[fold::FOLDS] for fold in range(FOLDS)])
     processes, shares = [], []
     for k in range(points.responses):
         x, y, error = points.X, means[:, k], errors[:, k]
@@ -185,10 +177,7 @@ def _process(x, y, error, kernel, fit):
     from sklearn.gaussian_process import GaussianProcessRegressor
 
     model = GaussianProcessRegressor(
-        kernel,
-        alpha=(error / y.std()) ** 2,
-        normalize_y=True,
-        optimizer="fmin_l_bfgs_b" if fit else None,
+        kernel, alpha=(error / y.std()) ** 2, normalize_y=True, optimizer="fmin_l_bfgs_b" if fit else None
     )
     with warnings.catch_warnings():
         # a length at its upper bound is a parameter without effect, which is no fault

@@ -43,9 +43,7 @@ def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
     from sklearn.linear_model import RidgeCV
 
     models = [RidgeCV(RIDGES, fit_intercept=False).fit(terms(unit), y - y.mean()) for y in means.T]
-    return lambda x: (
-        np.column_stack([m.predict(terms(np.atleast_2d(x))) for m in models]) + means.mean(axis=0)
-    )
+    return lambda x: np.column_stack([m.predict(terms(np.atleast_2d(x))) for m in models]) + means.mean(axis=0)
 
 
 def plane(unit: np.ndarray, means: np.ndarray) -> Model:
@@ -100,19 +98,13 @@ def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple
     return table, runs
 
 
-def study_surrogate(
-    samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
-) -> Surrogate:
+def study_surrogate(samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]) -> Surrogate:
     """The surrogate as the study trains it on these samples; `settings` is the section `network`."""
     return train.train(*tables_of(samples, space, targets), targets, settings).model
 
 
 def proposed(
-    samples: Points,
-    space: ParameterSpace,
-    targets: Targets,
-    settings: Mapping[str, Any],
-    random: np.random.Generator,
+    samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any], random: np.random.Generator
 ) -> dict[str, tuple[np.ndarray, int]]:
     """The proposal of each method: place in the ranges (d,), from 0 to 1, and number of evaluations of the model.
 

@@ -24,23 +24,17 @@ class Region:
     list. Fewer than `FEWEST_FEASIBLE` feasible points raise ValueError.
     """
 
-    def __init__(
-        self, respond: Respond, objective: Objective, points: int, listed: int, dimensions: int, seed: int
-    ):
+    def __init__(self, respond: Respond, objective: Objective, points: int, listed: int, dimensions: int, seed: int):
         unit = 2 * stats.qmc.Sobol(dimensions, rng=seed).random(points) - 1
         _, V = objective(respond(unit))
         self.points = unit[V == 0]
         self.share = len(self.points) / points
         if len(self.points) < FEWEST_FEASIBLE:
-            raise ValueError(
-                f"{len(self.points)} of {points} points are feasible; allowed: at least {FEWEST_FEASIBLE}"
-            )
+            raise ValueError(f"{len(self.points)} of {points} points are feasible; allowed: at least {FEWEST_FEASIBLE}")
         self.cloud = self.points[:CLOUD]
         self.volume = _volume(self.points)
         random = np.random.default_rng(seed)
-        self.lists = [
-            random.choice(self.points, min(listed, len(self.points)), replace=False) for _ in range(LISTS)
-        ]
+        self.lists = [random.choice(self.points, min(listed, len(self.points)), replace=False) for _ in range(LISTS)]
         self.reach = float(np.median([cKDTree(points).query(self.cloud)[0] for points in self.lists]))
 
     def spread(self, points: np.ndarray) -> dict[str, float]:

@@ -68,11 +68,7 @@ DESIGNS: dict[str, Design] = {
 
 def designs_for(d: int) -> dict[str, Design]:
     """Designs that exist in d dimensions, by name: functions of a size, d and a seed."""
-    return {
-        name: make
-        for name, make in DESIGNS.items()
-        if name != "central composite" or d == COMPOSITE_DIMENSIONS
-    }
+    return {name: make for name, make in DESIGNS.items() if name != "central composite" or d == COMPOSITE_DIMENSIONS}
 
 
 class Case(NamedTuple):
@@ -185,11 +181,7 @@ def _real(main, pool, fresh, names, settings, seed):
             draws.append(pool.take(rows).with_seeds_drawn(seeds, rng))
         cases.append(("points against seeds", "parts of the pool", draws))
     for comparison, name, sets in cases:
-        sizes = {
-            "points": len(sets[0].X),
-            "seeds": sets[0].values.shape[1],
-            "simulations": sets[0].simulations(),
-        }
+        sizes = {"points": len(sets[0].X), "seeds": sets[0].values.shape[1], "simulations": sets[0].simulations()}
         for fit_name in FITS:
             predicted = [_fitted(fit_name, points, settings, seed + k) for k, points in enumerate(sets)]
             if None in predicted:

@@ -56,10 +56,7 @@ def bootstrap(
     between = total - (1 - 1 / m) * noise
     good = (total > 0) & (between > 0)
     tails = [(1 - confidence) / 2, (1 + confidence) / 2]
-    found = {
-        "r2": 1 - square[good] / total[good],
-        "explainable": 1 - (square - noise)[good] / between[good],
-    }
+    found = {"r2": 1 - square[good] / total[good], "explainable": 1 - (square - noise)[good] / between[good]}
     return {name: tuple(map(float, np.quantile(values, tails))) for name, values in found.items()}
 
 
@@ -84,9 +81,7 @@ def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float
     return float(np.mean(np.array(found, dtype=float)))
 
 
-def calibration(
-    means: np.ndarray, errors: np.ndarray, predicted: np.ndarray, std: np.ndarray
-) -> dict[str, float]:
+def calibration(means: np.ndarray, errors: np.ndarray, predicted: np.ndarray, std: np.ndarray) -> dict[str, float]:
     """Coverage of the error bars of one response.
 
     ``coverage_50`` and ``coverage_90`` are shares of the means inside the intervals of `LEVELS`;
@@ -95,8 +90,7 @@ def calibration(
     """
     z = (means - predicted) / np.sqrt(std**2 + errors**2)
     covered = {
-        f"coverage_{100 * level:.0f}": float(np.mean(np.abs(z) <= stats.norm.ppf((1 + level) / 2)))
-        for level in LEVELS
+        f"coverage_{100 * level:.0f}": float(np.mean(np.abs(z) <= stats.norm.ppf((1 + level) / 2))) for level in LEVELS
     }
     return covered | {"standardised_square": float(np.mean(z**2))}
 

@@ -72,11 +72,7 @@ def curve(fitness: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def compared(
-    respond: Respond,
-    dimensions: int,
-    objective: Objective,
-    settings: Mapping[str, Any],
-    section: Mapping[str, Any],
+    respond: Respond, dimensions: int, objective: Objective, settings: Mapping[str, Any], section: Mapping[str, Any]
 ) -> dict[str, pd.DataFrame]:
     """All searches, several times each.
 

@@ -126,9 +126,7 @@ def dual_annealing(log: Log, seed: int) -> None:
     """Dual annealing of scipy."""
     for restart in range(10**6):
         random = np.random.default_rng([seed, restart])
-        optimize.dual_annealing(
-            log.of_one, [(-1, 1)] * log.dimensions, maxiter=10**6, maxfun=1e12, rng=random
-        )
+        optimize.dual_annealing(log.of_one, [(-1, 1)] * log.dimensions, maxiter=10**6, maxfun=1e12, rng=random)
 
 
 def cma_es(log: Log, seed: int) -> None:

@@ -49,9 +49,7 @@ def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
     return {
         "sampling": sampling,
         "surrogates": read_table(files["surrogates"], ("model", "training", *sizes)),
-        "search": read_table(
-            files["search"], ("method", "evaluations", "repetitions", *_with_errors(SEARCH))
-        ),
+        "search": read_table(files["search"], ("method", "evaluations", "repetitions", *_with_errors(SEARCH))),
         "whole": read_table(files["whole"], whole),
     }
 

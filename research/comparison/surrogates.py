@@ -15,19 +15,10 @@ from research.comparison.points import Points
 BUDGETS = (30, 60, 110, 220)  # points drawn from the pool, which must have at least twice as many
 REPETITIONS = 12
 REPETITION_STARTS = 8  # of the networks, at most: there are hundreds of fits
-MEASURES = (
-    "r2",
-    "explainable",
-    "rmse",
-    "coverage_50",
-    "coverage_90",
-    "standardised_square",
-)
+MEASURES = ("r2", "explainable", "rmse", "coverage_50", "coverage_90", "standardised_square")
 
 
-def table_of(
-    sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], seed: int
-) -> pd.DataFrame:
+def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], seed: int) -> pd.DataFrame:
     """Each model at each budget, mean and standard error over the training sets.
 
     Rows of one training set (the main design, the whole pool) have no standard error. `sets` are as `points.read_sets`
@@ -45,11 +36,7 @@ def table_of(
 
 
 def run(
-    sets: Sequence[Points],
-    names: Sequence[str],
-    settings: Mapping[str, Any],
-    seed: int,
-    out_dir: str | Path,
+    sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], seed: int, out_dir: str | Path
 ) -> pd.DataFrame:
     """Write surrogates.csv; return the table."""
     table = table_of(sets, names, settings, seed)

@@ -132,11 +132,7 @@ def compared(
 
 
 def run(
-    samples: Samples,
-    space: ParameterSpace,
-    targets: Targets,
-    settings: Mapping[str, Any],
-    out_dir: str | Path,
+    samples: Samples, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any], out_dir: str | Path
 ) -> pd.DataFrame:
     """Write whole.csv and whole_proposals.csv; return the first."""
     table, proposals = compared(samples, space, targets, settings)
@@ -193,8 +189,6 @@ def message(table: pd.DataFrame, targets: Targets) -> str:
             parts = []
             for response in targets.responses:
                 off = derived(response.name, "off")
-                parts.append(
-                    f"{response.symbol} {row[off]:.2f} ± {row[f'{off}_se']:.2f} {response.unit}".rstrip()
-                )
+                parts.append(f"{response.symbol} {row[off]:.2f} ± {row[f'{off}_se']:.2f} {response.unit}".rstrip())
             lines.append(f"{kind}, {row['samples']} samples, {row['method']}: off by {', '.join(parts)}")
     return "\n".join(lines)

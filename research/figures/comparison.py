@@ -9,16 +9,7 @@ from matplotlib.figure import Figure
 from repose.core.files import read_table
 from repose.pictures.figures import style
 
-COLOURS = (
-    style.BLUE,
-    style.SKY,
-    style.RED,
-    style.GREEN,
-    style.ORANGE,
-    style.PURPLE,
-    style.GREY,
-    style.BLACK,
-)
+COLOURS = (style.BLUE, style.SKY, style.RED, style.GREEN, style.ORANGE, style.PURPLE, style.GREY, style.BLACK)
 MARKERS = "osD^vP*X"
 LEAST_MISSED = 0.003  # of the explainable variance; an unbiased share may exceed one
 
@@ -74,8 +65,7 @@ def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     Input: ``surrogates`` of the script comparison.
     """
     table = read_table(
-        inputs["surrogates"],
-        ("model", "training", "simulations", "response", "explainable", "explainable_se"),
+        inputs["surrogates"], ("model", "training", "simulations", "response", "explainable", "explainable_se")
     )
     responses = style.targets_of(config).responses
     figure = style.new_figure(style.PAGE, 3.5)

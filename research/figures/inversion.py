@@ -12,9 +12,7 @@ from repose.core.files import read_table
 from repose.core.responses import Response, derived
 from repose.pictures.figures import style
 
-REGION = (
-    "feasible region"  # row of the table of methods: as many random points of the region as a search lists
-)
+REGION = "feasible region"  # row of the table of methods: as many random points of the region as a search lists
 
 SEARCHES = {
     "miga": ("island GA", style.BLUE),
@@ -50,9 +48,7 @@ def searches(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     course.set_title("a", fontweight="bold")
     _to_tolerance(soon, methods)
     _coverage(spread, methods)
-    named = [
-        one for panel in (course, spread) for one in zip(*panel.get_legend_handles_labels(), strict=True)
-    ]
+    named = [one for panel in (course, spread) for one in zip(*panel.get_legend_handles_labels(), strict=True)]
     figure.legend(*zip(*named, strict=True), loc="outside lower center", ncols=4)
     return figure
 

@@ -30,9 +30,7 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     columns = ("particle", "tension", "filling", "definition", "distance")
     combinations = read_table(inputs["combinations"], columns)
     sets = read_table(inputs["sets"], ("kind", "definition", "set"))
-    shown = [
-        target for target in style.targets_of(config) if derived(target.name, "difference") in combinations
-    ][:2]
+    shown = [target for target in style.targets_of(config) if derived(target.name, "difference") in combinations][:2]
     published = _published(sets, shown)
     study = config["shape_study"]
     particles, tensions, fillings = (list(study[key]) for key in ("particles", "tensions", "fillings"))

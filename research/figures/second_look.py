@@ -79,13 +79,7 @@ def _bars(panel, information, order, percents, known):
         y = place + height * ((len(percents) - 1) / 2 - k)
         panel.barh(y, rows["gain_bits"], height, color=COLOURS[k], label=_case(percent))
         panel.errorbar(
-            rows["gain_bits"],
-            y,
-            xerr=rows["gain_se_bits"],
-            fmt="none",
-            ecolor=style.BLACK,
-            lw=0.7,
-            capsize=1.5,
+            rows["gain_bits"], y, xerr=rows["gain_se_bits"], fmt="none", ecolor=style.BLACK, lw=0.7, capsize=1.5
         )
     panel.axvline(0, color=style.BLACK, lw=0.6)
     names = []

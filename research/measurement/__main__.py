@@ -31,9 +31,7 @@ def lines(args, config):
     if args.shapes < 1:
         raise InputError("command line", "--shapes", args.shapes, "at least 1")
     particle, berry, section = Particle.load(args.particle), read_berry(args.berry), config["measure"]
-    tables = measurement_study.run(
-        args.heaps, args.representative, particle, section, berry, args.out, args.shapes
-    )
+    tables = measurement_study.run(args.heaps, args.representative, particle, section, berry, args.out, args.shapes)
     piles = tables.pop("piles")
     told = [table.round(2).to_string(index="measured" not in table) for table in tables.values()]
     by_name = {target.name: target for target in Targets.of(config["targets"])}
@@ -42,12 +40,7 @@ def lines(args, config):
         needed = ("aor_simulated_deg", "height_simulated_mm")
         pairs = read_table(published, needed).dropna(subset=needed) if published else pd.DataFrame()
         facts = line_choice.facts(
-            piles,
-            tables["noise"],
-            tables["bias"],
-            by_name["aor_deg"],
-            by_name["height_mm"],
-            pairs.to_dict("records"),
+            piles, tables["noise"], tables["bias"], by_name["aor_deg"], by_name["height_mm"], pairs.to_dict("records")
         )
         verdicts = line_choice.verdicts(facts)
         write_table(f"{args.out}/choice.csv", facts)

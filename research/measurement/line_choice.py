@@ -69,8 +69,7 @@ def facts(
         at = carried(means[name], means["Height"], height.value)
         mean, sd = float(np.nanmean(at)), float(np.nanstd(at, ddof=1))
         others = [
-            row["aor_simulated_deg"]
-            - np.nanmean(carried(means[name], means["Height"], row["height_simulated_mm"]))
+            row["aor_simulated_deg"] - np.nanmean(carried(means[name], means["Height"], row["height_simulated_mm"]))
             for row in published
         ]
         within = float(noise.loc[name, "within_view"])
@@ -114,9 +113,7 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     for sd in OTHER_SD:
         for p in OTHER_P:
             line, passed = chosen(table, sd, p)
-            rows.append(
-                {"farthest_sd": sd, "least_p": p, "chosen": line or "none", "passed": "; ".join(passed)}
-            )
+            rows.append({"farthest_sd": sd, "least_p": p, "chosen": line or "none", "passed": "; ".join(passed)})
     return pd.DataFrame(rows)
 
 

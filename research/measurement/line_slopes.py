@@ -68,9 +68,7 @@ def sample(npz: str | PathLike, particle: Particle, settings: pile.MeasureSettin
     return pd.DataFrame(found).mean().to_dict() if found else {}
 
 
-def measured(
-    poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
-) -> dict[str, float]:
+def measured(poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings) -> dict[str, float]:
     """Height [mm] of one pile and each line [deg], the mean of the views."""
     bodies = poured["position"], poured["quaternion"], particle, settings
     height_m, views = pile.pile_views(*bodies, poured.get("in_pile"), poured.get("scale"))

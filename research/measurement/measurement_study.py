@@ -48,11 +48,7 @@ SHAPE_SEED = 1
 
 
 def tables_of(
-    piles: pd.DataFrame,
-    fixed: pd.DataFrame,
-    particle: Particle,
-    settings: pile.MeasureSettings,
-    shapes: int = 8,
+    piles: pd.DataFrame, fixed: pd.DataFrame, particle: Particle, settings: pile.MeasureSettings, shapes: int = 8
 ) -> dict[str, pd.DataFrame]:
     """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
 
@@ -128,12 +124,7 @@ def variants_of(
     of the views. NoFlankError if there is no pile.
     """
     height_m, views = pile.pile_views(
-        poured["position"],
-        poured["quaternion"],
-        particle,
-        settings,
-        poured.get("in_pile"),
-        poured.get("scale"),
+        poured["position"], poured["quaternion"], particle, settings, poured.get("in_pile"), poured.get("scale")
     )
     angles, heights = [], []
     for view in views:

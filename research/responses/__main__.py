@@ -33,9 +33,7 @@ DATASET = option("--dataset", default="results/dataset.csv")
 OVER_DESIGN = (
     option("--runs", default="results/responses/runs.csv", help="of the part measure"),
     DATASET,
-    option(
-        "--jobs", nargs="+", default=[], help="folders of measured runs of other bench tests, same design"
-    ),
+    option("--jobs", nargs="+", default=[], help="folders of measured runs of other bench tests, same design"),
 )
 SHARE = option(
     "--discrepancy",

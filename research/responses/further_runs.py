@@ -56,9 +56,7 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
     return {name: pd.DataFrame(own) for name, own in rows.items()}
 
 
-def with_jobs(
-    data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], source: object = "runs"
-) -> Data:
+def with_jobs(data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], source: object = "runs") -> Data:
     """The data with the responses of further bench tests; a response that the data have already stays as it is.
 
     `samples` (m,) are the numbers of the data's samples in their order; `jobs` come from `read_jobs`. InputError, which
@@ -79,11 +77,7 @@ def with_jobs(
 
 
 def read(
-    runs_csv: str | Path,
-    dataset_csv: str | Path,
-    targets: Targets,
-    definition: str,
-    folders: Iterable[str | Path] = (),
+    runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, definition: str, folders: Iterable[str | Path] = ()
 ) -> Data:
     """Responses of the pile, and of other bench tests that were run with samples of the same design.
 

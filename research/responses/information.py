@@ -183,9 +183,7 @@ def in_order(
     while left:
         tried = {name: bits([*columns, names.index(name)]) for name in left}
         best = max(left, key=lambda name: tried[name])
-        rows.append(
-            {"place": len(rows) + 1, "response": best, "bits": tried[best], "gain_bits": tried[best] - before}
-        )
+        rows.append({"place": len(rows) + 1, "response": best, "bits": tried[best], "gain_bits": tried[best] - before})
         before = tried[best]
         columns.append(names.index(best))
         left.remove(best)

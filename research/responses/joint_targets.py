@@ -33,9 +33,7 @@ VERIFIED = 12  # sets for importance sampling, beside single tests and pairs
 NORMAL_WIDTH = float(np.diff(stats.norm.interval(information.CREDIBLE))[0])  # in standard deviations
 
 
-def approximate_widths(
-    prior: information.Prior, columns: Sequence[int], covariance: np.ndarray
-) -> np.ndarray:
+def approximate_widths(prior: information.Prior, columns: Sequence[int], covariance: np.ndarray) -> np.ndarray:
     """Widths (d,) of the 95 % intervals in the normal approximation with a linear model.
 
     They are in places, and at most those of the prior. `columns` are the observed numbers; `covariance` (k, k) is of
@@ -67,9 +65,7 @@ def study(
     prior = prior_points(space, settings, surrogates.predict)
     truths, normal = plausible_truths(prior.predicted, names, targets, settings)
     error = measured_covariance(data, names, surrogates.correlation, targets)
-    tests = tests_of(
-        names, error + surrogates.covariance + discrepancy_of(data, names, settings), space, settings
-    )
+    tests = tests_of(names, error + surrogates.covariance + discrepancy_of(data, names, settings), space, settings)
     tested = [k for k, name in enumerate(space.free) if direct(name) in tests.columns]
     with_parameters(prior, tested)
     more = np.random.default_rng(settings["seed"] + 1).normal(size=(len(truths), len(tested)))
@@ -79,12 +75,8 @@ def study(
         return information.averaged(prior, truths, normal, tests.of(chosen), tests.covariance)
 
     count, wide = settings["parameters"], settings["width_percent"] / 100
-    base = information.averaged(
-        prior, truths, normal, [names.index(name) for name in targets.names], tests.covariance
-    )
-    singles = [
-        _row(space, prior, tests, (name,), information_of((name,)), count, wide) for name in tests.columns
-    ]
+    base = information.averaged(prior, truths, normal, [names.index(name) for name in targets.names], tests.covariance)
+    singles = [_row(space, prior, tests, (name,), information_of((name,)), count, wide) for name in tests.columns]
     for row, name in zip(singles, tests.columns, strict=True):
         columns = sorted({*tests.of((name,)), *(names.index(name) for name in targets.names)})
         beside = information.averaged(prior, truths, normal, columns, tests.covariance)
@@ -96,12 +88,8 @@ def study(
         _row(space, prior, tests, pair, information_of(pair), count, wide)
         for pair in itertools.combinations(tests.columns, 2)
     ]
-    ranked = sorted(
-        _sets(tests, settings["most_tests"]), key=lambda chosen: _score(prior, tests, chosen, count)
-    )
-    sets = [
-        _row(space, prior, tests, choice, information_of(choice), count, wide) for choice in ranked[:VERIFIED]
-    ]
+    ranked = sorted(_sets(tests, settings["most_tests"]), key=lambda chosen: _score(prior, tests, chosen, count))
+    sets = [_row(space, prior, tests, choice, information_of(choice), count, wide) for choice in ranked[:VERIFIED]]
     everything = tuple(tests.columns)
     sets.append(_row(space, prior, tests, everything, information_of(everything), count, wide))
     frames = {
@@ -131,9 +119,7 @@ def study(
         "discrepancy_percent": settings["discrepancy_percent"],
         "discrepancy_correlation": settings["discrepancy_correlation"],
         "sets": sum(1 for _ in _sets(tests, settings["most_tests"])),
-        "least_effective_points": float(
-            min(frames[table]["effective_points"].min() for table in ("tests", "sets"))
-        ),
+        "least_effective_points": float(min(frames[table]["effective_points"].min() for table in ("tests", "sets"))),
     }
     return frames, summary
 
@@ -197,9 +183,7 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
     return "\n".join(lines)
 
 
-def run(
-    data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path
-) -> str:
+def run(data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> str:
     """Write tests.csv, pairs.csv, sets.csv, coverage.csv and joint.json; return the message."""
     tables, summary = study(data, targets, space, settings)
     for name, table in tables.items():

@@ -9,11 +9,7 @@ from repose.core.parameter_space import ParameterSpace
 
 
 def effects(
-    samples: pd.DataFrame,
-    runs: pd.DataFrame,
-    space: ParameterSpace,
-    responses: Sequence[str],
-    at_equal: str = "",
+    samples: pd.DataFrame, runs: pd.DataFrame, space: ParameterSpace, responses: Sequence[str], at_equal: str = ""
 ) -> pd.DataFrame:
     """Least squares of the samples' mean responses in all free parameters: a row for each parameter and response.
 

@@ -25,9 +25,7 @@ def prior_points(
     return information.Prior(quantile, predict(space.values(place)), place, information.prior_widths(space))
 
 
-def measured_covariance(
-    data: Data, names: Sequence[str], correlation: np.ndarray, targets: Targets
-) -> np.ndarray:
+def measured_covariance(data: Data, names: Sequence[str], correlation: np.ndarray, targets: Targets) -> np.ndarray:
     """Covariance S_y (k, k) of the means of all repetitions.
 
     A response that is no target is measured as often as the target that was measured least. Two responses have the

@@ -26,12 +26,7 @@ from repose.studies import discrepancy
 from research.responses import information
 from research.responses.design_surrogates import NOISY, WORST_R2, Predict, fitted
 from research.responses.plausible import plausible_truths, prior_points
-from research.responses.responses_over_design import (
-    Known,
-    cross_validated_r2,
-    over_design,
-    surrogate_covariance,
-)
+from research.responses.responses_over_design import Known, cross_validated_r2, over_design, surrogate_covariance
 
 SPACING_MM = 3.0  # between two heights; half a berry's smallest radius
 MOST_COMPONENTS = 8

@@ -9,12 +9,7 @@ from repose.measure import further_responses
 WHOLE_PILE, EVERYTHING = "whole pile", "pile and other bench tests"
 # How an experimenter gets the further responses of a pile; those of another bench test come together.
 ABOVE, LOOSE, PACKING, STOPWATCH, PROFILE = "above", "loose", "packing", "stopwatch", "profile"
-OF_THE_PILE = {
-    "radius_90_mm": ABOVE,
-    "loose_percent": LOOSE,
-    "packing_percent": PACKING,
-    "discharge_s": STOPWATCH,
-}
+OF_THE_PILE = {"radius_90_mm": ABOVE, "loose_percent": LOOSE, "packing_percent": PACKING, "discharge_s": STOPWATCH}
 WAYS = {
     PROFILE: "profile, same photographs",
     ABOVE: "picture from above",

@@ -82,9 +82,7 @@ def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, defini
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
     if len(table) < FEWEST_SAMPLES:
-        raise InputError(
-            dataset_csv, "usable samples", len(table), f"at least {FEWEST_SAMPLES} with status ok"
-        )
+        raise InputError(dataset_csv, "usable samples", len(table), f"at least {FEWEST_SAMPLES} with status ok")
     names = (*targets.names, *further_responses.offered(targets.names, definition))
     runs = read_table(runs_csv, ("sample", "seed", "status", *names))
     runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]

@@ -59,15 +59,7 @@ from research.responses.responses_over_design import (
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
 WORST_R2 = 0.2  # nor is a response whose surrogate explains less, as after few runs of the drum
 FEWEST_EFFECTIVE = 30
-WAYS_COLUMNS = (
-    "discrepancy_percent",
-    "way",
-    "responses",
-    "minutes",
-    "gain_bits",
-    "gain_se_bits",
-    "bits_a_minute",
-)
+WAYS_COLUMNS = ("discrepancy_percent", "way", "responses", "minutes", "gain_bits", "gain_se_bits", "bits_a_minute")
 
 
 class Modelled(NamedTuple):
@@ -97,9 +89,7 @@ def study(
     own = dict(settings.get("discrepancies", {}))
     cases: dict[float, dict[str, float]] = {0.0: {}, float(settings["discrepancy_percent"]): own}
     for percent, apart in cases.items():
-        covariance = observed_covariance(
-            data, model, targets, percent, apart, settings["smallest_discrepancy"]
-        )
+        covariance = observed_covariance(data, model, targets, percent, apart, settings["smallest_discrepancy"])
         base = None
         for label, chosen in sets.items():
             columns = [model.names.index(name) for name in chosen]
@@ -115,8 +105,7 @@ def study(
         rows = information.in_order(prior, truths, normal, model.names, targets.names, covariance)
         tables["order"] += [{"discrepancy_percent": percent, **row} for row in rows]
     rows = [
-        _row(name, response, model.predicted.get(name), name in model.names)
-        for name, response in data.known.items()
+        _row(name, response, model.predicted.get(name), name in model.names) for name, response in data.known.items()
     ]
     summary = {
         "samples": len(data.X),
@@ -138,23 +127,17 @@ def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Mo
     known = data.known
     names = [name for name in known if name in base or known[name].row["signal_to_noise"] >= NOISY]
     predicted = {name: left_out(data.X, known[name], settings) for name in names}
-    names = [
-        name for name in names if name in base or cross_validated_r2(known[name], predicted[name]) >= WORST_R2
-    ]
+    names = [name for name in names if name in base or cross_validated_r2(known[name], predicted[name]) >= WORST_R2]
     correlation = noise_correlation(data.runs, names)
     residuals = np.column_stack([predicted[name] - known[name].mean for name in names])
     errors = np.column_stack([known[name].error for name in names])
     return Modelled(names, predicted, correlation, surrogate_covariance(residuals, errors, correlation))
 
 
-def prior_of(
-    data: Data, names: Sequence[str], space: ParameterSpace, settings: Mapping[str, Any]
-) -> information.Prior:
+def prior_of(data: Data, names: Sequence[str], space: ParameterSpace, settings: Mapping[str, Any]) -> information.Prior:
     """A Sobol sequence over the prior and the predictions there of networks trained on all samples."""
     models = [trained(data.X, data.known[name], settings) for name in names]
-    return prior_points(
-        space, settings, lambda points: np.column_stack([model.predict(points) for model in models])
-    )
+    return prior_points(space, settings, lambda points: np.column_stack([model.predict(points) for model in models]))
 
 
 def observed_covariance(
@@ -181,9 +164,7 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
     """The next measurement to make, in words."""
     rows = tables["information"]
     rows = rows[rows["discrepancy_percent"] == rows["discrepancy_percent"].iloc[0]]
-    single = rows[rows["set"].isin(summary["modelled"])].sort_values(
-        "gain_bits", ascending=False, kind="stable"
-    )
+    single = rows[rows["set"].isin(summary["modelled"])].sort_values("gain_bits", ascending=False, kind="stable")
     lines = [
         f"{response(row.set).label}: {row.gain_bits:.2f} ± {row.gain_se_bits:.2f} bits more"
         for row in single.itertuples()
@@ -206,10 +187,7 @@ def _row(name, known, predicted, is_modelled):
     if predicted is not None:
         there = np.isfinite(predicted)
         y, p, error = known.mean[there], predicted[there], known.error[there]
-        row |= {
-            "r2": cross_validated_r2(known, predicted),
-            "r2_noise_corrected": r2_noise_corrected(y, p, error),
-        }
+        row |= {"r2": cross_validated_r2(known, predicted), "r2_noise_corrected": r2_noise_corrected(y, p, error)}
         row["rmse"] = float(np.sqrt(np.mean((y - p) ** 2)))
     return row
 
@@ -244,13 +222,7 @@ def _narrowing(percent, label, found, base, free):
     return rows
 
 
-def run(
-    data: Data,
-    targets: Targets,
-    space: ParameterSpace,
-    settings: Mapping[str, Any],
-    out_dir: str | Path,
-) -> str:
+def run(data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> str:
     """Write responses.csv, information.csv, narrowing.csv, ways.csv, order.csv and responses.json; return the message.
 
     `data` come from `further_runs.read`.

@@ -14,9 +14,7 @@ def depends_on(config, apparatus):
     """Settings that a cell depends on; `config` is its own, without other cells' settings."""
     found = stands_on.pouring(config) | stands_on.pouring(config, "cylinder")
     found |= stands_on.sections(config, "measure", "targets") | stands_on.measuring(config, "cylinder")
-    return (
-        found | stands_on.settings_of(config, "berry") | stands_on.settings_of(config, "published_solutions")
-    )
+    return found | stands_on.settings_of(config, "berry") | stands_on.settings_of(config, "published_solutions")
 
 
 @script.part(

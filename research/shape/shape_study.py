@@ -112,9 +112,7 @@ def _kept_run(test, config, parameters, seed, particle, berry, path):
     return run
 
 
-def run_cell(
-    config: Config, cell: str, berry_json: str | Path, samples_csv: str | Path, out_dir: str | Path
-) -> None:
+def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str | Path, out_dir: str | Path) -> None:
     """Pour and measure one cell; write OUT/CELL.csv of its pours and OUT/CELL.json of its particle.
 
     `samples_csv` is the design. InputError if the study has no such cell.

@@ -75,9 +75,7 @@ class Study:
         noise = noise_table(self.of("design"), self.targets)
         sets = set_table(self.runs[self.runs["kind"] != "design"], self.published, self.targets)
         sets = sets[~sets["kind"].isin(["published", "bulk"])]
-        fresh = with_signal(
-            combination_table(sets[sets["kind"] == "fresh"], self.targets), noise, self.targets
-        )
+        fresh = with_signal(combination_table(sets[sets["kind"] == "fresh"], self.targets), noise, self.targets)
         fresh["meets"] = [shape_rule.meets(row, self.targets) for row in fresh.to_dict("records")]
         fresh = fresh.merge(self._reached(fresh), on=COMBINATION, how="left")
         selected = finalists[[*COMBINATION, "role", "distance"]]
@@ -124,10 +122,7 @@ def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) ->
     for key, group in piles.groupby(CELL, sort=False):
         density, error = _mean(group[DENSITY])
         row = dict(zip(CELL, key, strict=True)) | {DENSITY: density, "packing": density / density_kg_m3}
-        row |= {
-            "packing_se": error / density_kg_m3,
-            "share_of_piles": float((group["status"] == "ok").mean()),
-        }
+        row |= {"packing_se": error / density_kg_m3, "share_of_piles": float((group["status"] == "ok").mean())}
         poured = bulk[bulk["particle"] == key[0]]
         for column in BULK:
             row[column] = float(poured[column].mean())
@@ -178,11 +173,7 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
             row[target.response.error] = math.sqrt(squares.fillna(squares.mean()).sum()) / count
             off = off + (difference / target.sd) ** 2
             within = within & (difference.abs() <= target.sd)
-        row |= {
-            "sets_within": int(within.sum()),
-            "sets": count,
-            "distance": math.sqrt(off.mean(skipna=False)),
-        }
+        row |= {"sets_within": int(within.sum()), "sets": count, "distance": math.sqrt(off.mean(skipna=False))}
         rows.append(row)
     numbers = [name for target in targets for name in (_off(target), target.response.error)]
     table = pd.DataFrame(rows, columns=[*COMBINATION, *numbers, "sets_within", "sets", "distance"])
@@ -228,9 +219,7 @@ def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     for key, group in runs.groupby(CELL, sort=False):
         for response, column in columns.items():
             by_set = [rows[column].dropna().to_numpy() for _, rows in group.groupby("set")]
-            moments = [
-                (values.var(ddof=1), values.mean(), len(values)) for values in by_set if len(values) > 1
-            ]
+            moments = [(values.var(ddof=1), values.mean(), len(values)) for values in by_set if len(values) > 1]
             sets = np.array(moments).reshape(-1, 3)
             signal, noise = _signal_and_noise(sets)
             left_out = [_ratio(np.delete(sets, k, axis=0)) for k in range(len(sets))]

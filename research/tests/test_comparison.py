@@ -208,15 +208,9 @@ def test_emulator_has_the_mean_and_the_noise_that_it_was_fitted_to(monkeypatch):
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
-    for name, piles in (
-        ("main_", poured(30, 4, 1)),
-        ("pool_", poured(40, 2, 2)),
-        ("fresh_", poured(10, 8, 3)),
-    ):
+    for name, piles in (("main_", poured(30, 4, 1)), ("pool_", poured(40, 2, 2)), ("fresh_", poured(10, 8, 3))):
         write(folder, name, piles)
-    return {
-        f"{a}_{b}": folder / f"{a}_{b}.csv" for a in ("main", "pool", "fresh") for b in ("dataset", "runs")
-    }
+    return {f"{a}_{b}": folder / f"{a}_{b}.csv" for a in ("main", "pool", "fresh") for b in ("dataset", "runs")}
 
 
 @pytest.fixture(scope="module")
@@ -316,9 +310,7 @@ def test_comparisons_take_any_number_of_responses(k, monkeypatch, tmp_path):
         "sampling": sampling.run(sets, names, SPACE, NETWORK, 2, 1, tmp_path),
     }
     config = {
-        "targets": [
-            {"response": name, "value": 50, "sd": 1, "repetitions": 4, "range": [45, 55]} for name in names
-        ]
+        "targets": [{"response": name, "value": 50, "sd": 1, "repetitions": 4, "range": [45, 55]} for name in names]
     }
     for name, table in tables.items():
         assert tuple(dict.fromkeys(table["response"])) == names

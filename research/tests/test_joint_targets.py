@@ -18,9 +18,7 @@ from repose.studies import discrepancy
 from research.responses import further_runs, information, joint_targets, observables, responses_over_design
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 2.0)))
-TARGETS = Targets.of(
-    [{"response": "height_mm", "value": 60.0, "sd": 1.0, "repetitions": 4, "range": [55.0, 65.0]}]
-)
+TARGETS = Targets.of([{"response": "height_mm", "value": 60.0, "sd": 1.0, "repetitions": 4, "range": [55.0, 65.0]}])
 DIRECT = {"e_gp": {"sd": 0.1, "minutes": 30.0}, "mus_gp": {"sd": 0.1, "minutes": 60.0}}
 SETTINGS = {
     "points": 2**13,
@@ -111,9 +109,7 @@ def data(tmp_path_factory):
         flow = 500.0 + 400.0 * table["mus_gg"][k] + random.normal(0, 10.0, 2)
         own = [{"status": "ok", "flow_g_s": rate, "emptying_s": random.normal(1, 0.01)} for rate in flow]
         own.append({"status": "jammed", "flow_g_s": None, "emptying_s": None})
-        (jobs / f"{k + 1:03d}.json").write_text(
-            json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": own})
-        )
+        (jobs / f"{k + 1:03d}.json").write_text(json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": own}))
     (jobs / "001.pours.json").write_text("{}")  # beside every job
     whole = responses_over_design.read(folder / "runs.csv", folder / "dataset.csv", TARGETS, "secant")
     samples = table["sample"].to_numpy()
@@ -161,9 +157,7 @@ def test_intervals_hold_the_hidden_truths_of_a_model_that_is_right(data, tmp_pat
 def test_too_few_points_are_reported(data, tmp_path):
     """A posterior that rests on a handful of points has intervals that are too narrow."""
     sharp = {name: {"sd": 0.03, "minutes": 30.0} for name in PARAMETERS}
-    output = joint_targets.run(
-        data, TARGETS, SPACE, SETTINGS | {"direct_tests": sharp, "most_tests": 1}, tmp_path
-    )
+    output = joint_targets.run(data, TARGETS, SPACE, SETTINGS | {"direct_tests": sharp, "most_tests": 1}, tmp_path)
     assert "FEW POINTS" in output
     assert "too narrow" in output
 

@@ -42,9 +42,7 @@ def design(mean, spread, scatter):
     """Piles of 200 samples, three each, all 60 mm high; every line has the same angle and scatter."""
     rng = np.random.default_rng(5)
     true = np.repeat(rng.normal(mean, spread, 200), 3)
-    table = pd.DataFrame(
-        {"sample": np.repeat(np.arange(200), 3), "seed": np.tile([1, 2, 3], 200), "Height": 60.0}
-    )
+    table = pd.DataFrame({"sample": np.repeat(np.arange(200), 3), "seed": np.tile([1, 2, 3], 200), "Height": 60.0})
     table["Height"] += rng.normal(0, 1e-6, len(table))
     for name in VARIANTS:
         table[name] = true + rng.normal(0, scatter, len(table))

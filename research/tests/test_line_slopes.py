@@ -23,9 +23,7 @@ PARTICLE = Particle("ellipsoid", HALF, 840.47, 1.5e-6, 1.25e-3, np.ones(3), HALF
 def test_lines_are_those_of_every_definition_each_once():
     found = line_slopes.lines()
     assert {keys["definition"] for keys in found.values()} == set(DEFINITIONS) == set(reach.READ)
-    assert {"secant, foot to crest", "whole side, columns", "flank, 30 to 80 % of the height, levels"} <= set(
-        found
-    )
+    assert {"secant, foot to crest", "whole side, columns", "flank, 30 to 80 % of the height, levels"} <= set(found)
 
 
 def test_ratios_of_cones_are_one_and_of_turned_cones_known():

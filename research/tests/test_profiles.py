@@ -11,9 +11,7 @@ from repose.core.targets import Targets
 from research.responses import profiles
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
-TARGETS = Targets.of(
-    [{"response": "height_mm", "value": 60.0, "sd": 1.0, "repetitions": 4, "range": [55.0, 65.0]}]
-)
+TARGETS = Targets.of([{"response": "height_mm", "value": 60.0, "sd": 1.0, "repetitions": 4, "range": [55.0, 65.0]}])
 SETTINGS = {"points": 2**13, "truths": 5, "folds": 2, "seed": 1, "surrogate": "quadratic"}
 SETTINGS |= {"discrepancy_percent": 2.0, "discrepancy_correlation": 0.9, "smallest_discrepancy": {"mm": 0.5}}
 

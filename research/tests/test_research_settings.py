@@ -14,13 +14,7 @@ def test_a_small_run_has_small_settings_and_the_working_folder_has_the_last_word
     assert settings.of(LARGE)["pool"]["samples"] == 220
     (tmp_path / "research.yaml").write_text("pool: {seeds: 7}\ncompare_search: {tolerance: 1}\n")
     found = settings.of(SMALL)
-    assert found["pool"] | {"seed": 0} == {
-        "samples": 24,
-        "seeds": 7,
-        "fresh_samples": 6,
-        "fresh_seeds": 2,
-        "seed": 0,
-    }
+    assert found["pool"] | {"seed": 0} == {"samples": 24, "seeds": 7, "fresh_samples": 6, "fresh_seeds": 2, "seed": 0}
     assert found["compare_search"]["tolerance"] == 1
 
 

@@ -58,27 +58,16 @@ def test_a_bad_setting_ends_in_one_message_before_any_work(project):
     done = snakemake(project, "pool", "-n", *RULES)
     (project / "research.yaml").unlink()
     assert done.returncode == 2
-    assert (
-        "repose: error: research.yaml: pool.sead is 5; allowed: no such key; did you mean seed?"
-        in done.stderr
-    )
+    assert "repose: error: research.yaml: pool.sead is 5; allowed: no such key; did you mean seed?" in done.stderr
 
 
 @pytest.mark.parametrize(
     ("target", "own", "others"),
     [
-        (
-            "compare",
-            ("compare_accuracy", "draw_accuracy", "compare_sampling", "dataset"),
-            ("network", "miga"),
-        ),
+        ("compare", ("compare_accuracy", "draw_accuracy", "compare_sampling", "dataset"), ("network", "miga")),
         ("shape_study", ("shape_cell", "shape_selection"), ("pour",)),
         ("measurement_study", ("pour", "published_solutions", "measurement_study"), ("miga",)),
-        (
-            "second_responses",
-            ("measure_responses", "second_responses_tables", "draw_second_responses"),
-            ("miga",),
-        ),
+        ("second_responses", ("measure_responses", "second_responses_tables", "draw_second_responses"), ("miga",)),
         ("seeds_per_sample", ("design", "warm_up", "seeds_per_sample"), ("pour", "miga")),
         ("compare_all", ("search_tables", "whole_tables", "comparison_table", "network"), ("miga",)),
     ],

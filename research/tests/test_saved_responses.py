@@ -39,10 +39,7 @@ def job(tmp_path):
     return tmp_path
 
 
-CONFIG = {
-    "funnel": {"plate_diameter_mm": 600.0},
-    "targets": [{"response": "aor_deg"}, {"response": "height_mm"}],
-}
+CONFIG = {"funnel": {"plate_diameter_mm": 600.0}, "targets": [{"response": "aor_deg"}, {"response": "height_mm"}]}
 MEASURE = {"views": 2, "mm_per_pixel": 0.5, "response": "secant", "berry_height_mm": 12.0}
 BALL = Particle(
     kind="ellipsoid",
@@ -84,12 +81,7 @@ def test_a_run_without_its_pour_is_named(job):
     runs.to_csv(job / "runs.csv", index=False)
     with pytest.raises(InputError, match="99"):
         saved_piles.run(
-            CONFIG | {"measure": MEASURE},
-            [job / "007.pours.json"],
-            job / "runs.csv",
-            BALL,
-            {},
-            job / "out.csv",
+            CONFIG | {"measure": MEASURE}, [job / "007.pours.json"], job / "runs.csv", BALL, {}, job / "out.csv"
         )
 
 

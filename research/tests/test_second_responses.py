@@ -16,13 +16,7 @@ from repose.core.targets import Targets
 from repose.measure import further_responses
 from repose.pictures.figures import style
 from research.figures import second_look
-from research.responses import (
-    further_runs,
-    information,
-    response_sets,
-    responses_over_design,
-    second_responses,
-)
+from research.responses import further_runs, information, response_sets, responses_over_design, second_responses
 from research.responses.__main__ import script
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
@@ -77,9 +71,7 @@ def test_surrogates_error_is_what_the_noise_of_the_means_does_not_explain():
     residuals = random.multivariate_normal([0, 0], noise, 20_000)
     residuals += random.multivariate_normal([0, 0], lack, 20_000)
     errors = np.ones((20_000, 2))
-    assert responses_over_design.surrogate_covariance(residuals, errors, noise) == pytest.approx(
-        lack, abs=0.05
-    )
+    assert responses_over_design.surrogate_covariance(residuals, errors, noise) == pytest.approx(lack, abs=0.05)
     nothing = responses_over_design.surrogate_covariance(residuals, 2 * errors, noise)
     assert (np.linalg.eigvalsh(nothing) > 0).all()
 
@@ -131,9 +123,7 @@ def test_shared_noise_is_separated():
 
 def test_a_normal_prior_counts_as_known():
     """A response that repeats the prior's width: half a bit, for the variance halves."""
-    given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {
-        "mus_gg": {"prior": {"mean": 0.5, "sd": 0.05}, "range": [0, 1]}
-    }
+    given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {"mus_gg": {"prior": {"mean": 0.5, "sd": 0.05}, "range": [0, 1]}}
     space = ParameterSpace.of(given)
     quantile = stats.qmc.Sobol(6, rng=1).random(2**15)
     place = information.places_of(space, quantile)

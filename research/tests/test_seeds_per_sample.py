@@ -178,9 +178,7 @@ def test_the_steps_lead_to_a_verdict_and_go_on_where_they_were_stopped(study, ca
     fits = [*pool, "--pool", study.files["pool"]]
     assert len(study.run("answers", "answers.csv", *fits, "--data-sets", "2")) == 6
     found = study.run("answers", "answers.csv", *fits, "--data-sets", "8")
-    assert found.groupby("seeds")["data_set"].apply(list).to_dict() == {
-        seeds: list(range(8)) for seeds in SEEDS
-    }
+    assert found.groupby("seeds")["data_set"].apply(list).to_dict() == {seeds: list(range(8)) for seeds in SEEDS}
     assert found["mus_gg"].nunique() == 24
     given = ["--answers", study.files["answers"]]
     assert len(study.run("pour_answers", "answer_pours.csv", *given, "--answer-seeds", "3")) == 72

@@ -32,9 +32,7 @@ def test_density_of_a_cone_of_known_density():
     # twice the berries near the surface alone do not count
     outer = np.hypot(centres[:, 0], centres[:, 1]) > 0.1 * (1 - (centres[:, 2] + 0.012) / 0.065)
     heavy = np.where(outer, 2.0, 1.0) * masses
-    assert shape_piles.core_density(centres, heavy, [profile], 0.5, 65.0, 13.0) == pytest.approx(
-        density, rel=0.02
-    )
+    assert shape_piles.core_density(centres, heavy, [profile], 0.5, 65.0, 13.0) == pytest.approx(density, rel=0.02)
 
 
 def test_layers_at_the_plate_do_not_change_the_density():

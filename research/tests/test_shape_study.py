@@ -78,9 +78,7 @@ def test_a_cell_changes_the_sections_it_names_and_nothing_else(config):
     assert own["funnel"] == config["funnel"] | {"cone_angle_deg": 70.0}
     assert own["simulation"] == config["simulation"] | {"tension": "release"}
     changed = ("berry", "funnel", "simulation")
-    assert {k: v for k, v in own.items() if k not in changed} == {
-        k: v for k, v in config.items() if k not in changed
-    }
+    assert {k: v for k, v in own.items() if k not in changed} == {k: v for k, v in config.items() if k not in changed}
 
 
 def test_a_sensitivity_changes_its_filling(config):
@@ -100,10 +98,7 @@ def test_a_cell_depends_on_its_own_bench_test(config):
 def test_no_two_kinds_of_pours_share_a_seed():
     kinds = [*shape_cells.KINDS.values(), shape_cells.SENSITIVITY]
     seeds = [
-        seed
-        for _, purpose in kinds
-        for number in range(40)
-        for seed in pour_seeds(2026, STREAMS[purpose], number, 40)
+        seed for _, purpose in kinds for number in range(40) for seed in pour_seeds(2026, STREAMS[purpose], number, 40)
     ]
     assert len(set(seeds)) == len(seeds)
 
@@ -229,9 +224,7 @@ def a_design(signal, noise, sets=16, seeds=4, angle=30.0):
 @pytest.fixture
 def selected(config, tmp_path):
     """Tables of a selection: a clump without volume that is nearest, then the egg, rough and truest particles."""
-    config["shape_study"]["particles"] = {
-        name: {"particle": "smooth"} for name in ("hollow", "egg", "light", "fine")
-    }
+    config["shape_study"]["particles"] = {name: {"particle": "smooth"} for name in ("hollow", "egg", "light", "fine")}
     files = [
         write_cell(tmp_path, "published", "hollow-keep-here", piles(config, 0, 0), volume_mm3=1052.0),
         write_cell(tmp_path, "published", "light-keep-here", piles(config, 0, 0), density=400.0),
@@ -241,9 +234,7 @@ def selected(config, tmp_path):
         write_cell(tmp_path, "published", "egg-release-here", piles(config, -4.4, 4.1)),
         write_cell(tmp_path, "published", "egg-release-there", piles(config, -6.6, 0.0)),
         write_cell(tmp_path, "published", "fine-keep-here", piles(config, 6.6, 0.0), deviation_rms_mm=0.05),
-        write_cell(
-            tmp_path, "published", "fine-release-here", piles(config, 8.8, 0.0), deviation_rms_mm=0.05
-        ),
+        write_cell(tmp_path, "published", "fine-release-here", piles(config, 8.8, 0.0), deviation_rms_mm=0.05),
         write_cell(tmp_path, "bulk", "egg-keep-cylinder", piles(config, 0, 0)[:2], density=520.0),
     ]
     shape_study.run_selection(config, files, tmp_path)
@@ -301,9 +292,7 @@ def test_the_first_finalist_that_meets_the_published_piles_is_chosen(selected):
     assert json.loads((selected[1] / "choice.json").read_text()) == choice
 
 
-@pytest.mark.parametrize(
-    ("first_off", "signal", "angle", "reached"), [(2.3, 2.0, 32.0, True), (0.0, 0.1, 36.0, False)]
-)
+@pytest.mark.parametrize(("first_off", "signal", "angle", "reached"), [(2.3, 2.0, 32.0, True), (0.0, 0.1, 36.0, False)])
 def test_without_a_near_finalist_the_most_physical_one_is_chosen(selected, first_off, signal, angle, reached):
     choice = verdict(selected, first_off, signal, angle)
     assert not choice["meets_the_published_piles"]
@@ -316,9 +305,7 @@ def test_without_a_near_finalist_the_most_physical_one_is_chosen(selected, first
 
 
 def test_a_failed_pour_leaves_the_others_of_its_set(config, tmp_path):
-    rows = [
-        (*row[:2], None, None) if row[:2] == ("22", 0) else row for row in piles(config, 1.0, 0.0, seeds=2)
-    ]
+    rows = [(*row[:2], None, None) if row[:2] == ("22", 0) else row for row in piles(config, 1.0, 0.0, seeds=2)]
     files = [
         write_cell(tmp_path, "published", "egg-keep-here", rows),
         write_cell(tmp_path, "bulk", "egg-keep-cylinder", rows[2:3]),

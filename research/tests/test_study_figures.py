@@ -53,11 +53,7 @@ def _pool_comparisons(folder):
                 share = 1 - 20 / n + less
                 row = {"training": source, "simulations": n, "seeds": 4, "response": response}
                 row |= {"r2": share - 0.02, "r2_low": share - 0.05, "r2_high": share, "r2_bar": 0.94}
-                row |= {
-                    "explainable": share,
-                    "explainable_low": share - 0.03,
-                    "explainable_high": share + 0.02,
-                }
+                row |= {"explainable": share, "explainable_low": share - 0.03, "explainable_high": share + 0.02}
                 rows.append(row | {"explainable_bar": 0.95, "reachable_r2": 0.99})
     pd.DataFrame(rows).to_csv(folder / "accuracy.csv", index=False)
     rows = []
@@ -75,12 +71,7 @@ def _pool_comparisons(folder):
                 row |= {"seeds": 6, "response": response, "explainable": 1 - 8 / n + less}
                 rows.append(row | {"explainable_se": 0.01})
         for seeds in (1, 4, 16):
-            row = {
-                "comparison": "points against seeds",
-                "design": "sobol",
-                "data": "emulated",
-                "fit": "network",
-            }
+            row = {"comparison": "points against seeds", "design": "sobol", "data": "emulated", "fit": "network"}
             row |= {"points": 480 // seeds, "seeds": seeds, "response": response, "explainable": 0.9 + less}
             rows.append(row | {"explainable_se": 0.01})
     pd.DataFrame(rows).to_csv(folder / "sampling.csv", index=False)
@@ -123,11 +114,7 @@ def _representations(folder):
     ways = itertools.product(study["particles"], study["tensions"], study["fillings"], COLUMNS)
     for k, (particle, tension, filling, definition) in enumerate(ways):
         row = {"particle": particle, "tension": tension, "filling": filling, "definition": definition}
-        row |= {
-            "distance": 1.0 + k % 2,
-            "aor_difference_deg": k % 7 - 2.0,
-            "height_difference_mm": k % 5 - 6.0,
-        }
+        row |= {"distance": 1.0 + k % 2, "aor_difference_deg": k % 7 - 2.0, "height_difference_mm": k % 5 - 6.0}
         rows.append(row | {"aor_se_deg": 0.2, "height_se_mm": 0.5})
     pd.DataFrame(rows).to_csv(folder / "combinations.csv", index=False)
     sets = pd.DataFrame({"kind": "published", "definition": "secant", "set": ["2", "15"]})
@@ -140,26 +127,13 @@ def _responses(folder):
     """Tables of further responses."""
     sets = ["AoR and Height", "loose_percent", "drum_slip_deg", "whole pile", "pile and other bench tests"]
     information = [
-        {
-            "discrepancy_percent": p,
-            "set": name,
-            "bits": 5.0 + k,
-            "bits_se": 0.2,
-            "gain_bits": k,
-            "gain_se_bits": 0.1,
-        }
+        {"discrepancy_percent": p, "set": name, "bits": 5.0 + k, "bits_se": 0.2, "gain_bits": k, "gain_se_bits": 0.1}
         for p in (0.0, 2.0)
         for k, name in enumerate(sets)
     ]
     pd.DataFrame(information).to_csv(folder / "information.csv", index=False)
     narrowing = [
-        {
-            "discrepancy_percent": percent,
-            "set": name,
-            "parameter": p,
-            "width_ratio": 0.7,
-            "over_base": 1 - 0.15 * k,
-        }
+        {"discrepancy_percent": percent, "set": name, "parameter": p, "width_ratio": 0.7, "over_base": 1 - 0.15 * k}
         for percent in (0.0, 2.0)
         for k, name in enumerate(sets)
         for p in PARAMETERS
@@ -238,15 +212,9 @@ def test_further_responses_are_in_order_of_what_they_add(inputs):
     assert len(figure.axes[1].patches) == 2 * len(ways)
 
 
-@pytest.mark.parametrize(
-    "names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "drum_slip_deg"]]
-)
+@pytest.mark.parametrize("names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "drum_slip_deg"]])
 def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
-    study = {
-        "particles": {"egg": {}, "clump": {}},
-        "tensions": ["keep"],
-        "fillings": {"here": {}, "there": {}},
-    }
+    study = {"particles": {"egg": {}, "clump": {}}, "tensions": ["keep"], "fillings": {"here": {}, "there": {}}}
     targets = [TARGETS[0] | {"response": name, "value": 50.0, "range": [48.0, 52.0]} for name in names]
     config = {"targets": targets, "shape_study": study}
     rows, sets = [], []
@@ -262,9 +230,7 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
     pd.DataFrame(rows).to_csv(tmp_path / "c.csv", index=False)
     pd.DataFrame(sets).to_csv(tmp_path / "s.csv", index=False)
     with style.applied():
-        figure = representations.study(
-            {"combinations": tmp_path / "c.csv", "sets": tmp_path / "s.csv"}, config
-        )
+        figure = representations.study({"combinations": tmp_path / "c.csv", "sets": tmp_path / "s.csv"}, config)
         style.save(figure, tmp_path / "a.png", small_run=False)
     assert figure.axes[4].get_xlabel() == f"{of_name(names[0]).label} ({of_name(names[0]).unit})"
     up = "distance (–)" if len(names) == 1 else "Height (mm)"

@@ -16,13 +16,10 @@ WHOLE = {"aor_off_deg": 0.3, "aor_off_deg_se": 0.1, "height_off_mm": 0.8, "heigh
 @pytest.fixture
 def files(tmp_path):
     tables = {
-        "sampling": {"comparison": "designs", "design": "Sobol", "data": "emulated", "fit": "network"}
-        | SIZES
-        | SHARES,
+        "sampling": {"comparison": "designs", "design": "Sobol", "data": "emulated", "fit": "network"} | SIZES | SHARES,
         "surrogates": {"model": "network", "training": "pool"} | SIZES | SHARES,
         "search": {"method": "miga", "evaluations": 100, "repetitions": 10} | SEARCH,
-        "whole": {"data": "real", "samples": 60, "method": "linear", "simulations": 360, "repetitions": 5}
-        | WHOLE,
+        "whole": {"data": "real", "samples": 60, "method": "linear", "simulations": 360, "repetitions": 5} | WHOLE,
     }
     for name, row in tables.items():
         rows = [row | {"response": "height_mm"}, row] if name == "sampling" else [row]

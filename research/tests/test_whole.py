@@ -110,13 +110,7 @@ def test_surfaces_are_exact_on_their_own_kind_and_local_search_inverts_them():
 
 
 def target(name, value, half):
-    return {
-        "response": name,
-        "value": value,
-        "sd": 1.0,
-        "repetitions": 4,
-        "range": [value - half, value + half],
-    }
+    return {"response": name, "value": value, "sd": 1.0, "repetitions": 4, "range": [value - half, value + half]}
 
 
 def small(samples, repetitions=2):
@@ -132,11 +126,7 @@ def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
     targets = Targets.of([target("aor_deg", 31.0, 2.0), target("height_mm", 62.0, 5.0)])
     table = whole.run(one_study(files), SPACE, targets, small([40, 60]), tmp_path)
     # all 60 samples are no random subset
-    assert set(zip(table["data"], table["samples"], strict=True)) == {
-        ("real", 40),
-        ("emulated", 40),
-        ("emulated", 60),
-    }
+    assert set(zip(table["data"], table["samples"], strict=True)) == {("real", 40), ("emulated", 40), ("emulated", 60)}
     assert set(table["method"]) == set(proposals.METHODS)
     proposed = pd.read_csv(tmp_path / "whole_proposals.csv")
     at = (proposed[list(PARAMETERS)].to_numpy() - LOW) / 2
@@ -148,9 +138,7 @@ def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
     assert "quadratic" in whole.message(table, targets)
 
 
-@pytest.mark.parametrize(
-    "names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "drum_slip_deg"]]
-)
+@pytest.mark.parametrize("names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "drum_slip_deg"]])
 def test_any_number_of_targets(names):
     """Each response follows a parameter of its own; one parameter is fixed."""
     k, rng = len(names), np.random.default_rng(3)

@@ -162,10 +162,7 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, capsys):
     assert targets[0]["value"] == pytest.approx(33.0, abs=0.5)
     assert targets[0]["sd"] == pytest.approx(1.0, abs=0.2)
     assert len(pd.read_csv(tmp_path / "measured/photographs.csv")) == 3
-    assert Study.of(config | {"targets": targets}).targets.names == (
-        "drawdown_above_deg",
-        "drawdown_below_deg",
-    )
+    assert Study.of(config | {"targets": targets}).targets.names == ("drawdown_above_deg", "drawdown_below_deg")
     for more, allowed in (
         (["--lens", "box0.png"], "--lens is .*nothing with --bench drawdown"),
         (["--mm-per-pixel", "0.2"], "--mm-per-pixel is 0.2; allowed: nothing with"),

@@ -18,13 +18,7 @@ BERRY = BERRY | dict(zip(("long_mm", "major_mm", "minor_mm"), AXES_MM, strict=Tr
 SET = dict.fromkeys(PARAMETERS, 0.3)
 SMALL = {
     "funnel": {"berries": 12, "duration_s": 3.0},
-    "drum": {
-        "berries": 12,
-        "length_mm": 40.0,
-        "rotate_from_s": 1.0,
-        "report_s": 2.0,
-        "longest_rotation_s": 2.0,
-    },
+    "drum": {"berries": 12, "length_mm": 40.0, "rotate_from_s": 1.0, "report_s": 2.0, "longest_rotation_s": 2.0},
     "cylinder": {"berries": 12, "duration_s": 2.0, "diameter_mm": 60.0, "height_mm": 60.0},
 }
 
@@ -68,9 +62,7 @@ def test_what_a_fall_can_give_is_within_the_bounds():
 
 def test_a_berry_that_is_too_fast_is_named_with_time_and_cure():
     bounded = three_berries(velocity_m_s=(0.0, 0.0, 900.0))
-    with pytest.raises(
-        Unstable, match=r"berry 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than"
-    ):
+    with pytest.raises(Unstable, match=r"berry 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than"):
         bounded.look()
 
 
@@ -99,9 +91,7 @@ def test_berries_that_pass_through_each_other_are_named(apart_mm, broken):
     between = np.linalg.norm(bounded.simulation.positions[1] - bounded.simulation.positions[0])
     assert overlaps[0] == pytest.approx(1e-2 - between, abs=1e-12)
     if broken:
-        with pytest.raises(
-            Unstable, match=r"berries 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa"
-        ):
+        with pytest.raises(Unstable, match=r"berries 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa"):
             bounded._look_at_overlaps()
     else:
         bounded._look_at_overlaps()
@@ -114,9 +104,7 @@ def test_a_berry_that_passes_through_a_wall_is_named(height_mm, broken):
     bounded.simulation.run_steps(1)
     bounded.simulation.positions[1, 2] = 1e-3 * height_mm  # pressed on, in contact as before
     if broken:
-        with pytest.raises(
-            Unstable, match=r"berry 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s"
-        ):
+        with pytest.raises(Unstable, match=r"berry 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s"):
             bounded._look_at_overlaps()
     else:
         bounded._look_at_overlaps()

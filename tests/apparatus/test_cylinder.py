@@ -105,10 +105,7 @@ def test_a_filling_is_judged():
     assert "above it" in reason
     assert TEST.status_of(full, 1e-6, SceneSettings(config()), 0.021)[0] == "not_at_rest"
     assert TEST.status_of(full + np.array([0.02, 0, 0]), 1e-12, SceneSettings(config()), 0.021)[0] == "lost"
-    assert TEST.status_of(full, 1e-12, SceneSettings(config()), 0.021, "why") == (
-        "unstable",
-        "why",
-    )
+    assert TEST.status_of(full, 1e-12, SceneSettings(config()), 0.021, "why") == ("unstable", "why")
 
 
 def test_a_tap_lifts_a_berry_by_its_height():
@@ -131,9 +128,7 @@ def test_a_tap_lifts_a_berry_by_its_height():
 
 def test_a_tapped_cylinder_holds_more():
     own = config(**SMALL, taps=6)
-    records = [
-        run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, seed))[0] for seed in (2, 3, 4)
-    ]
+    records = [run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, seed))[0] for seed in (2, 3, 4)]
     record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
     records.append(record)
     assert {one["status"] for one in records} == {"ok"}

@@ -61,9 +61,7 @@ def slopes(above_deg, below_deg):
     box = drawdown.Box.of(TEST.section(SceneSettings(config())))
     x, z = np.meshgrid(np.arange(-0.13, 0.13, 5e-4), np.arange(5e-4, 0.1, 5e-4), indexing="ij")
     x, z = x.ravel(), z.ravel()
-    wedge = (np.abs(x) > box.half_slot) & (
-        z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot)
-    )
+    wedge = (np.abs(x) > box.half_slot) & (z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot))
     pile = z < 0.04 - math.tan(math.radians(below_deg)) * np.abs(x)
     xs = np.concatenate([x[wedge], x[pile]])
     zs = np.concatenate([z[wedge] + box.floor, z[pile]])
@@ -98,10 +96,7 @@ def test_an_opened_box_waits_until_its_grains_rest():
 @pytest.mark.slow
 def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
     """An ensemble of four fillings; what drained and what stayed are all that was filled in."""
-    runs = [
-        run_once(bench("drawdown"), Scene.of(config(**SMALL), SET, BEAD, SPHERE, seed))
-        for seed in (1, 2, 3, 4)
-    ]
+    runs = [run_once(bench("drawdown"), Scene.of(config(**SMALL), SET, BEAD, SPHERE, seed)) for seed in (1, 2, 3, 4)]
     for record, run in runs:
         assert record["status"] == "ok", record["reason"]
         stays = ~np.isfinite(run.arrays["exit_s"])
@@ -119,8 +114,6 @@ def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
 
 @pytest.mark.slow
 def test_a_narrow_slot_jams():
-    record, _ = run_once(
-        bench("drawdown"), Scene.of(config(**SMALL | {"slot_mm": 18.0}), SET, BEAD, SPHERE, 1)
-    )
+    record, _ = run_once(bench("drawdown"), Scene.of(config(**SMALL | {"slot_mm": 18.0}), SET, BEAD, SPHERE, 1))
     assert record["status"] == "jammed"
     assert record["drawdown_mass_g"] is None

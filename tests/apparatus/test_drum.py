@@ -71,9 +71,7 @@ def test_berries_appear_clear_of_the_walls():
 
 @pytest.mark.parametrize("angle_deg", [0.0, 25.0, 45.0])
 def test_the_surface_of_a_bed_of_known_angle(angle_deg):
-    seen = [
-        bed.measure_surface(*half_filled(angle_deg, seed=s), PARTICLE, RADIUS_M, 0.25, 0.6) for s in range(4)
-    ]
+    seen = [bed.measure_surface(*half_filled(angle_deg, seed=s), PARTICLE, RADIUS_M, 0.25, 0.6) for s in range(4)]
     assert np.mean([surface.angle_deg for surface in seen]) == pytest.approx(angle_deg, abs=1.0)
     ends = seen[0].line_m
     assert np.ptp(ends[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
@@ -191,21 +189,14 @@ def test_shell_and_caps_hold_every_point_of_every_berry(small_rotation):
 
 
 def test_a_job_writes_what_tables_and_film_read(tmp_path):
-    keys = SMALL | {
-        "slip_drop_deg": 0.05,
-        "angular_velocity_rad_s": 1.0,
-        "longest_rotation_s": 2.0,
-        "settle_s": 1.0,
-    }
+    keys = SMALL | {"slip_drop_deg": 0.05, "angular_velocity_rad_s": 1.0, "longest_rotation_s": 2.0, "settle_s": 1.0}
     results = drum_tables.run_job(Scene.of(config(**keys), REPRESENTATIVE, BERRY, PARTICLE), [3], tmp_path)
     run = results[0]["run"]
     kept = json.loads((tmp_path / "drum_3.json").read_text())["run"]
     assert kept == {key: run[key] for key in kept}
     assert not any("surface" in key for key in kept)
     # the job of all bench tests gives the same, and its responses
-    pours = pour_job(
-        bench("drum"), Scene.of(config(**keys), REPRESENTATIVE, BERRY, PARTICLE), "004", [3], tmp_path
-    )
+    pours = pour_job(bench("drum"), Scene.of(config(**keys), REPRESENTATIVE, BERRY, PARTICLE), "004", [3], tmp_path)
     job = measure_job(Scene.of(config(**keys), {}, BERRY, PARTICLE), pours)
     (measured,) = job["runs"]
     assert measured == run
@@ -259,9 +250,7 @@ def test_means_have_standard_errors(tmp_path):
 
 def test_a_changed_definition_measures_the_frames_that_were_kept(tmp_path):
     path = saved(tmp_path, 1, 30.0)
-    wide, narrow = (
-        drum_tables.run([path], config(fit_share=share), PARTICLE, tmp_path) for share in (0.9, 0.5)
-    )
+    wide, narrow = (drum_tables.run([path], config(fit_share=share), PARTICLE, tmp_path) for share in (0.9, 0.5))
     for tables in (wide, narrow):
         angle = tables["runs"].loc[0, "start_surface_deg"]
         assert angle == pytest.approx(30.0, abs=3.0)

@@ -40,9 +40,7 @@ REFERENCES = {
 SEEDS = 8
 # Rows whose deviation is known. The other implementation damps by m* of whole bodies, this one by the mass at the
 # contact, so an ellipsoid that is hit off its centre returns more, and its pile is lower.
-KNOWN = {
-    "centre": "8 pours give 21.75 degrees where 23.9 are given (5.2 standard errors), 40 pours 23.0 +- 0.3 (2.4)"
-}
+KNOWN = {"centre": "8 pours give 21.75 degrees where 23.9 are given (5.2 standard errors), 40 pours 23.0 +- 0.3 (2.4)"}
 
 
 def config(**keys):
@@ -68,9 +66,7 @@ def one_run(task):
     axes = np.full(3, np.prod(AXES_MM) ** (1.0 / 3.0)) if name == "spheres" else AXES_MM
     whole = config()
     settings = SceneSettings(whole, {"simulation": LimitedByAll(**whole["simulation"])})
-    record, _ = run_once(
-        bench("funnel"), Scene(settings, named(REFERENCES[name][0]), BERRY, particle(axes), seed)
-    )
+    record, _ = run_once(bench("funnel"), Scene(settings, named(REFERENCES[name][0]), BERRY, particle(axes), seed))
     return name, record
 
 
@@ -91,10 +87,7 @@ def ensembles():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=pytest.mark.xfail(reason=KNOWN[name]) if name in KNOWN else ())
-        for name in REFERENCES
-    ],
+    [pytest.param(name, marks=pytest.mark.xfail(reason=KNOWN[name]) if name in KNOWN else ()) for name in REFERENCES],
 )
 def test_ensembles_agree_with_the_reference_values(ensembles, name):
     _, n, aor, aor_sd, height, height_sd = REFERENCES[name]
@@ -265,9 +258,7 @@ def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
 
 
 def test_a_job_writes_what_it_returns(tmp_path):
-    pours = pour_job(
-        bench("funnel"), Scene.of(small(), named(CENTRE), BERRY, particle()), "007", [5, 6], tmp_path
-    )
+    pours = pour_job(bench("funnel"), Scene.of(small(), named(CENTRE), BERRY, particle()), "007", [5, 6], tmp_path)
     result = measure_job(Scene.of(small(), {}, BERRY, particle()), pours)
     assert result["sample"] == 7
     assert [run["seed"] for run in result["runs"]] == [5, 6]

@@ -86,9 +86,7 @@ def test_a_sphere_leaves_its_pocket_in_a_glued_layer_over_the_saddle(friction, m
 def test_a_glued_layer_touches_and_does_not_overlap():
     for particle in (SPHERE, PARTICLE):
         places, _, half = inclined_plane.layer(particle)
-        apart = np.sort(
-            np.linalg.norm(places[:, None] - places, axis=2) + 1e9 * np.eye(len(places)), axis=None
-        )
+        apart = np.sort(np.linalg.norm(places[:, None] - places, axis=2) + 1e9 * np.eye(len(places)), axis=None)
         wide = 2.0 * sorted(particle.dem_shape("berry").half_extents_m)[1]
         assert apart[0] == pytest.approx(wide * 1.0001 if particle is SPHERE else apart[0])
         own = config(surface="glued")

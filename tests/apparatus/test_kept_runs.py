@@ -49,9 +49,7 @@ def pours():
             suppress(Stopped),
         ):
             provenance.note_config(config)
-            pour_job(
-                test, Scene.of(config, parameters, {}, None), "001", seeds, folder, keeps_runs=keeps_runs
-            )
+            pour_job(test, Scene.of(config, parameters, {}, None), "001", seeds, folder, keeps_runs=keeps_runs)
         return ran
 
     return pour

@@ -24,9 +24,7 @@ from repose.measure.settings import MeasureSettings
 SET = named((0.3, 0.5, 0.1, 0.3, 0.5, 0.1))
 TUBE = {"berries": 200, "rate_per_s": 400.0, "lift_from_s": 1.0, "settle_s": 2.0, "diameter_mm": 60.0}
 TUBE |= {"length_mm": 130.0, "rim_radius_mm": 0.5}
-GOOD = lifted_cylinder.Lifting(
-    filled=300, filling_height_mm=90.0, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12
-)
+GOOD = lifted_cylinder.Lifting(filled=300, filling_height_mm=90.0, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12)
 
 TEST = lifted_cylinder.LiftedCylinderTest()
 
@@ -46,9 +44,7 @@ def lifted(seed, **keys):
 
 def test_a_run_is_judged():
     def status(**changes):
-        return TEST.status_of(dataclasses.replace(GOOD, **changes), SceneSettings(config(berries=300)), 10.0)[
-            0
-        ]
+        return TEST.status_of(dataclasses.replace(GOOD, **changes), SceneSettings(config(berries=300)), 10.0)[0]
 
     assert status() == "ok"
     assert status(unstable="why") == "unstable"
@@ -81,10 +77,7 @@ def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
         ({"berries": 300}, rf"{name}filling_height_mm is 90.0; allowed: no such key beside berries"),
         ({"filling_height_mm": None}, rf"{name}filling_height_mm is null; allowed: .*1 to 5000"),
         ({"length_mm": 100.0}, rf"{name}length_mm is 100.0; allowed: at least 111.*, the filling height"),
-        (
-            {"lift_from_s": 1.0},
-            rf"{name}lift_from_s is 1.0; allowed: above 1\.\d+, when the last of some 3\d\d",
-        ),
+        ({"lift_from_s": 1.0}, rf"{name}lift_from_s is 1.0; allowed: above 1\.\d+, when the last of some 3\d\d"),
         (
             {"diameter_mm": 1000.0, "plate_diameter_mm": 2000.0},
             rf"{name}filling_height_mm is 90.0; allowed: below \d+.*some 20000 berries",
@@ -104,10 +97,7 @@ def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
 
 
 def test_the_card_and_the_definitions_say_how_much_is_filled_in():
-    for keys, said, other in (
-        ({}, "filling_height_mm", "berries"),
-        ({"berries": 300}, "berries", "filling_height_mm"),
-    ):
+    for keys, said, other in (({}, "filling_height_mm", "berries"), ({"berries": 300}, "berries", "filling_height_mm")):
         study = Study.of(config(**keys))
         for response in bench("lifted_cylinder").responses:
             assert f"lifted_cylinder.{said}" in study.definitions[response.name]
@@ -123,9 +113,7 @@ def surface_mm(positions, radius_m, grain_m, cells=8):
     x, y, z = positions.T
     side = 2.0 * radius_m / cells
     highest = {}
-    for cell, top in zip(
-        zip(*(np.floor(np.array([x, y]) / side)), strict=True), z + grain_m / 2, strict=True
-    ):
+    for cell, top in zip(zip(*(np.floor(np.array([x, y]) / side)), strict=True), z + grain_m / 2, strict=True):
         highest[cell] = max(top, highest.get(cell, 0.0))
     return 1e3 * np.mean(list(highest.values()))
 
@@ -246,21 +234,11 @@ def test_a_hidden_surface_energy_is_found_again():
 
     measured = piles(32 * [hidden]).dropna()
     targets = {
-        name: {
-            "value": values.mean(),
-            "sd": values.std(),
-            "repetitions": len(values),
-            "unit": name.split("_")[-1],
-        }
+        name: {"value": values.mean(), "sd": values.std(), "repetitions": len(values), "unit": name.split("_")[-1]}
         for name, values in measured.items()
     }
     study = Study(
-        {"gamma_gg": [0.0, 0.4]},
-        targets,
-        "sequential",
-        seed=2026,
-        simulator="repose.dem",
-        sequential={"most_runs": 80},
+        {"gamma_gg": [0.0, 0.4]}, targets, "sequential", seed=2026, simulator="repose.dem", sequential={"most_runs": 80}
     )
     while not study.done:
         samples = study.ask()

@@ -104,10 +104,7 @@ def range_low(config, name):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        (
-            {"simulation.time_step_s": 8.0e-4},
-            "at most 0.00062, the stable step of a body between two of berry",
-        ),
+        ({"simulation.time_step_s": 8.0e-4}, "at most 0.00062, the stable step of a body between two of berry"),
         ({"simulation.time_step_s": 5.6e-4, "berry.size_distribution": "measured"}, "smallest scale, 0.781"),
         (
             {

@@ -46,9 +46,7 @@ def test_the_cone_of_a_height_and_a_volume_in_closed_form():
         assert reach.cone_tan(65.57, volume) == pytest.approx(slope)
         bound = reach.steepest_deg("whole", 65.57, reach.DENSEST * volume)
         assert bound == pytest.approx(angle)
-    assert 1e6 * math.pi * 0.06557**3 / (3 * math.tan(math.radians(32.87)) ** 2) == pytest.approx(
-        707, abs=0.5
-    )
+    assert 1e6 * math.pi * 0.06557**3 / (3 * math.tan(math.radians(32.87)) ** 2) == pytest.approx(707, abs=0.5)
 
 
 def test_no_side_that_flattens_outwards_has_a_steeper_whole_line_than_its_cone():
@@ -68,9 +66,7 @@ def test_the_articles_pair_is_no_whole_side_but_may_be_the_straight_part(config)
     assert not whole.possible
     assert whole.bound_deg == pytest.approx(28.46, abs=0.01)
     assert whole.sentence.startswith("500 grains of 1487 mm3 cannot make a pile of 65.6 mm with 32.9 deg")
-    assert (
-        "by the line 'whole side, columns': by mass alone at most 28.5 deg; piles of this" in whole.sentence
-    )
+    assert "by the line 'whole side, columns': by mass alone at most 28.5 deg; piles of this" in whole.sentence
     straight = judged(config, STRAIGHT_PART)
     assert straight.possible
     assert straight.bound_deg is None

@@ -132,9 +132,7 @@ def test_fine_seeds_get_a_smaller_scene_that_the_check_calls_good(seeds, tmp_pat
     assert "Pour such a pile by hand" in said[-1]
     pasted = yaml.safe_load(f"{scene}\n{targets}")
     assert 62 <= pasted["funnel"]["berries"] <= 1000
-    again = lines_of(
-        seeds | {"targets": pasted["targets"], "funnel": pasted["funnel"]}, tmp_path / "smaller.yaml"
-    )
+    again = lines_of(seeds | {"targets": pasted["targets"], "funnel": pasted["funnel"]}, tmp_path / "smaller.yaml")
     assert [line for line in again if "WARNING" in line] == []
 
 
@@ -158,18 +156,8 @@ def test_a_pile_that_reaches_the_outlet_is_told(seeds, tmp_path):
 
 def test_a_process_that_pours_and_measures_does_not_wait_for_what_it_does_not_use():
     """A study starts hundreds of them; pandas or scipy's distances take a third of a second."""
-    used = (
-        "repose.cli, repose.apparatus.job, repose.config.study, repose.config.stands_on, repose.measure.pile"
-    )
-    slow = {
-        "pandas",
-        "scipy.spatial",
-        "scipy.sparse",
-        "scipy.stats",
-        "yaml",
-        "matplotlib",
-        "repose.surrogate",
-    }
+    used = "repose.cli, repose.apparatus.job, repose.config.study, repose.config.stands_on, repose.measure.pile"
+    slow = {"pandas", "scipy.spatial", "scipy.sparse", "scipy.stats", "yaml", "matplotlib", "repose.surrogate"}
     code = f"import sys, {used}; print(*({slow} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout == "\n"

@@ -44,14 +44,9 @@ def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
     assert single == pytest.approx([20.0, 30.0], abs=3.0)
     both = TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
     assert both["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
-    assert (
-        TEST.measure({"status": "lost"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))["turning_deg"]
-        is None
-    )
+    assert TEST.measure({"status": "lost"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))["turning_deg"] is None
     coarse = TEST.measure(
-        {"status": "ok"},
-        arrays,
-        Scene.of(config() | {"measure": {"mm_per_pixel": 60.0}}, {}, BERRY, PARTICLE),
+        {"status": "ok"}, arrays, Scene.of(config() | {"measure": {"mm_per_pixel": 60.0}}, {}, BERRY, PARTICLE)
     )
     assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
     assert "60 mm a pixel" in coarse["reason"]
@@ -99,12 +94,8 @@ def test_each_speed_has_its_time_its_angle_and_its_profile():
     position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
     names = ("turning_profile_mm", "turning_2_profile_mm")
-    both = config(angular_velocity_rad_s=[0.8, 1.6]) | {
-        "targets": [profile_target(name, 0.5) for name in names]
-    }
-    found = TEST.measure(
-        {"status": "ok"}, arrays | {"speed": np.array([0, 1, 1])}, Scene.of(both, {}, BERRY, PARTICLE)
-    )
+    both = config(angular_velocity_rad_s=[0.8, 1.6]) | {"targets": [profile_target(name, 0.5) for name in names]}
+    found = TEST.measure({"status": "ok"}, arrays | {"speed": np.array([0, 1, 1])}, Scene.of(both, {}, BERRY, PARTICLE))
     for name, score, k in (
         ("turning_deg", "turning_profile_2_mm", slice(0, 1)),
         ("turning_2_deg", "turning_2_profile_2_mm", slice(1, 3)),
@@ -136,12 +127,8 @@ def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
     )
     assert (once.record["status"], twice.record["status"]) == ("ok", "ok")
     assert "speed" not in once.arrays
-    assert twice.arrays["speed"].tolist() == [0] * len(once.arrays["time_s"]) + [1] * len(
-        once.arrays["time_s"]
-    )
-    np.testing.assert_array_equal(
-        twice.arrays["position"][: len(once.arrays["time_s"])], once.arrays["position"]
-    )
+    assert twice.arrays["speed"].tolist() == [0] * len(once.arrays["time_s"]) + [1] * len(once.arrays["time_s"])
+    np.testing.assert_array_equal(twice.arrays["position"][: len(once.arrays["time_s"])], once.arrays["position"])
     faster = np.abs(np.diff(twice.arrays["position"], axis=0)).mean(axis=(1, 2))
     assert faster[-1] > 1.5 * faster[0]
 
@@ -154,8 +141,7 @@ def test_a_run_is_judged():
 
 def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():
     rough, level = (
-        run_once(bench("turning"), Scene.of(config(**SMALL), wall, BERRY, PARTICLE, 1))[0]
-        for wall in (ROUGH, SMOOTH)
+        run_once(bench("turning"), Scene.of(config(**SMALL), wall, BERRY, PARTICLE, 1))[0] for wall in (ROUGH, SMOOTH)
     )
     assert (rough["status"], level["status"]) == ("ok", "ok")
     assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy
@@ -169,12 +155,9 @@ def test_a_tilted_drum_is_low_at_one_end_where_berries_without_friction_gather()
     simulation.run(0.05, progress=False)
     fall = 9.81 * simulation.time_s
     lean = np.radians(20.0)
-    assert simulation.velocities[0] == pytest.approx(
-        [0.0, fall * np.sin(lean), -fall * np.cos(lean)], abs=1e-9
-    )
+    assert simulation.velocities[0] == pytest.approx([0.0, fall * np.sin(lean), -fall * np.cos(lean)], abs=1e-9)
     level, leaning = (
-        TEST.run(Scene.of(each, SMOOTH, BERRY, PARTICLE, 1))
-        for each in (config(**SMALL, tilt_deg=0.0), tilted)
+        TEST.run(Scene.of(each, SMOOTH, BERRY, PARTICLE, 1)) for each in (config(**SMALL, tilt_deg=0.0), tilted)
     )
     assert (level.record["status"], leaning.record["status"]) == ("ok", "ok")
     across = [run.arrays["position"][..., 1].mean() for run in (level, leaning)]

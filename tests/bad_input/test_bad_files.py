@@ -21,23 +21,7 @@ from repose.particle.particle import Particle
 ROOT = Path(__file__).parents[2]
 SIZES = "long_mm,major_mm,minor_mm\n21,11,10\n22,12,11\n"
 TESTS = ",".join(berry_files.COMPRESSION_COLUMNS) + "\n1,5,21,21.5,10,9,11\n2,6,22,22.4,10,9,11\n"
-NO_NUMBERS = (
-    "",
-    "nan",
-    "inf",
-    "-inf",
-    "-1",
-    "0",
-    "many",
-    "1,5",
-    "0x10",
-    "1e999",
-    "²",
-    "1 2",
-    "None",
-    "TRUE",
-    "'1'",
-)
+NO_NUMBERS = ("", "nan", "inf", "-inf", "-1", "0", "many", "1,5", "0x10", "1e999", "²", "1 2", "None", "TRUE", "'1'")
 
 
 def raises(read, path, content, *more):
@@ -78,9 +62,7 @@ def test_sizes_in_another_unit_are_blamed_on_their_table(tmp_path):
 
     in_m = ["0.021,0.011,0.01", "0.022,0.012,0.011"]
     assert "long_mm is 0.0215; allowed: a median from 0.5 to 2000" in fault(in_m)
-    assert "row 4: long_mm is 0.021; allowed: within a factor of 5 of the median" in fault(
-        [*rows, rows[0], in_m[0]]
-    )
+    assert "row 4: long_mm is 0.021; allowed: within a factor of 5 of the median" in fault([*rows, rows[0], in_m[0]])
 
 
 def test_a_compression_test_in_another_unit_is_blamed_on_its_table(tmp_path):
@@ -126,11 +108,7 @@ def test_a_file_that_is_no_table(tmp_path):
         )
         raises(read, tmp_path / "a.csv", filled)
 
-    kinds = (
-        (berry_files.read_sizes, SIZES),
-        (berry_files.read_compression, TESTS),
-        (check_published, PUBLISHED),
-    )
+    kinds = ((berry_files.read_sizes, SIZES), (berry_files.read_compression, TESTS), (check_published, PUBLISHED))
     cases = [(read, text, wrong) for read, text in kinds for wrong in TABLES]
     check_all(check, [(f"{read.__name__} {wrong}", read, text, wrong) for read, text, wrong in cases])
 
@@ -184,9 +162,7 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
     numbers = [key for key in PARTICLE if key not in ("kind", "stl")]
     bad = ("text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True)
     particle = [(Particle.load, PARTICLE | {key: value}, key) for key in numbers for value in bad]
-    without = [
-        (Particle.load, {name: PARTICLE[name] for name in PARTICLE if name != key}, key) for key in PARTICLE
-    ]
+    without = [(Particle.load, {name: PARTICLE[name] for name in PARTICLE if name != key}, key) for key in PARTICLE]
     check_all(
         check,
         [
@@ -278,13 +254,7 @@ def test_readers_of_text_take_any_text_or_tell_what_is_wrong(tmp_path):
 
     def check(text):
         path.write_bytes(text.encode())
-        for read in (
-            files.read_table,
-            files.read_rows,
-            files.read_json,
-            berry_files.read_sizes,
-            reading.read,
-        ):
+        for read in (files.read_table, files.read_rows, files.read_json, berry_files.read_sizes, reading.read):
             assert str(path) in answer(read, path)
 
     drawn(check, text=st.text(alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60))

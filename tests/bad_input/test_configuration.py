@@ -87,10 +87,7 @@ def bad_values(schema):
     elif "string" in kinds or "enum" in schema:
         yield from (("a number", 3.5), ("empty", ""), ("true", True), ("a line", "a\nb"))
         if "enum" in schema:
-            yield from (
-                ("no choice of it", "something else"),
-                ("capitals", str(schema["enum"][0]).upper() + "X"),
-            )
+            yield from (("no choice of it", "something else"), ("capitals", str(schema["enum"][0]).upper() + "X"))
     else:
         yield from (("text", "something else"), ("empty", []), ("not a number", math.nan), ("negative", -1))
         if "anyOf" in schema or "array" in kinds:
@@ -189,14 +186,7 @@ def test_every_section_is_a_mapping():
 
 def test_all_faults_are_reported_at_once():
     config = good()
-    keys = (
-        "funnel.seeds",
-        "simulation.gravity_m_s2",
-        "label",
-        "miga.islands",
-        "targets.0.sd",
-        "drum.no_such_key",
-    )
+    keys = ("funnel.seeds", "simulation.gravity_m_s2", "label", "miga.islands", "targets.0.sd", "drum.no_such_key")
     for key in keys:
         section, last = holder(config, key)
         section[last] = -1
@@ -210,9 +200,7 @@ def test_all_contradictions_are_reported_at_once():
     config["miga"]["tournament"] = 900
     config["network"]["split"] = [0.5, 0.1, 0.1]
     messages = faults_of(config)
-    assert {"funnel.outlet_diameter_mm", "funnel.rest_window_s", "miga.tournament", "network.split"} <= set(
-        messages
-    )
+    assert {"funnel.outlet_diameter_mm", "funnel.rest_window_s", "miga.tournament", "network.split"} <= set(messages)
 
 
 NO_CONFIGURATIONS = (

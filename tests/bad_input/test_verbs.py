@@ -80,9 +80,7 @@ def test_every_verb_refuses_files_that_it_cannot_read(refused, garbage):
     check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
 
 
-WITH_CONFIG = sorted(
-    name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options)
-)
+WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options))
 
 
 def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage):
@@ -100,9 +98,7 @@ def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage
 
     del garbage["header"]  # a line of text, which YAML takes for a value
     del garbage["deep"]  # every verb reads it by the same function, see test_configuration.py
-    check_all(
-        check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()]
-    )
+    check_all(check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()])
 
 
 def test_every_verb_refuses_an_option_that_it_does_not_have(refused):
@@ -127,13 +123,7 @@ BAD_VALUES = (
     *(["berry", "--axes", *axes] for axes in (["1", "2"], ["17", "11", "9"], ["x", "y", "z"])),
     *(
         ["berry", "--axes", *axes, "--mass-g=1", "--stl=a.stl"]
-        for axes in (
-            ["0", "1", "1"],
-            ["-1", "1", "1"],
-            ["nan", "1", "1"],
-            ["inf", "1", "1"],
-            ["9", "11", "17"],
-        )
+        for axes in (["0", "1", "1"], ["-1", "1", "1"], ["nan", "1", "1"], ["inf", "1", "1"], ["9", "11", "17"])
     ),
     *(
         ["berry", "--axes", "17", "11", "9", "--stl=a.stl", f"--mass-g={value}"]
@@ -158,14 +148,7 @@ BAD_VALUES = (
     *(["export", *words] for words in ([], ["--to=yade"], ["--to=abaqus", "--set=e_gg=0.3"])),
     *(
         ["export", "--to=yade", "--set=e_gg=0.3", word]
-        for word in (
-            "--spheres=0",
-            "--spheres=65",
-            "--spheres=x",
-            "--seed=-1",
-            "--card=a.json",
-            "--sample=1",
-        )
+        for word in ("--spheres=0", "--spheres=65", "--spheres=x", "--seed=-1", "--card=a.json", "--sample=1")
     ),
     *(
         ["measure", "a.jpg", f"--{name}={value}"]
@@ -175,26 +158,14 @@ BAD_VALUES = (
     *(
         ["measure", "a.jpg", "--length", *value.split()]
         for value in (
-            *(
-                "0 1 1 900 1",
-                "-5 1 1 900 1",
-                "nan 1 1 900 1",
-                "100 1 1 900",
-                "100 1 1 900 x",
-                "100 nan 1 900 1",
-            ),
+            *("0 1 1 900 1", "-5 1 1 900 1", "nan 1 1 900 1", "100 1 1 900", "100 1 1 900 x", "100 nan 1 900 1"),
             *("100 1 1 1 1", "100 900 1 1 1", "100 1 1 1 900", "1e9 1 1 900 1", "100 1 1 inf 1"),
         )
     ),
     ["measure", "a.jpg", "--length", "100", "1", "1", "900", "1", "--mm-per-pixel=0.1"],
     ["measure", "a.jpg", "--base-row=300"],
     ["measure", "a.jpg", "--mm-per-pixel=0.1", "--lens", "b.jpg"],
-    *(
-        ["measure"],
-        ["measure", "a.jpg"],
-        ["measure", "a.jpg", "b/a.jpg"],
-        ["measure", "a.png", "--out=."],
-    ),
+    *(["measure"], ["measure", "a.jpg"], ["measure", "a.jpg", "b/a.jpg"], ["measure", "a.png", "--out=."]),
     *(["marker", f"--square-mm={value}"] for value in ("0", "-1", "4", "26", "nan", "x")),
     ["marker", "--out=sheet.png"],
     *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),

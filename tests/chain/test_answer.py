@@ -48,8 +48,7 @@ def read(config):
 
 
 @pytest.mark.parametrize(
-    ("simulated", "met", "margin"),
-    [(33.5, True, 0.5), (31.25, True, 0.25), (30.0, False, -1.0), (36.0, False, -2.0)],
+    ("simulated", "met", "margin"), [(33.5, True, 0.5), (31.25, True, 0.25), (30.0, False, -1.0), (36.0, False, -2.0)]
 )
 def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, margin, tmp_path):
     found = read(study(tmp_path, simulated))
@@ -189,9 +188,7 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     made = SimpleNamespace(rule="conclude", feasible="solutions.csv", table4="t4.csv", **files)
     known = {"answers": answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
     known |= {"config": study(tmp_path, simulated, feasible)}
-    known |= {
-        "CALL": SimpleNamespace(made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path)))
-    }
+    known |= {"CALL": SimpleNamespace(made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path)))}
     exec(textwrap.dedent(HANDLER[1]), known)
     first = capsys.readouterr().out.splitlines()[0]
     assert first.startswith(

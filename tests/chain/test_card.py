@@ -53,16 +53,7 @@ def solutions():
     return table
 
 
-def made(
-    config,
-    solutions,
-    posterior=None,
-    simulated=66.0,
-    runs=32,
-    within=0.5,
-    values=MappingProxyType({}),
-    **known,
-):
+def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5, values=MappingProxyType({}), **known):
     """The card of a study with an answer of its own."""
     checks = tuple(
         answer.Check(
@@ -72,12 +63,8 @@ def made(
         )
         for target in config["targets"]
     )
-    values = {
-        name: 0.3 if name in FIXED else solutions[name].mean() for name in config["parameters"]
-    } | values
-    found = answer.Answer(
-        "wheat", values, True, "", checks, Path("results"), {1.0: 0.25, 2.0: within}, **known
-    )
+    values = {name: 0.3 if name in FIXED else solutions[name].mean() for name in config["parameters"]} | values
+    found = answer.Answer("wheat", values, True, "", checks, Path("results"), {1.0: 0.25, 2.0: within}, **known)
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
     return card.make(config, found, berry, particle, solutions, posterior)
@@ -89,9 +76,7 @@ def record_of_an_ellipsoid():
     volume = 4 / 3 * np.pi * half.prod()
     mass = 1000.0 * volume
     inertia = (
-        mass
-        / 5
-        * np.array([half[1] ** 2 + half[2] ** 2, half[0] ** 2 + half[2] ** 2, half[0] ** 2 + half[1] ** 2])
+        mass / 5 * np.array([half[1] ** 2 + half[2] ** 2, half[0] ** 2 + half[2] ** 2, half[0] ** 2 + half[1] ** 2])
     )
     return Particle("ellipsoid", half[None], 1000.0, volume, mass, inertia, half.max(), 0.0, 0.0).record()
 
@@ -141,17 +126,9 @@ SPACE = ParameterSpace.of({name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] 
         (0.65, {"low": 0.4, "high": 0.65, "widened": True}, "friction; interval widened to hold the answer"),
         (0.2, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
         (0.2004, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
-        (
-            0.2006,
-            {"low": 0.2006, "high": 0.6, "widened": True},
-            "friction; interval widened to hold the answer",
-        ),
+        (0.2006, {"low": 0.2006, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
         (0.7, {"low": 0.4, "high": 0.6, "at_bound": "upper"}, "friction; at the upper bound of the range"),
-        (
-            0.6994,
-            {"low": 0.4, "high": 0.6994, "widened": True},
-            "friction; interval widened to hold the answer",
-        ),
+        (0.6994, {"low": 0.4, "high": 0.6994, "widened": True}, "friction; interval widened to hold the answer"),
     ],
 )
 def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words):
@@ -290,9 +267,7 @@ def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solu
     card.check(found, "card")
 
 
-def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
-    config, solutions, capsys, tmp_path
-):
+def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(config, solutions, capsys, tmp_path):
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
     config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
     check = answer.Check("aor_deg", "deg", 30.5, 0.4, 32, "ok", 30.0, 1.0, 29.0, 31.0)
@@ -305,9 +280,7 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
         card.check(made_card, "card")
         assert made_card["tests"][0]["line"] == "secant, foot to crest"
         assert ("definitions" in made_card["tests"][0]) == (given is not None)
-    (tmp_path / "card.json").write_text(
-        json.dumps(card.make(config, found, berry, particle, solutions, row=row))
-    )
+    (tmp_path / "card.json").write_text(json.dumps(card.make(config, found, berry, particle, solutions, row=row)))
     assert main(["card", "show", str(tmp_path / "card.json")]) == 0
     text = capsys.readouterr().out
     assert (
@@ -336,12 +309,8 @@ def test_numbers_that_no_material_has_are_refused(config, solutions):
         parameters = made(config, solutions)["parameters"]
         return {"parameters": parameters | {name: parameters[name] | keys}}
 
-    bad = [
-        (of("e_gg", value=value), r"e_gg\.value is .*; allowed: .* 0\.01 to 1") for value in (0.0, -0.5, 5)
-    ]
-    bad += [
-        (of("mus_gg", value=value), r"mus_gg\.value is .* a finite number") for value in (math.nan, math.inf)
-    ]
+    bad = [(of("e_gg", value=value), r"e_gg\.value is .*; allowed: .* 0\.01 to 1") for value in (0.0, -0.5, 5)]
+    bad += [(of("mus_gg", value=value), r"mus_gg\.value is .* a finite number") for value in (math.nan, math.inf)]
     bad += [(of("mus_gg", low=0.5, high=high), "low and high, or null for both") for high in (None, 0.4)]
     bad += [({"correlations": {"mus_gg": {}, "mur_gg": {}}}, "correlations.mus_gg")]
     assert not_refused(check, bad, InputError) == []
@@ -398,15 +367,11 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     assert "Another simulator" not in card_text.compared(one, other)
     assert "Another simulator: repose | theirs." in card_text.compared(one, other | {"simulator": "theirs"})
     other["tests"][0]["definition"]["name"] = "angle, secant"
-    assert any(
-        "Another definition of height_mm" in line for line in card_text.compared(one, other).splitlines()
-    )
+    assert any("Another definition of height_mm" in line for line in card_text.compared(one, other).splitlines())
 
 
 def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, capsys):
-    (tmp_path / "card.json").write_text(
-        json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None))
-    )
+    (tmp_path / "card.json").write_text(json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None)))
     assert main(["card", "show", str(tmp_path / "card.json")]) == 0
     text = capsys.readouterr().out
     assert "wheat; targets NOT met" in text

@@ -11,9 +11,7 @@ from repose.core.targets import Targets
 
 def runs_of(values, names):
     """Good runs with these responses, of the names' bench test."""
-    return [
-        dict(zip(names, row, strict=True)) | {"status": "ok"} for row in np.asarray(values, float).tolist()
-    ]
+    return [dict(zip(names, row, strict=True)) | {"status": "ok"} for row in np.asarray(values, float).tolist()]
 
 
 def test_the_mean_given_few_runs_has_a_t_distribution_with_one_degree_of_freedom_less():

@@ -124,10 +124,7 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         assert (row["engine"], row["scene"]) == (engine_hash(), stands_on.scene(config))
         # runs of other settings than today's are refused
         loader.write_resolved(config | {"wall": config["wall"] | {"poisson_ratio": 0.1}}, "other.json")
-        assert (
-            main(["stage", "published_sets", "results/validation/heaps/101.json", "--config", "other.json"])
-            == 2
-        )
+        assert main(["stage", "published_sets", "results/validation/heaps/101.json", "--config", "other.json"]) == 2
     do("material_card")
     assert main(["card", "show", "results/card.json"]) in (0, None)
     assert "mus_gg" in capsys.readouterr().out

@@ -66,10 +66,7 @@ def test_run_writes_tables_and_counts(study):
     assert len(runs) == 9
     assert json.loads((folder / "out/dataset_summary.json").read_text()) == summary
     assert (summary["samples"], summary["ok"], summary["left_out"], summary["runs_ok"]) == (3, 2, 1, 6)
-    assert dataset.read_definitions(folder / "out/dataset.csv") == (
-        DEFINITIONS,
-        folder / "out/dataset_summary.json",
-    )
+    assert dataset.read_definitions(folder / "out/dataset.csv") == (DEFINITIONS, folder / "out/dataset_summary.json")
     assert dataset.read_definitions(folder / "samples.csv")[0] == {}
     assert summary["by_status"] == {"ok": 2, "jammed": 1}
     assert summary["reasons"] == {"3": "2 of 3 runs jammed (stuck)"}
@@ -89,10 +86,7 @@ def edit(path, change):
         (lambda job: job.update(runs=[]), r"002.json: runs is \[\]"),
         (lambda job: job.update(sample=9), r"002.json: sample is 9"),
         (lambda job: job.update(sample=1), r"002.json: sample is 1; .*001.json"),
-        (
-            lambda job: job["parameters"].update(mus_gg=0.61),
-            r"002.json: parameters.mus_gg is 0.61; allowed: 0.6",
-        ),
+        (lambda job: job["parameters"].update(mus_gg=0.61), r"002.json: parameters.mus_gg is 0.61; allowed: 0.6"),
         (lambda job: job["parameters"].pop("e_gp"), r"002.json: parameters.e_gp is None"),
         (lambda job: job["runs"][0].update(status="fine"), r"002.json: runs\[0\].status is 'fine'"),
         (lambda job: job["runs"][0].update(aor_deg=None), r"002.json: runs\[0\].aor_deg is None"),
@@ -175,9 +169,7 @@ def test_a_job_that_is_missing_twice_or_of_another_bench_test_is_named(study):
         dataset.run(folder / "samples.csv", paths[:-1], *arguments)
     with pytest.raises(InputError, match=r"sample is 3; .*once; also in .*drum_003"):
         dataset.run(folder / "samples.csv", [*paths, paths[-1]], *arguments)
-    with pytest.raises(
-        InputError, match=r"apparatus is 'drum'; allowed: a bench test of the targets, funnel"
-    ):
+    with pytest.raises(InputError, match=r"apparatus is 'drum'; allowed: a bench test of the targets, funnel"):
         dataset.run(folder / "samples.csv", paths, TARGETS, *arguments[1:])
 
 

@@ -33,10 +33,7 @@ SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
 def targets(aor=30.5, aor_range=(29.0, 32.0), height_range=(63.0, 68.0)):
     first, second = shared.TARGETS
     return Targets.of(
-        [
-            first | {"aim": aor, "range": list(aor_range)},
-            second | {"aim": 65.0, "range": list(height_range)},
-        ]
+        [first | {"aim": aor, "range": list(aor_range)}, second | {"aim": 65.0, "range": list(height_range)}]
     )
 
 
@@ -96,9 +93,7 @@ def test_run_says_whether_the_box_was_reached_and_is_deterministic(outcome, tmp_
     else:  # five inputs at 2, and mus_gp at 1, where the last 0.03 deg would cost a mm of Height
         assert summary["box_distance"]["aor_deg"] == pytest.approx(0.6 + 0.2 / 6, abs=1e-3)
         assert summary["target_distance"]["aor_deg"] == pytest.approx(2.1 + 0.2 / 6, abs=1e-3)
-        assert summary["message"].startswith(
-            "All later stages use the nearest solutions: the answer is predicted "
-        )
+        assert summary["message"].startswith("All later stages use the nearest solutions: the answer is predicted ")
         assert "0.63 deg and 0.00 mm outside the ranges" in summary["message"]
 
 
@@ -109,13 +104,9 @@ def test_run_solutions_are_sorted_distinct_and_inside_the_ranges(outcome):
     assert ((X >= 0) & (X <= 2)).all()
     assert (np.diff(solutions["objective"]) >= 0).all()
     if reachable:
-        F = (solutions["aor_predicted_deg"] - 30.5).abs() / 3 + (
-            solutions["height_predicted_mm"] - 65
-        ).abs() / 5
+        F = (solutions["aor_predicted_deg"] - 30.5).abs() / 3 + (solutions["height_predicted_mm"] - 65).abs() / 5
         np.testing.assert_allclose(solutions["objective"], F, atol=1e-12)
-    gaps = np.linalg.norm(X[:, None] - X, axis=2) + 9 * np.eye(
-        len(X)
-    )  # ranges of width 2: already normalised
+    gaps = np.linalg.norm(X[:, None] - X, axis=2) + 9 * np.eye(len(X))  # ranges of width 2: already normalised
     assert gaps.min() >= 0.05 - 1e-12
 
 
@@ -216,9 +207,7 @@ def test_another_definition_or_other_responses_are_refused(tmp_path):
     network_json.write_text(json.dumps(content | {"definitions": flank}))
     arguments = (network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
     secant = {"aor_deg": {"measure.response": "secant"}}
-    with pytest.raises(
-        InputError, match=r"network\.json: definition of aor_deg is .*flank.*secant.*my\.yaml"
-    ):
+    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg is .*flank.*secant.*my\.yaml"):
         invert.run(*arguments, definitions=secant, source="my.yaml")
     one = Targets(TARGETS[:1])
     with pytest.raises(InputError, match=r"network\.json: outputs is .*; allowed: the targets aor_deg"):

@@ -60,12 +60,7 @@ def changed(study, name, row, column, value):
         ("dataset.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0; allowed: a number from 1 to 89"),
         ("dataset.csv", "aor_deg", "steep", "row 3: aor_deg is 'steep'; allowed: a finite number"),
         ("dataset.csv", "aor_deg", "31.0", "mean of aor_deg is .*; allowed: 31, its mean in"),
-        (
-            "dataset.csv",
-            "aor_se_deg",
-            "",
-            "standard error of aor_deg is .*; allowed: nan, its standard error in",
-        ),
+        ("dataset.csv", "aor_se_deg", "", "standard error of aor_deg is .*; allowed: nan, its standard error in"),
         ("dataset.csv", "aor_se_deg", "-0.5", "standard error of aor_deg is .*; allowed: -0.5, its"),
         ("dataset.csv", "e_gg", "", "row 3: e_gg is nan; allowed: 0.01 to 1"),
         ("dataset.csv", "e_gg", "-0.2", "row 3: e_gg is -0.2"),

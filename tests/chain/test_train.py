@@ -20,9 +20,7 @@ SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026,
 TARGETS = Targets.of(shared.TARGETS)
 
 
-@pytest.mark.parametrize(
-    ("samples", "sizes"), [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))]
-)
+@pytest.mark.parametrize(("samples", "sizes"), [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))])
 def test_split_is_the_published_one_and_a_partition(samples, sizes):
     rows = train.split(samples, [0.70, 0.15, 0.15], 2026)
     assert tuple(len(rows[name]) for name in train.SPLITS) == sizes
@@ -52,20 +50,9 @@ def write_tables(folder, samples=40, seeds=4):
         se = y.std(axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else (np.nan, np.nan)
         status = "jammed" if i == 3 else "ok"
         mean = y.mean(axis=0) if status == "ok" else (np.nan, np.nan)
-        rows.append(
-            (i + 1, *(0.5 + 0.4 * U[i]), status, seeds * (status == "ok"), mean[0], se[0], mean[1], se[1])
-        )
+        rows.append((i + 1, *(0.5 + 0.4 * U[i]), status, seeds * (status == "ok"), mean[0], se[0], mean[1], se[1]))
         runs.extend((i + 1, k, status, *y[k]) for k in range(seeds))
-    columns = [
-        "sample",
-        *PARAMETERS,
-        "status",
-        "n_seeds",
-        "aor_deg",
-        "aor_se_deg",
-        "height_mm",
-        "height_se_mm",
-    ]
+    columns = ["sample", *PARAMETERS, "status", "n_seeds", "aor_deg", "aor_se_deg", "height_mm", "height_se_mm"]
     pd.DataFrame(rows, columns=columns).to_csv(folder / "dataset.csv", index=False)
     columns = ["sample", "seed", "status", "aor_deg", "height_mm"]
     pd.DataFrame(runs, columns=columns).to_csv(folder / "runs.csv", index=False)
@@ -81,9 +68,7 @@ def test_run_writes_what_it_returns(tmp_path):
     assert 4 not in set(predictions["sample"])
     test = predictions[predictions["split"] == "test"]
     by_hand = (
-        1
-        - ((test.aor_deg - test.aor_predicted_deg) ** 2).sum()
-        / ((test.aor_deg - test.aor_deg.mean()) ** 2).sum()
+        1 - ((test.aor_deg - test.aor_predicted_deg) ** 2).sum() / ((test.aor_deg - test.aor_deg.mean()) ** 2).sum()
     )
     assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
     runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
@@ -104,9 +89,7 @@ def test_a_run_with_replicates_knows_their_noise(tmp_path):
     known = np.concatenate([load(tmp_path / "out/network.json").noise_std_]) / sd
     assert known == pytest.approx(1.0, abs=0.1)
     # of one seed there is none to correct for
-    once = train.run(
-        *write_tables(tmp_path, seeds=1), TARGETS, SETTINGS | {"replicates": True}, tmp_path / "once"
-    )
+    once = train.run(*write_tables(tmp_path, seeds=1), TARGETS, SETTINGS | {"replicates": True}, tmp_path / "once")
     ways = once["r2_three_ways"]["aor_deg"]
     assert ways["noise_corrected"] is None
     assert ways["single_runs"] == pytest.approx(ways["sample_means"])
@@ -190,13 +173,9 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
     files = (tmp_path / "out/network.json", tmp_path / "out/predictions.csv", dataset_csv)
     train.restore(*files)
     (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
-    with pytest.raises(
-        InputError, match=r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"
-    ):
+    with pytest.raises(InputError, match=r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"):
         train.run(*arguments, flank, "my.yaml")
-    with pytest.raises(
-        InputError, match=r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json"
-    ):
+    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json"):
         train.restore(*files)
     train.run(*arguments)
     assert load(tmp_path / "out/network.json").definitions == secant
@@ -243,9 +222,7 @@ def test_a_parameter_of_the_contact_law_is_an_input_like_the_six(tmp_path):
     train.run(dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
     model = load(tmp_path / "out/network.json")
     assert model.inputs == (*PARAMETERS, "gamma_gg")
-    assert train.restore(
-        *(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv"))
-    )
+    assert train.restore(*(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv")))
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
     with pytest.raises(InputError, match=r"gamma_gg is -0\.1"):
         train.run(dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")

@@ -57,9 +57,7 @@ def write_heaps(folder, solutions, failed=(), names=PARAMETERS):
             numbers |= {name: aor - 4 * k for k, name in enumerate(MEAN_KEYS.values())}
             numbers = dict.fromkeys(numbers) if not ok else numbers
             numbers["discharge_s"] = 16.0
-            runs.append(
-                {"seed": seed, "status": "ok" if ok else "jammed", "reason": "" if ok else "stuck"} | numbers
-            )
+            runs.append({"seed": seed, "status": "ok" if ok else "jammed", "reason": "" if ok else "stuck"} | numbers)
         job = {"sample": row["sample"], "parameters": {name: row[name] for name in names}, "runs": runs}
         paths.append(folder / f"{row['sample']:03}.json")
         paths[-1].write_text(json.dumps(job))
@@ -67,18 +65,14 @@ def write_heaps(folder, solutions, failed=(), names=PARAMETERS):
 
 
 def select(folder, count=5):
-    return validate.write_solutions(
-        folder / "feasible.csv", SPACE, TARGETS, count, folder / "v/solutions.csv"
-    )
+    return validate.write_solutions(folder / "feasible.csv", SPACE, TARGETS, count, folder / "v/solutions.csv")
 
 
 def stored(folder, failed=(), targets=TARGETS, names=PARAMETERS):
     """The published sets as simulated; the path of their table."""
     sets = validate.write_published_solutions(folder / "published4.csv", names, folder / "theirs.csv")
     paths = write_heaps(folder, sets, failed, names)
-    validate.write_published_sets(
-        folder / "published4.csv", paths, targets, names, NOW, folder / "published_sets.csv"
-    )
+    validate.write_published_sets(folder / "published4.csv", paths, targets, names, NOW, folder / "published_sets.csv")
     return folder / "published_sets.csv"
 
 
@@ -205,11 +199,7 @@ def test_representative_against_the_physical_pile(study):
     assert (table["within_1_percent"] <= table["within_2_percent"]).all()
     assert 0 < table["within_2_percent"].iloc[0] < 1
     far = validate.against_physical(
-        {
-            f"{a}_{b}_{c}": 40.0
-            for a, c in (("aor", "deg"), ("height", "mm"))
-            for b in ("predicted", "simulated", "se")
-        }
+        {f"{a}_{b}_{c}": 40.0 for a, c in (("aor", "deg"), ("height", "mm")) for b in ("predicted", "simulated", "se")}
         | {"n_seeds": 3, "status": "ok"},
         TARGETS,
     )

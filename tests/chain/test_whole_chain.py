@@ -96,14 +96,10 @@ def whole_chain(out: Path, targets, space, network=NETWORK):
     support = Support.of_dataset(out / "dataset.csv", space)
     surrogate = out / "network/network.json"
     summary = invert.run(surrogate, space, targets, MIGA, None, out / "miga", support, definitions)
-    again = validate.write_solutions(
-        out / "miga/feasible.csv", space, targets, 3, out / "validation/solutions.csv"
-    )
+    again = validate.write_solutions(out / "miga/feasible.csv", space, targets, 3, out / "validation/solutions.csv")
     jobs = pour(again, targets, out / "validation/jobs")
     theirs = validate.compared_with_published(None, targets.responses, space.names, MEASURE, {})
-    tables = validate.run(
-        out / "validation/solutions.csv", jobs, targets, MEASURE, theirs, out / "validation", support
-    )
+    tables = validate.run(out / "validation/solutions.csv", jobs, targets, MEASURE, theirs, out / "validation", support)
     return SimpleNamespace(
         samples=samples, metrics=metrics, summary=summary, solutions=again, definitions=definitions, **tables
     )
@@ -111,11 +107,7 @@ def whole_chain(out: Path, targets, space, network=NETWORK):
 
 @pytest.mark.parametrize(
     "names",
-    [
-        ("height_mm",),
-        ("aor_deg", "height_mm", "radius_90_mm", "base_radius_mm"),
-        ("height_mm", "drum_slip_deg"),
-    ],
+    [("height_mm",), ("aor_deg", "height_mm", "radius_90_mm", "base_radius_mm"), ("height_mm", "drum_slip_deg")],
     ids=["one", "four", "two bench tests"],
 )
 def test_the_chain_finds_parameter_sets_that_give_the_targets(tmp_path, names):
@@ -127,9 +119,7 @@ def test_the_chain_finds_parameter_sets_that_give_the_targets(tmp_path, names):
     table = found.representative.set_index("response")
     assert table.index.tolist() == list(names)
     assert (table["simulated"] - targets.value).abs().max() < 1.5
-    responses = [
-        column for target in targets for column in (target.response.predicted, target.response.simulated)
-    ]
+    responses = [column for target in targets for column in (target.response.predicted, target.response.simulated)]
     assert set(responses) < set(found.table4.columns)
     assert len(found.table4) == 4
     assert found.published.empty
@@ -156,9 +146,7 @@ def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
 @pytest.mark.parametrize("name", ["gaussian_process", "quadratic"])
 def test_the_chain_runs_with_another_surrogate(tmp_path, name):
     targets = targets_of("aor_deg", "height_mm")
-    space = ParameterSpace.of(
-        RANGES | {key: {"fixed": sum(RANGES[key]) / 2} for key in ("e_gg", "mus_gg", "e_gp")}
-    )
+    space = ParameterSpace.of(RANGES | {key: {"fixed": sum(RANGES[key]) / 2} for key in ("e_gg", "mus_gg", "e_gp")})
     found = whole_chain(tmp_path, targets, space, NETWORK | {"replicates": True, "surrogate": name})
     assert found.metrics["noise_covariance"] is not None
     assert found.metrics["test"]["aor_deg"]["r2"] > 0.9

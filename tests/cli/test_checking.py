@@ -45,12 +45,7 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
     config = {
-        "simulation": {
-            "time_step_s": 1e-5,
-            "gravity_m_s2": 9.81,
-            "tension": "release",
-            "rest_energy_j": 1e-9,
-        },
+        "simulation": {"time_step_s": 1e-5, "gravity_m_s2": 9.81, "tension": "release", "rest_energy_j": 1e-9},
         "funnel": {"berries": grains},
         "parameters": ranges,
     }

@@ -76,9 +76,7 @@ def test_the_programs_help_fits_a_screen_and_lists_what_a_person_types(capsys):
     assert "example:" in out
     with pytest.raises(SystemExit):
         main(["stage", "--help"])
-    assert re.findall("^ {2}([a-z_]+) {2,}", capsys.readouterr().out, re.MULTILINE)[-len(STAGES) :] == list(
-        STAGES
-    )
+    assert re.findall("^ {2}([a-z_]+) {2,}", capsys.readouterr().out, re.MULTILINE)[-len(STAGES) :] == list(STAGES)
 
 
 def test_the_groups_of_the_help_name_verbs():
@@ -169,10 +167,7 @@ BAD_OPTIONS_OF_HEAP = (
     (["--seeds", "0"], ["--seeds is 0"]),
     (["--sample", "3"], ["--sample is 3", "together with --samples"]),
     (["--samples", "nowhere.csv", "--sample", "1"], ["nowhere.csv"]),
-    (
-        ["--samples", "resources/berries.csv", "--sample", "1"],
-        ["berries.csv: column sample is 'missing'"],
-    ),
+    (["--samples", "resources/berries.csv", "--sample", "1"], ["berries.csv: column sample is 'missing'"]),
     (["--trajectory", "0"], ["--trajectory is 0.0"]),
     (["--particle", "nowhere.json"], ["nowhere.json"]),
     (["--berry", "nowhere.json"], ["nowhere.json"]),
@@ -211,9 +206,7 @@ def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, capsys):
     words = ["--config", short_config]
     assert main(["stage", "warm_up", *words]) == 0
     output = capsys.readouterr().out
-    assert re.match(
-        r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$", output.strip()
-    )
+    assert re.match(r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$", output.strip())
     compiled = list(advance.signatures)
     assert main(["stage", "pour", *words, "--seed", "7", "--out", str(tmp_path)]) == 0
     assert advance.signatures == compiled
@@ -238,19 +231,7 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(short_confi
     samples = tmp_path / "samples.csv"
     samples.write_text("sample," + ",".join(PARAMETERS) + "\n1,0.2,0.5,0.03,0.3,0.6,0.2\n")
     inputs, folder = ["--samples", str(samples)], str(tmp_path / "heaps")
-    pour = [
-        "stage",
-        "pour",
-        *inputs,
-        "--sample",
-        "1",
-        "--seed",
-        "7",
-        "--config",
-        short_config,
-        "--out",
-        folder,
-    ]
+    pour = ["stage", "pour", *inputs, "--sample", "1", "--seed", "7", "--config", short_config, "--out", folder]
     assert main([*pour, "--keep-runs", "--measure"]) == 0
     result, kept = tmp_path / "heaps/001.json", tmp_path / "heaps/runs/001.json"
     assert not result.exists()
@@ -336,9 +317,7 @@ def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
     assert printed.getvalue() == rb"1 \xb1 0.1 \xb5m" + b"\n"
 
 
-@pytest.mark.parametrize(
-    ("sd", "piles", "warned"), [(0, 10, "sd is 0"), (1.0, 2, "repetitions is 2"), (1.0, 3, None)]
-)
+@pytest.mark.parametrize(("sd", "piles", "warned"), [(0, 10, "sd is 0"), (1.0, 2, "repetitions is 2"), (1.0, 3, None)])
 def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
     target = {"response": "aor_deg", "apparatus": "funnel", "sd": sd, "repetitions": piles}
     lines = list(checking._about_the_targets({"targets": [target]}))

@@ -65,9 +65,7 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
     assert main(["check", "--config", "config.yaml"]) == 2
     output = capsys.readouterr().err
     for key in re.findall(r"(\w+): null", Path("config.yaml").read_text()):
-        assert re.search(
-            rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null", output, re.MULTILINE
-        ), key
+        assert re.search(rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null", output, re.MULTILINE), key
     moduli = "allowed: a number; or a table of compression tests in berry.compression"
     for key in ("berry.poisson_ratio", "berry.shear_modulus_pa"):
         assert f"config.yaml: {key} is null; {moduli}" in output
@@ -111,9 +109,7 @@ def test_inlet_and_outlet_the_other_way_round_are_named(folder):
         "outlet_diameter_mm: 25.0", "outlet_diameter_mm: 80.0"
     )
     (folder / "config.yaml").write_text(text)
-    with pytest.raises(
-        InputError, match=r"outlet_diameter_mm is 80\.0; allowed: .*below funnel\.inlet_diameter_mm"
-    ):
+    with pytest.raises(InputError, match=r"outlet_diameter_mm is 80\.0; allowed: .*below funnel\.inlet_diameter_mm"):
         Study.load("config.yaml")
 
 

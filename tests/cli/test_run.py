@@ -137,9 +137,7 @@ def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatc
         ),
     ],
 )
-def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(
-    words, message, tmp_path, monkeypatch, capsys
-):
+def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.yaml").write_text("a: [")
     monkeypatch.setattr("snakemake.cli.main", lambda _words: pytest.fail("snakemake was called"))
@@ -156,18 +154,7 @@ def test_help_shows_the_options(capsys):
 
 def test_a_target_that_nothing_makes_is_bad_input(tmp_path):
     (tmp_path / "Snakefile").write_text("rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n")
-    words = [
-        "repose",
-        "run",
-        "nonsense",
-        "-c1",
-        "-s",
-        "Snakefile",
-        "--workflow-profile",
-        "none",
-        "--logger",
-        "repose",
-    ]
+    words = ["repose", "run", "nonsense", "-c1", "-s", "Snakefile", "--workflow-profile", "none", "--logger", "repose"]
     done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 2
     assert "repose: error: command line: target is 'nonsense'; allowed: a target" in done.stderr

@@ -44,9 +44,7 @@ def planned():
 
 @pytest.fixture
 def handler(capsys):
-    before = signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # ignored where the tests run in the background
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in the background
     handler = run_display.LogHandler(SimpleNamespace(), None)
     yield handler
     handler.close()
@@ -68,10 +66,7 @@ def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch
         handler.emit(emitted(event=LogEvent.JOB_FINISHED, job_id=number))
     handler.emit(emitted("Select jobs to execute..."))
     lines = capsys.readouterr().err.splitlines()
-    assert lines == [
-        "pour: Doing pour 1",
-        "pour 1 of 2, all 1 of 3 jobs; 4 pours a minute, less than a minute left",
-    ]
+    assert lines == ["pour: Doing pour 1", "pour 1 of 2, all 1 of 3 jobs; 4 pours a minute, less than a minute left"]
 
 
 def test_a_failure_is_named_with_its_log_and_the_end_of_it(handler, capsys, tmp_path):
@@ -79,9 +74,7 @@ def test_a_failure_is_named_with_its_log_and_the_end_of_it(handler, capsys, tmp_
     Path(log).write_text("".join(f"line {k}\n" for k in range(100)))
     handler.emit(planned())
     handler.emit(job_info(1, "pour", ["heap"], [log]))
-    error = emitted(
-        "Error in rule pour", logging.ERROR, event=LogEvent.JOB_ERROR, jobid=1, rule_name="pour", log=[log]
-    )
+    error = emitted("Error in rule pour", logging.ERROR, event=LogEvent.JOB_ERROR, jobid=1, rule_name="pour", log=[log])
     handler.emit(error)
     handler.emit(error)  # a group tells its jobs once more
     err = capsys.readouterr().err
@@ -101,9 +94,7 @@ def test_a_job_that_ctrl_c_ends_has_not_failed(handler, capsys, monkeypatch):
     handler.emit(emitted("Error in rule pour", logging.ERROR, event=LogEvent.JOB_ERROR, jobid=1, log=[]))
     summary = f"WorkflowError:\n{run_display.SUMMED_UP}"
     handler.emit(emitted(summary, logging.ERROR, event=LogEvent.ERROR, exception="WorkflowError"))
-    handler.emit(
-        emitted("Exiting because a job execution failed. Look above for error messages", logging.ERROR)
-    )
+    handler.emit(emitted("Exiting because a job execution failed. Look above for error messages", logging.ERROR))
     handler.emit(emitted("Elapsed time: 0:00:01"))
     handler.close()
     assert signalled == ["act"]
@@ -143,9 +134,7 @@ def test_an_empty_log_on_a_full_disk_says_so(tmp_path, monkeypatch):
 
 
 def test_errors_without_a_job_are_said(handler, capsys):
-    handler.emit(
-        emitted("no such rule", logging.ERROR, event=LogEvent.ERROR, exception="MissingRuleException")
-    )
+    handler.emit(emitted("no such rule", logging.ERROR, event=LogEvent.ERROR, exception="MissingRuleException"))
     assert "no such rule" in capsys.readouterr().err
 
 

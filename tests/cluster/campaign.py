@@ -41,13 +41,9 @@ def main():
     words.add_argument("--samples", type=int, default=10_000)
     words.add_argument("--cores", type=int, default=1000)
     words.add_argument("--benchmarks", help="folder benchmarks/heaps of a run, whose times are drawn")
-    words.add_argument(
-        "--sample-s", type=float, default=11.0, help="time of a sample, where no run is given (11)"
-    )
+    words.add_argument("--sample-s", type=float, default=11.0, help="time of a sample, where no run is given (11)")
     words.add_argument("--start-s", type=float, default=2.7, help="start of a cluster job (2.7)")
-    words.add_argument(
-        "--inner-s", type=float, default=2.7, help="start of one job of the workflow in it (2.7)"
-    )
+    words.add_argument("--inner-s", type=float, default=2.7, help="start of one job of the workflow in it (2.7)")
     words.add_argument("--submitted-per-s", type=float, default=2.0, help="jobs submitted in a second (2)")
     args = words.parse_args()
     known_s = measured_s(args.benchmarks) if args.benchmarks else [args.sample_s]
@@ -59,9 +55,7 @@ def main():
         jobs_s = np.add.reduceat(samples_s, cuts) + 2 * args.inner_s * counts
         whole_s = makespan_s(jobs_s, args.cores, args.start_s, args.submitted_per_s)
         used_s = jobs_s.sum() + args.start_s * len(jobs_s)
-        print(
-            f"| {size} | {len(jobs_s)} | {whole_s / 60:.1f} | {used_s / 3600:.1f} | {samples_s.sum() / used_s:.0%} |"
-        )
+        print(f"| {size} | {len(jobs_s)} | {whole_s / 60:.1f} | {used_s / 3600:.1f} | {samples_s.sum() / used_s:.0%} |")
 
 
 if __name__ == "__main__":

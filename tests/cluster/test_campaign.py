@@ -15,15 +15,11 @@ def test_one_core_takes_all_jobs_one_after_another():
 
 
 def test_enough_cores_take_the_longest_job():
-    assert campaign.makespan_s(
-        [10.0, 30.0, 20.0], cores=3, start_s=5.0, submitted_per_s=1e9
-    ) == pytest.approx(35.0)
+    assert campaign.makespan_s([10.0, 30.0, 20.0], cores=3, start_s=5.0, submitted_per_s=1e9) == pytest.approx(35.0)
 
 
 def test_submitting_takes_its_time():
-    assert campaign.makespan_s([1.0] * 100, cores=100, start_s=0.0, submitted_per_s=2.0) == pytest.approx(
-        50.5
-    )
+    assert campaign.makespan_s([1.0] * 100, cores=100, start_s=0.0, submitted_per_s=2.0) == pytest.approx(50.5)
 
 
 def test_times_of_a_sample_are_those_of_its_two_jobs(tmp_path):
@@ -45,8 +41,5 @@ def test_work_of_cluster_jobs_leaves_the_others_out(tmp_path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("s\tmax_rss\n4.0\t1\n")
     assert overhead.benchmarks_s(tmp_path) == [4.0]
-    lines = [
-        "COMPLETED 2026-01-01T00:00:00 2026-01-01T00:00:09",
-        "FAILED 2026-01-01T00:00:00 2026-01-01T00:00:05",
-    ]
+    lines = ["COMPLETED 2026-01-01T00:00:00 2026-01-01T00:00:09", "FAILED 2026-01-01T00:00:00 2026-01-01T00:00:05"]
     assert overhead.slurm_s(lines) == [9.0]

@@ -16,13 +16,7 @@ def config():
 
 
 def test_the_response_surface_has_its_own_pours(config):
-    config["response_surface"] |= {
-        "screening_runs": 12,
-        "steps": 5,
-        "most_factors": 3,
-        "centres": 5,
-        "checks": 8,
-    }
+    config["response_surface"] |= {"screening_runs": 12, "steps": 5, "most_factors": 3, "centres": 5, "checks": 8}
     config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
     assert strategies.pours(config) is None
     config["strategy"] = "response_surface"

@@ -20,11 +20,7 @@ from repose.strategies import strategy
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
 
 NOT_RUN = {"next"}  # it needs runs of four sets in a further bench test
-SEVERAL = (
-    "sequential",
-    "response_surface",
-    "refined",
-)  # strategies; here each proposes by a stage of its name
+SEVERAL = ("sequential", "response_surface", "refined")  # strategies; here each proposes by a stage of its name
 LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SMALL = {
     "surrogate": "gaussian_process",
@@ -187,11 +183,7 @@ def pictures(run, at):
     slipped = saved(at, 1, 30.0, status="ok", before_turned_deg=1.0, after_turned_deg=3.0)
     with np.load(at / "drum_1.npz") as kept:
         arrays = dict(kept)
-    arrays |= {
-        f"{key}_{state}": arrays[key][0]
-        for key in ("position", "quaternion")
-        for state in ("before", "after")
-    }
+    arrays |= {f"{key}_{state}": arrays[key][0] for key in ("position", "quaternion") for state in ("before", "after")}
     np.savez(at / "drum_1.npz", **arrays)
     run("drum_tables", slipped, **grain, particle=at / "particle.json", out=at / "drum")
 

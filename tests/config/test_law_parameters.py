@@ -29,10 +29,7 @@ def study(contact_law, **parameters):
 
 
 def test_the_configuration_knows_the_laws_of_the_engine():
-    for key, laws, default in (
-        ("contact_law", CONTACT_LAWS, "hertz_mindlin"),
-        ("rolling_law", ROLLING_LAWS, "budget"),
-    ):
+    for key, laws, default in (("contact_law", CONTACT_LAWS, "hertz_mindlin"), ("rolling_law", ROLLING_LAWS, "budget")):
         assert faults.subschema(["simulation", key])["enum"] == list(laws)
         config = copy.deepcopy(study("hertz_mindlin").config)
         before = hash_of(stands_on.settings_of(config, "pour"))
@@ -74,17 +71,9 @@ def test_the_card_names_the_convention_of_the_surface_energy():
 @pytest.mark.parametrize(
     ("law", "parameters", "message"),
     [
-        (
-            "jkr",
-            {},
-            r"contact_law is 'jkr'; allowed: jkr with parameters.gamma_gg .* and parameters.gamma_gp",
-        ),
+        ("jkr", {}, r"contact_law is 'jkr'; allowed: jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
         ("jkr", {"gamma_gg": [0.0, 0.1]}, r"allowed: jkr with parameters.gamma_gp \(surface energy"),
-        (
-            "sjkr",
-            COHESION,
-            r"allowed: sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)",
-        ),
+        ("sjkr", COHESION, r"allowed: sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
         (
             "hertz_mindlin",
             {"gamma_gg": [0.0, 0.1]},
@@ -114,9 +103,7 @@ def test_twisting_friction_is_a_parameter_of_the_laws_that_resist_it():
     assert contacts["berry", "berry"].twisting_friction is None
     assert contacts["berry", "wall"].twisting_friction == 0.25
     assert LABELS["mut_gp"] == "twisting friction, grain-wall"
-    with pytest.raises(
-        InputError, match=r"mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"
-    ):
+    with pytest.raises(InputError, match=r"mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"):
         study("hertz_mindlin", mut_gp=[0.0, 0.5])
 
 

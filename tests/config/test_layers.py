@@ -115,9 +115,7 @@ def test_a_fault_names_the_file_it_came_from(tmp_path):
     assert all(fault.source == str(mine) for fault in caught.value.faults)
 
 
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / "examples/bench_tests").glob("*.yaml")), ids=lambda path: path.stem
-)
+@pytest.mark.parametrize("path", sorted((ROOT / "examples/bench_tests").glob("*.yaml")), ids=lambda path: path.stem)
 def test_an_example_of_a_bench_test_goes_over_the_default(path):
     """With the files that it names: the goji berry's shape study has no responses of other bench tests."""
     assert Study.load(ROOT / "config/config.yaml", path).particle is not None

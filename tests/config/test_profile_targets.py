@@ -84,10 +84,7 @@ def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(q
     table.write_text(TABLE.replace("16", "15"))
     heights = study_of(quick, entry)
     share = study_of(quick, entry | {"covered": 0.5})
-    for what in (
-        lambda s: s.definitions,
-        lambda s: stands_on.settings_of(s.config, "measure_runs", "turning"),
-    ):
+    for what in (lambda s: s.definitions, lambda s: stands_on.settings_of(s.config, "measure_runs", "turning")):
         assert what(before) == what(heights)
         assert what(before) != what(share)
     assert before.targets[-1].value != heights.targets[-1].value
@@ -102,10 +99,7 @@ def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(q
         ({"functions": 5}, r"surface.csv: rows is 5; allowed: more than functions, 5"),
         ({"functions": 12}, r"targets\.2\.functions is 12; allowed: an integer from 2 to 9"),
         ({"hight": 3}, r"targets\.2\.hight is 3; allowed: no such key"),
-        (
-            {"response": "turning_deg"},
-            r"targets\.2\.response is 'turning_deg'; allowed: the profile of a bench test",
-        ),
+        ({"response": "turning_deg"}, r"targets\.2\.response is 'turning_deg'; allowed: the profile of a bench test"),
         ({"apparatus": "drum"}, r"targets\.2\.apparatus is 'drum'; allowed: turning"),
         ({"response": "turning_2_profile_mm"}, r"response is 'turning_2_profile_1_mm'.*one of 1 speeds"),
     ],
@@ -119,11 +113,7 @@ def test_a_wrong_entry_is_refused(quick, entry, change, words):
     ("old", "new", "words"),
     [
         ("0.5,1", "nan,1", r"surface.csv, row 4: z_mm is 'nan'; allowed: a finite number"),
-        (
-            "8.5",
-            "",
-            r"surface.csv, row 3: z_mm is ''; allowed: a finite number; empty heights only at the ends",
-        ),
+        ("8.5", "", r"surface.csv, row 3: z_mm is ''; allowed: a finite number; empty heights only at the ends"),
         ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; allowed: above the previous row's -20"),
         ("-30,", "-300,", r"targets\.2\.profile\.x.*inside the drum, between -95 and 95"),
     ],
@@ -170,10 +160,7 @@ def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, t
         study.tell(study.ask().assign(**{name: [row[name] for row in rows] for name in profile.names}))
     slope, height = np.polyfit(profile.x, profile.z, 1)
     answer = study.answer()
-    assert answer.parameters == {
-        "slope": pytest.approx(slope, abs=0.03),
-        "height": pytest.approx(height, abs=0.3),
-    }
+    assert answer.parameters == {"slope": pytest.approx(slope, abs=0.03), "height": pytest.approx(height, abs=0.3)}
     low, high = answer.posterior.parameters[["credible_low", "credible_high"]].to_numpy().T
     assert (low < [slope, height]).all()
     assert (high > [slope, height]).all()

@@ -23,9 +23,7 @@ def test_the_wildcards_of_outputs_stand_for_what_rules_write():
         ["r/{runs}/{sample}.json", r"r/{strategy,a|b}/batch_{batch,\d{1,4}}/a.csv"]
     ).fullmatch
     assert all(map(ours, ("r/heaps/001.json", "r/drum_runs/012.json", "r/refined/batch_1/a.csv")))
-    assert not any(
-        map(ours, ("r/heaps/a.json", "r/network/001.json", "r/published/batch_1/a.csv", "s/heaps/001.json"))
-    )
+    assert not any(map(ours, ("r/heaps/a.json", "r/network/001.json", "r/published/batch_1/a.csv", "s/heaps/001.json")))
 
 
 NOT_A_STUDYS = (
@@ -84,22 +82,12 @@ def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_report
     study = tmp_path / "study"
     for name in ("dataset.csv", "design/samples.csv"):
         write_text(study / name, "1\n")
-    mine = [
-        study / name
-        for name in ("report.html", "network/network.json", "network/notes.txt", "logs/berry.log")
-    ]
+    mine = [study / name for name in ("report.html", "network/network.json", "network/notes.txt", "logs/berry.log")]
     for path in mine:
         path.parent.mkdir(exist_ok=True)
         path.write_text("mine")
     (study / "runs.csv").touch()
-    results = (
-        "dataset.csv",
-        "design/samples.csv",
-        "report.html",
-        "network/network.json",
-        "logs/berry.log",
-        "runs.csv",
-    )
+    results = ("dataset.csv", "design/samples.csv", "report.html", "network/network.json", "logs/berry.log", "runs.csv")
 
     def reported():
         with pytest.raises(InputError) as error:

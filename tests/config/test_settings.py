@@ -52,10 +52,7 @@ def test_shipped_configurations_pass_every_check_and_write_to_folders_of_their_o
 
 def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
     short = {"value": 40.0, "sd": 3.0, "repetitions": 9}
-    config["targets"] = [
-        {"response": "drum_slip_deg"} | short,
-        {"response": "height_mm"} | short | {"sd": 0.3},
-    ]
+    config["targets"] = [{"response": "drum_slip_deg"} | short, {"response": "height_mm"} | short | {"sd": 0.3}]
     slip, height = Study.of(config).config["targets"]
     assert (slip["apparatus"], slip["range"]) == ("drum", [39.0, 41.0])  # a standard error to each side
     assert (height["apparatus"], height["range"]) == ("funnel", [39.6, 40.4])  # at least 1 %
@@ -68,11 +65,7 @@ def test_paper_has_the_published_settings():
     config = Study.load("config/paper.yaml").config
     assert config["simulation"]["time_step_s"] == 2.9256e-5
     assert config["funnel"]["duration_s"] == 18
-    assert (config["design"]["method"], config["design"]["samples"], config["funnel"]["seeds"]) == (
-        "lhsdesign",
-        150,
-        1,
-    )
+    assert (config["design"]["method"], config["design"]["samples"], config["funnel"]["seeds"]) == ("lhsdesign", 150, 1)
     assert [target["aim"] for target in config["targets"]] == [32.5, 66.5]
 
 
@@ -176,9 +169,7 @@ def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config)
         assert fault.value == value
         assert allowed in fault.allowed
 
-    check_all(
-        check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES]
-    )
+    check_all(check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES])
 
 
 KNOWN = (
@@ -265,20 +256,13 @@ def test_replicates_are_needed_of_every_bench_test_of_the_targets(config):
 
 def test_noise_from_the_validation_samples_needs_some_and_no_replicates(config):
     network = config["network"] | {"validation_noise": True}
-    with pytest.raises(
-        InputError, match=r"network\.validation_noise is true; allowed: false where replicates"
-    ):
+    with pytest.raises(InputError, match=r"network\.validation_noise is true; allowed: false where replicates"):
         Study.of(config | {"network": network | {"replicates": True}})
     network |= {"replicates": False, "split": [0.7, 0.15, 0.15]}
     Study.of(config | {"network": network})
     for split, samples in (([0.85, 0.0, 0.15], 150), ([0.7, 0.15, 0.15], 14)):
-        study = config | {
-            "network": network | {"split": split},
-            "design": config["design"] | {"samples": samples},
-        }
-        with pytest.raises(
-            InputError, match=r"network\.split is .*leaves more than 2 validation samples, or"
-        ):
+        study = config | {"network": network | {"split": split}, "design": config["design"] | {"samples": samples}}
+        with pytest.raises(InputError, match=r"network\.split is .*leaves more than 2 validation samples, or"):
             Study.of(study)
 
 
@@ -367,9 +351,7 @@ def test_headers_of_the_named_tables_are_checked(config):
         Study.of(config).check_inputs()
     config["berry"]["sizes"] = "resources/berries.csv"
     config["validation"]["published"] = "resources/berries.csv"
-    with pytest.raises(
-        InputError, match=r"berries\.csv: column solution is 'missing'; allowed: columns solution"
-    ):
+    with pytest.raises(InputError, match=r"berries\.csv: column solution is 'missing'; allowed: columns solution"):
         Study.of(config).check_inputs()
 
 
@@ -377,10 +359,7 @@ def test_photograph_and_shape_study_are_read_before_any_work(config):
     sizes = "resources/berries.csv"
     for changed, words in (
         ({"photograph": sizes}, r"berries\.csv: picture is 'not a picture'"),
-        (
-            {"posterior": config["posterior"] | {"shape_study": sizes}},
-            r"berries\.csv: column particle is 'missing'",
-        ),
+        ({"posterior": config["posterior"] | {"shape_study": sizes}}, r"berries\.csv: column particle is 'missing'"),
     ):
         with pytest.raises(InputError, match=words):
             Study.of(config | changed).check_inputs()
@@ -391,9 +370,7 @@ def test_a_range_that_its_prior_excludes_is_refused(config):
         known = {"prior": {"mean": 0.5, "sd": 0.01}, "range": [low, 0.9]}
         return Study.of(config | {"parameters": config["parameters"] | {"mus_gg": known}})
 
-    with pytest.raises(
-        InputError, match=r"parameters\.mus_gg is .*; allowed: a range that meets 0\.47 to 0\.53"
-    ):
+    with pytest.raises(InputError, match=r"parameters\.mus_gg is .*; allowed: a range that meets 0\.47 to 0\.53"):
         of(0.57)
     assert of(0.52).parameters.prior["mus_gg"] == (0.5, 0.01)
 

@@ -35,9 +35,7 @@ def test_what_is_written_is_read_again_and_folders_are_made(tmp_path):
     }
     arrays = {"position": np.random.default_rng(1).normal(size=(4, 3)).astype(np.float32)}
     files.write_npz(folder / "arrays.npz", arrays)
-    assert np.array_equal(
-        files.read_npz(folder / "arrays.npz", ("position",))["position"], arrays["position"]
-    )
+    assert np.array_equal(files.read_npz(folder / "arrays.npz", ("position",))["position"], arrays["position"])
     picture = np.arange(12, dtype=np.uint8).reshape(3, 4)
     files.write_image(folder / "picture.png", picture)
     assert np.array_equal(cv2.imread(str(folder / "picture.png"), cv2.IMREAD_GRAYSCALE), picture)

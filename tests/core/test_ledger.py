@@ -92,9 +92,7 @@ def test_no_other_code_of_the_program_writes_or_removes_a_file():
                 for argument in node.args
                 if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
             ]
-            opens = called == "open" and any(
-                set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts
-            )
+            opens = called == "open" and any(set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts)
             if opens or (called in BARE and owner in modules and (owner, called) != ("np", "copy")):
                 found.append(f"{name}:{node.lineno} {called}")
     assert not found

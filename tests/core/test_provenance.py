@@ -15,19 +15,7 @@ from repose.core import attached, files, places, provenance
 from repose.core.errors import InputError
 
 CONFIG = Study.load(places.root() / "config/quick.yaml").config
-KEYS = {
-    "verb",
-    "settings",
-    "engine",
-    "origin",
-    "seed",
-    "repose",
-    "commit",
-    "processor",
-    "python",
-    "numpy",
-    "numba",
-}
+KEYS = {"verb", "settings", "engine", "origin", "seed", "repose", "commit", "processor", "python", "numpy", "numba"}
 
 
 def changed(**sections):
@@ -131,9 +119,7 @@ def test_the_origin_follows_the_files_and_names_the_engine(tmp_path):
 
 def test_runs_of_two_settings_are_refused_and_both_are_named(tmp_path):
     paths = [pour(tmp_path / "a.json"), pour(tmp_path / "b.json", changed(simulation={"gravity_m_s2": 1.62}))]
-    with pytest.raises(
-        InputError, match=r"b\.json: provenance\.origin is '\w{16}'; allowed: .* as in .*a\.json"
-    ):
+    with pytest.raises(InputError, match=r"b\.json: provenance\.origin is '\w{16}'; allowed: .* as in .*a\.json"):
         run("measure_runs", paths, lambda: None)
     run("measure_runs", [paths[0], pour(tmp_path / "c.json", apparatus="drum")], lambda: None)
 
@@ -171,11 +157,7 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
 
     written()
     assert stands_on.own_dataset(config) == table
-    for section in (
-        {"berry": {"density_kg_m3": 900.0}},
-        {"measure": {"views": 3}},
-        {"funnel": {"berries": 7}},
-    ):
+    for section in ({"berry": {"density_kg_m3": 900.0}}, {"measure": {"views": 3}}, {"funnel": {"berries": 7}}):
         other = {"results_dir": str(tmp_path)}
         assert stands_on.own_dataset(changed(**section) | other) is None, section
     written(changed(measure={"views": 3}))
@@ -211,9 +193,7 @@ def test_another_processor_is_no_reason_to_refuse(tmp_path, monkeypatch):
 
 def test_the_processor_type_is_reported_with_what_stands_in_for_another(tmp_path, monkeypatch):
     result = tmp_path / "cpuinfo"
-    result.write_text(
-        "processor\t: 0\ncpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n\nprocessor\t: 1\n"
-    )
+    result.write_text("processor\t: 0\ncpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n\nprocessor\t: 1\n")
     monkeypatch.setattr(provenance, "CPU_INFO", result)
     for name in provenance.FORCED_TYPES:
         monkeypatch.delenv(name, raising=False)

@@ -47,15 +47,7 @@ def test_no_runs_are_refused():
 def test_targets_stand_in_front_with_their_errors():
     ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
     assert ours.summary == (
-        *(
-            "status",
-            "reason",
-            "n_seeds",
-            "discharge_s",
-            "discharge_se_s",
-            "base_radius_mm",
-            "base_radius_se_mm",
-        ),
+        *("status", "reason", "n_seeds", "discharge_s", "discharge_se_s", "base_radius_mm", "base_radius_se_mm"),
         *("aor_deg", "aor_se_deg", "height_mm", "height_se_mm"),
     )
     assert ours.single == ("discharge_s", "base_radius_mm", "aor_deg", "berries")
@@ -67,6 +59,4 @@ def test_targets_stand_in_front_with_their_errors():
 
 def test_a_heap_job_does_not_pay_for_pandas():
     code = "import sys; from repose.core.runs import summarise_runs; sys.exit('pandas' in sys.modules)"
-    assert (
-        subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": ":".join(sys.path)}).returncode == 0
-    )
+    assert subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": ":".join(sys.path)}).returncode == 0

@@ -38,9 +38,7 @@ def test_a_process_notes_all_its_processor_time_and_a_benchmark_takes_it(tmp_pat
     assert usage.since("results", one.ended_s + 1) == []
     benchmark = tmp_path / "results/benchmarks/heaps/001.tsv"
     benchmark.write_text("s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n")
-    usage.correct_benchmarks(
-        "results", [one, one._replace(ended_s=one.ended_s - 60)]
-    )  # of an earlier attempt
+    usage.correct_benchmarks("results", [one, one._replace(ended_s=one.ended_s - 60)])  # of an earlier attempt
     assert benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{one.cpu_s:.2f}\n"
 
 

@@ -10,9 +10,7 @@ from repose.core import variance
 def normal_model(random, sizes, tau, sigma, mean=30.0):
     """Values and groups of y_ij = mean + a_i + e_ij."""
     groups = np.repeat(np.arange(len(sizes)), sizes)
-    return mean + (tau * random.normal(size=len(sizes)))[groups] + sigma * random.normal(
-        size=len(groups)
-    ), groups
+    return mean + (tau * random.normal(size=len(sizes)))[groups] + sigma * random.normal(size=len(groups)), groups
 
 
 def test_components_of_a_table_worked_by_hand():
@@ -30,9 +28,7 @@ def test_components_of_a_table_worked_by_hand():
     least, most = ((h * (13 / 3) / (3 * stats.f.ppf(q, 2, 4)) - 1) / h for q in (0.975, 0.025))
     assert least < one.icc_low == 0
     assert one.icc_high == pytest.approx(most / (1 + most))
-    assert (one.within_low, one.within_high) == pytest.approx(
-        [12 / stats.chi2.ppf(q, 4) for q in (0.975, 0.025)]
-    )
+    assert (one.within_low, one.within_high) == pytest.approx([12 / stats.chi2.ppf(q, 4) for q in (0.975, 0.025)])
 
 
 def test_components_are_unbiased_and_intervals_cover_with_failed_pours():

@@ -6,14 +6,7 @@ import numpy as np
 from dem.common import DENSITY, GOJI, PVC
 
 from repose.apparatus.funnel import Funnel
-from repose.dem import (
-    Clump,
-    Cone,
-    Contact,
-    Plane,
-    Shape,
-    Simulation,
-)
+from repose.dem import Clump, Cone, Contact, Plane, Shape, Simulation
 
 RADIUS = 0.006
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
@@ -45,15 +38,7 @@ def ball_of_one(radius=RADIUS, material="body"):
 
 
 def scene(
-    shapes,
-    contact=None,
-    walls=None,
-    dt=1e-5,
-    capacity=2,
-    gravity=(0.0, 0.0, 0.0),
-    body=GOJI,
-    wall=PVC,
-    **keywords,
+    shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), body=GOJI, wall=PVC, **keywords
 ):
     """A simulation of named shapes of material "body" among walls of material "wall"."""
     contact = contact or Contact(0.3, 0.5, 0.02)
@@ -61,6 +46,4 @@ def scene(
     keywords.setdefault("upper", (0.1, 0.1, 0.2))
     laws = {("body", "body"): contact, ("body", "wall"): contact}
     materials = {"body": body, "wall": wall}
-    return Simulation(
-        shapes, materials, laws, dt, capacity=capacity, walls=walls, gravity_m_s2=gravity, **keywords
-    )
+    return Simulation(shapes, materials, laws, dt, capacity=capacity, walls=walls, gravity_m_s2=gravity, **keywords)

@@ -38,10 +38,7 @@ def test_simulation():
         ({"materials": {"skin": FLESH}, "contacts": {}}, "material is 'flesh'; allowed: skin"),
         ({"contacts": {}}, r"contacts has no pair \('flesh', 'flesh'\); every pair"),
         ({"contacts": {"flesh": LAW}}, r"contacts has 'flesh'.*allowed: \(material, material\): Contact"),
-        (
-            {"contacts": {("flesh", "stone"): LAW}},
-            r"contacts has \('flesh', 'stone'\); allowed: pairs of flesh",
-        ),
+        ({"contacts": {("flesh", "stone"): LAW}}, r"contacts has \('flesh', 'stone'\); allowed: pairs of flesh"),
         ({"contacts": None}, r"contacts is None; allowed: \(material, material\): Contact"),
         ({"time_step_s": 1.0}, r"time_step_s is 1\.0; allowed: above 0, at most 0\.000"),
         ({"time_step_s": "short"}, "time_step_s is 'short'; allowed: above 0"),
@@ -68,24 +65,15 @@ def test_simulation():
 
 def test_shapes_materials_and_walls():
     cases = [
-        (
-            lambda: Shape([[1, 2]], 1.0, (1, 1, 1), "a"),
-            r"semi_axes_m is \[\[1, 2\]\]; allowed: \(1 to 3, 3\)",
-        ),
+        (lambda: Shape([[1, 2]], 1.0, (1, 1, 1), "a"), r"semi_axes_m is \[\[1, 2\]\]; allowed: \(1 to 3, 3\)"),
         (lambda: Shape([[1, 2, 3], [1]], 1.0, (1, 1, 1), "a"), r"semi_axes_m is .*allowed: \(1 to 3, 3\)"),
         (lambda: Shape(np.ones((4, 3)), 1.0, (1, 1, 1), "a"), r"allowed: \(1 to 3, 3\) lengths above 0"),
         (lambda: Shape((1, 2, math.inf), 1.0, (1, 1, 1), "a"), "semi_axes_m is .*lengths above 0"),
         (lambda: Shape((1, 1, 1), 0.0, (1, 1, 1), "a"), r"mass_kg is 0\.0; allowed: above 0"),
         (lambda: Shape((1, 1, 1), 1.0, (1, 1), "a"), r"inertia_kg_m2 is \(1, 1\); allowed: three finite"),
-        (
-            lambda: Shape((1, 1, 1), 1.0, (1, 1, 3), "a"),
-            "inertia_kg_m2 is .*each at most the sum of the others",
-        ),
+        (lambda: Shape((1, 1, 1), 1.0, (1, 1, 3), "a"), "inertia_kg_m2 is .*each at most the sum of the others"),
         (lambda: Shape((1, 1, 1), 1.0, (1, 1, 1), None), "material is None; allowed: a name"),
-        (
-            lambda: Shape.ellipsoid((1, -1, 1), 1.0, "a"),
-            r"semi_axes_m is \(1, -1, 1\); allowed: three lengths",
-        ),
+        (lambda: Shape.ellipsoid((1, -1, 1), 1.0, "a"), r"semi_axes_m is \(1, -1, 1\); allowed: three lengths"),
         (lambda: Shape.ellipsoid((1, 1, 1), "heavy", "a"), "density_kg_m3 is 'heavy'; allowed: above 0"),
         (lambda: Shape.sphere(0, 1.0, "a"), "radius_m is 0; allowed: above 0"),
         (lambda: Material(0.0, 0.3), r"shear_modulus_pa is 0\.0; allowed: above 0"),
@@ -96,10 +84,7 @@ def test_shapes_materials_and_walls():
         (lambda: Contact(0.5, math.inf, 0.1), "static_friction is inf; allowed: 0 or more"),
         (lambda: Contact(0.5, 0.1, "much"), "rolling_friction is 'much'; allowed: 0 or more"),
         (lambda: Plane((0, 0), (0, 0, 1), "a"), r"point_m is \(0, 0\); allowed: three finite numbers"),
-        (
-            lambda: Plane((0, 0, 0), (0, 0, 0), "a"),
-            r"normal is \(0, 0, 0\); allowed: a vector that is not zero",
-        ),
+        (lambda: Plane((0, 0, 0), (0, 0, 0), "a"), r"normal is \(0, 0, 0\); allowed: a vector that is not zero"),
         (lambda: Plane((0, 0, 0), (0, 0, 1), "a", -1.0), r"radius_m is -1\.0; allowed: above 0"),
         (lambda: Plane((0, 0, 0), (0, 0, 1), "a", motion=(0, 0, 1)), "motion is .*allowed: a Motion"),
         (lambda: Plane((0, 0, 0), (0, 0, 1), 7), "material is 7; allowed: a name"),
@@ -108,10 +93,7 @@ def test_shapes_materials_and_walls():
         (lambda: Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.0, "a"), r"radius_m is 0\.0; allowed: above 0"),
         (lambda: Cylinder((0, 0, 0), (0, 0, 1), -1, 0.1, "a"), "height_m is -1; allowed: above 0"),
         (lambda: Cylinder((0, 0, 0), (0, 0), 1, 0.1, "a"), r"axis is \(0, 0\); allowed: three finite"),
-        (
-            lambda: Cone.between((0, 0, 0), (0, 0, 1), 1, -0.1, 1, "a"),
-            r"base_radius_m is -0\.1; allowed: 0 or",
-        ),
+        (lambda: Cone.between((0, 0, 0), (0, 0, 1), 1, -0.1, 1, "a"), r"base_radius_m is -0\.1; allowed: 0 or"),
         (lambda: Cone.between((0, 0, 0), (0, 0, 1), 1, 0, 0, "a"), "allowed: at most one of them"),
         (lambda: Cone((1, 0, 0.1, 1, 0, 0, 1), "a"), "line is .*first below last place"),
         (lambda: RingEdge(0.1, 0.2, "a"), r"radius_m is 0\.1; allowed: above edge_radius_m, 0\.2"),
@@ -169,10 +151,7 @@ def test_set_motion_and_runs():
         (lambda: simulation.run(1.0, "bar"), "progress is 'bar'; allowed: None, False, or a function"),
         (lambda: simulation.run(1.0, record=3, record_every_s=0.1), "record is 3; allowed: a function"),
         (lambda: simulation.run(1.0, record=print), "record_every_s is None; allowed: above 0"),
-        (
-            lambda: simulation.run(1.0, record=print, record_every_s=0),
-            "record_every_s is 0; allowed: above 0",
-        ),
+        (lambda: simulation.run(1.0, record=print, record_every_s=0), "record_every_s is 0; allowed: above 0"),
         (lambda: simulation.run(1.0, checkpoint="a", every_s=0), "every_s is 0; allowed: above 0"),
         (lambda: simulation.longest_time_step(0.0), r"speed_m_s is 0\.0; allowed: above 0"),
     ]

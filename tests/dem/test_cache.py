@@ -101,9 +101,7 @@ def test_code_for_another_processor_is_not_taken(copied, run, tmp_path):
     assert run(package, tmp_path) == (FOUND, "")
 
 
-def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothing_is_kept(
-    copied, run, tmp_path
-):
+def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothing_is_kept(copied, run, tmp_path):
     package, cache = copied("package"), tmp_path / "cache"
     run(package, cache)
     next(cache.glob("*/locks")).unlink()

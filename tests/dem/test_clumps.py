@@ -157,9 +157,7 @@ def test_hits_on_walls_create_no_energy(kind):
     rng = np.random.default_rng(8)
     hits = 0
     for _ in range(150):
-        s = scene(
-            {"bent": bent()}, Contact(rng.uniform(0.2, 0.5), rng.uniform(0.0, 0.8), 0.0), walls, dt=2e-5
-        )
+        s = scene({"bent": bent()}, Contact(rng.uniform(0.2, 0.5), rng.uniform(0.0, 0.8), 0.0), walls, dt=2e-5)
         place = np.array([*rng.uniform(-0.006, 0.006, 2), height])
         velocity = np.array([*rng.uniform(-0.4, 0.4, 2), -rng.uniform(0.4, 1.2)])
         s.add("bent", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
@@ -186,9 +184,7 @@ def test_hits_about_the_ends_of_walls_create_no_energy(end):
     for _ in range(80):
         s = scene({"bent": bent()}, Contact(0.4, 0.5, 0.0), walls, dt=1e-4)
         angle, direction = rng.uniform(0.0, 2.0 * math.pi), random_direction(rng)
-        place = np.array([radius * math.cos(angle), radius * math.sin(angle), height]) + 0.008 * rng.normal(
-            size=3
-        )
+        place = np.array([radius * math.cos(angle), radius * math.sin(angle), height]) + 0.008 * rng.normal(size=3)
         velocity = -rng.uniform(0.2, 1.2) * direction
         s.add("bent", place + 0.03 * direction, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
         s.run_steps(1)
@@ -272,9 +268,7 @@ def pouring():
         "block": Mesh(np.array(block.vertices), np.array(block.faces), "wall", 1e-3,
                       motion=Motion((0, 0, 0.2), (0, 0, 20))),
     }  # fmt: skip
-    laws = {
-        pair: Contact(0.3, 0.5, 0.02) for pair in itertools.combinations_with_replacement(("body", "clay"), 2)
-    }
+    laws = {pair: Contact(0.3, 0.5, 0.02) for pair in itertools.combinations_with_replacement(("body", "clay"), 2)}
     laws |= {("body", "wall"): Contact(0.4, 0.5, 0.02), ("clay", "wall"): Contact(0.2, 0.5, 0.02)}
     s = Simulation(
         {"bent": bent(), "ball": ball_of_one(0.005, "clay")}, {"body": GOJI, "clay": GOJI, "wall": PVC}, laws, 5e-5,
@@ -285,10 +279,7 @@ def pouring():
         layer, place = divmod(k, 4)
         x, y = 0.015 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][place])
         s.add(
-            ("bent", "ball")[k % 3 == 0],
-            (x, y, 0.03 + 0.022 * layer),
-            rng.normal(size=4),
-            scale=rng.uniform(0.9, 1.2),
+            ("bent", "ball")[k % 3 == 0], (x, y, 0.03 + 0.022 * layer), rng.normal(size=4), scale=rng.uniform(0.9, 1.2)
         )
     return s
 
@@ -374,9 +365,7 @@ def test_wrong_clumps_are_refused():
 
 
 def test_smooth_bodies_and_clumps_do_not_mix():
-    with pytest.raises(
-        ValueError, match=r"shapes has 'a': Clump, 'b': Shape; allowed: all of them a Shape or all"
-    ):
+    with pytest.raises(ValueError, match=r"shapes has 'a': Clump, 'b': Shape; allowed: all of them a Shape or all"):
         scene({"a": bent(), "b": Shape.sphere(RADIUS, DENSITY, "body")})
 
 

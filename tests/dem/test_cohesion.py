@@ -12,19 +12,7 @@ from dem.test_epsd import scene as rolling_scene
 from oracles import jkr_force
 from scipy.optimize import brentq
 
-from repose.dem import (
-    Clump,
-    Cone,
-    Contact,
-    Cylinder,
-    Material,
-    Mesh,
-    Motion,
-    Plane,
-    RingEdge,
-    Shape,
-    Simulation,
-)
+from repose.dem import Clump, Cone, Contact, Cylinder, Material, Mesh, Motion, Plane, RingEdge, Shape, Simulation
 from repose.dem.constants import COHESION_ENERGY_DENSITY, OF_LAWS, SURFACE_ENERGY
 from repose.dem.kernels import clump_tile as ct
 from repose.dem.kernels import state as st
@@ -92,10 +80,7 @@ def test_jkr_on_a_path_to_and_fro_agrees_with_a_search_for_the_circle(gamma):
 
 def test_jkr_without_surface_energy_is_the_dry_law():
     forces = []
-    for name, contact in (
-        ("jkr", coherent(0.0, 0.4, 0.5)),
-        ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0)),
-    ):
+    for name, contact in (("jkr", coherent(0.0, 0.4, 0.5)), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
         law = CONTACT_LAWS[name]
         tile, kept = tile_of(law, GOJI, contact, 3e-3)
         tile[tl.A // LANES + st.VELOCITY :][:3] = np.random.default_rng(4).normal(size=(3, LANES))
@@ -154,21 +139,15 @@ def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
         np.testing.assert_allclose(force, hertz - density * area, rtol=1e-9)
     assert normal_force(law, tile, kept, -1e-9, ct.PAIR_STATE)[0] == 0.0
     # unused lanes hold a body that lies on itself
-    assert np.isfinite(
-        normal_force(law, tile, kept, 2.0 * a if b == math.inf else a + b, ct.PAIR_STATE)
-    ).all()
+    assert np.isfinite(normal_force(law, tile, kept, 2.0 * a if b == math.inf else a + b, ct.PAIR_STATE)).all()
 
 
 def test_a_contact_names_the_constants_that_its_law_needs():
-    with pytest.raises(
-        ValueError, match=r"'jkr' needs constants\['surface_energy_j_m2'\], the surface energy in J/m2"
-    ):
+    with pytest.raises(ValueError, match=r"'jkr' needs constants\['surface_energy_j_m2'\], the surface energy in J/m2"):
         simulation(contact=Contact(0.3, 0.5, 0.0), contact_law="jkr")
     with pytest.raises(ValueError, match=r"'sjkr' needs constants\['cohesion_energy_density_j_m3'\]"):
         simulation(contact=coherent(0.1), contact_law="sjkr")
-    with pytest.raises(
-        ValueError, match=r"surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; allowed: none"
-    ):
+    with pytest.raises(ValueError, match=r"surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; allowed: none"):
         simulation(contact=coherent(0.1))
     for wrong in (-0.1, math.inf, "much", None):
         with pytest.raises(ValueError, match=r"surface_energy_j_m2 is .*; allowed: 0 or more J/m2"):
@@ -183,13 +162,7 @@ def test_spin_on_a_sticky_floor_is_slowed_by_load_and_adhesion(law):
     """By mu_t (m g + 3 pi w R) a0 over 0.4 m R^2: the limit holds twice the pull-off force, and the circle is JKR's."""
     gamma, twisting = 0.05, 0.5
     contact = Contact(0.2, 0.4, 0.1, twisting, constants={SURFACE_ENERGY.name: gamma})
-    keywords = {
-        "contact_law": "jkr",
-        "rolling_law": law,
-        "spin": (0.0, 0.0, 150.0),
-        "material": GOJI,
-        "dt": 2e-5,
-    }
+    keywords = {"contact_law": "jkr", "rolling_law": law, "spin": (0.0, 0.0, 150.0), "material": GOJI, "dt": 2e-5}
     s = on_floor(smooth(), contact, **keywords)
     s.run_steps(4000)
     radius, mass = s.radius, s.shapes["body"].mass_kg
@@ -246,14 +219,7 @@ def scene(shape, contact, material=GOJI, walls=None, dt=1e-5, on_wall=None, **ke
 
 def settled_overlap(contact, law, tension, kind):
     """Overlap at rest of two spheres of Lethe's test: 0.2 m wide, 1e5 Pa, 0.3."""
-    s = scene(
-        solid(kind, 0.1, 1000.0),
-        contact,
-        Material(1e5 / 2.6, 0.3),
-        dt=2e-4,
-        contact_law=law,
-        tension=tension,
-    )
+    s = scene(solid(kind, 0.1, 1000.0), contact, Material(1e5 / 2.6, 0.3), dt=2e-4, contact_law=law, tension=tension)
     s.add("body", (-0.0999, 0.0, 0.0))
     s.add("body", (0.0999, 0.0, 0.0))
     s.run_steps(30000)
@@ -301,13 +267,7 @@ def walls():
         down,
     )
     hollow = RADIUS / math.sqrt(1.0 - RADIUS / TUBE)
-    yield (
-        "tube",
-        Cylinder((0.0, 0.0, -0.1), (0.0, 0.0, 1.0), 0.2, TUBE, "wall"),
-        hollow,
-        (TUBE, 0.0, 0.0),
-        out,
-    )
+    yield ("tube", Cylinder((0.0, 0.0, -0.1), (0.0, 0.0, 1.0), 0.2, TUBE, "wall"), hollow, (TUBE, 0.0, 0.0), out)
     hollow = RADIUS / math.sqrt(1.0 - RADIUS * slant[0] / 0.043)
     cone = Cone.between((0.0, 0.0, 0.03), (0.0, 0.0, 1.0), 0.09, 0.016, 0.07, "wall")
     yield "cone", cone, hollow, (0.043, 0.0, 0.075), slant
@@ -342,9 +302,7 @@ def hit(kind, wall, share):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("wall", [None, *WALLS])
-def test_a_hit_below_the_sticking_speed_sticks_and_one_above_it_leaves_without_the_work_of_a_cycle(
-    kind, wall
-):
+def test_a_hit_below_the_sticking_speed_sticks_and_one_above_it_leaves_without_the_work_of_a_cycle(kind, wall):
     assert hit(kind, wall, 0.9)[1] == 1
     left, contacts = hit(kind, wall, 2.0)
     assert contacts == 0

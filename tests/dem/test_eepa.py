@@ -51,9 +51,7 @@ def test_branches_are_those_of_the_equations(plasticity, gamma):
     np.testing.assert_allclose(found[49:], expected, rtol=1e-9, atol=1e-12 * K1 * DEEP**1.5)
     assert found.min() == pytest.approx(-strongest, rel=2e-2, abs=1e-15)
     if gamma == 0.02:
-        assert strongest == pytest.approx(
-            3.0 * math.pi * gamma * math.sqrt(2.0 * RADIUS * plastic ** (2 / 3))
-        )
+        assert strongest == pytest.approx(3.0 * math.pi * gamma * math.sqrt(2.0 * RADIUS * plastic ** (2 / 3)))
     elif gamma:
         assert strongest == pytest.approx(0.5 * k2 * plastic)
 
@@ -97,10 +95,7 @@ def test_a_contact_that_is_loaded_again_goes_up_as_it_unloads_and_gives_no_energ
 
 def test_without_plasticity_it_is_the_dry_law():
     forces = []
-    for name, own in (
-        ("eepa", contact(0.0, 0.5, 0.4, 0.5)),
-        ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0)),
-    ):
+    for name, own in (("eepa", contact(0.0, 0.5, 0.4, 0.5)), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
         law = CONTACT_LAWS[name]
         tile, kept = tile_of(law, GOJI, own, RADIUS)
         tile[tl.A // LANES + 3 :][:3] = np.random.default_rng(4).normal(size=(3, LANES))

@@ -100,9 +100,7 @@ def ball():
 BODIES = [smooth, ball]
 
 
-def scene(
-    shape, contact, walls=None, material=GOJI, dt=1e-5, capacity=2, gravity=(0.0, 0.0, -GRAVITY), **laws
-):
+def scene(shape, contact, walls=None, material=GOJI, dt=1e-5, capacity=2, gravity=(0.0, 0.0, -GRAVITY), **laws):
     """A simulation of one shape, "body", with the law epsd unless asked for another."""
     laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "release", "rolling_law": "epsd"} | laws
     return Simulation(
@@ -117,9 +115,7 @@ def sunk(mass, material=GOJI):
     return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(RADIUS))) ** (2.0 / 3.0)
 
 
-def on_floor(
-    shape, contact, slope=0.0, spin=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), material=STIFF, **keywords
-):
+def on_floor(shape, contact, slope=0.0, spin=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), material=STIFF, **keywords):
     """A sphere at rest on a floor, gravity tilted towards x by an angle of a tangent."""
     s = scene(shape, contact, FLOOR, material, **keywords)
     s.add("body", (0.0, 0.0, RADIUS - sunk(shape.mass_kg, material)), (1, 0, 0, 0), velocity, spin)
@@ -147,9 +143,7 @@ def angular_momentum(s):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"]
-)
+@pytest.mark.parametrize("shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"])
 def test_bodies_that_spin_and_meet_keep_their_angular_momentum(shape):
     rng = np.random.default_rng(5)
     lost = [lost_in_a_meeting(shape(), law, rng) for law in ["epsd"] * 8 + ["budget"]]
@@ -242,9 +236,7 @@ def test_the_torque_on_a_wall_has_the_couple_of_a_body_that_spins_on_it(shape):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"]
-)
+@pytest.mark.parametrize("shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"])
 def test_a_small_pile_left_for_a_minute_stays_at_rest(shape):
     s = scene(shape(), Contact(0.3, 0.5, 0.05), FLOOR, dt=2e-4, capacity=8)
     rng = np.random.default_rng(1)

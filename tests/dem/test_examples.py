@@ -87,10 +87,7 @@ def test_scale_and_second_shape_are_seen(box):
 
 def test_any_simulation_becomes_an_animation(box, tmp_path):
     old, _folder = box
-    walls = {
-        "floor": Plane((0, 0, 0), (0, 0, 1), "steel"),
-        "shell": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.03, "steel"),
-    }
+    walls = {"floor": Plane((0, 0, 0), (0, 0, 1), "steel"), "shell": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.03, "steel")}
     contacts = {pair: old.contact_pairs[pair] for pair in (("berry", "berry"), ("berry", "steel"))}
     shapes, size = old.shapes, {"capacity": 1, "lower": (-0.03, -0.03, 0.0), "upper": (0.03, 0.03, 0.1)}
     simulation = Simulation(shapes, old.materials, contacts, 1e-4, walls=walls, **size)
@@ -110,10 +107,7 @@ SMALL = {
     "chute": ({"bodies": 24, "seconds": 0.1}, r"3 frames in .*; the front is at -\d+ mm"),
     "mixed_bed": ({"bodies": 48, "seconds": 0.3}, r"[1-9]\d* contacts, \d+ % of them between .*"),
     "size_distribution": ({"layers": 3, "seconds": 0.1}, r"scales 0\.\d+ to 1\.\d+, mean \d\.\d+; .*"),
-    "bench_test": (
-        {"berries": 3, "duration_s": 0.4},
-        r"(rolling friction 0\.\d: spread \d+\.\d mm\s?){2}",
-    ),
+    "bench_test": ({"berries": 3, "duration_s": 0.4}, r"(rolling friction 0\.\d: spread \d+\.\d mm\s?){2}"),
 }
 
 

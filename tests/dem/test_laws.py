@@ -62,9 +62,7 @@ def test_laws_are_chosen_by_name():
         assert all(law.name == name for name, law in laws.items())
     with pytest.raises(ValueError, match="contact_law is 'hooke'; allowed: 'hertz_mindlin', 'hertz_"):
         simulation(contact_law="hooke")
-    with pytest.raises(
-        ValueError, match="rolling_law is None; allowed: 'budget', 'constant_torque', 'epsd', 'epsd2'"
-    ):
+    with pytest.raises(ValueError, match="rolling_law is None; allowed: 'budget', 'constant_torque', 'epsd', 'epsd2'"):
         simulation(rolling_law=None)
     # a linear spring has a time step of its own
     assert head_on(0.5).longest_time_step() != simulation(SPHERE).longest_time_step()
@@ -74,12 +72,7 @@ def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_pe
     radius, mass, at = 3e-3, 1e-3, st.NORMAL + 3 * st.LANES
     overlap = linear_spring.SECANT * radius
     hertz = 4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius) * overlap**1.5
-    rows = (
-        linear_spring.STIFFNESS,
-        linear_spring.TANGENTIAL_RATIO,
-        linear_spring.DAMPING,
-        linear_spring.FRICTION,
-    )
+    rows = (linear_spring.STIFFNESS, linear_spring.TANGENTIAL_RATIO, linear_spring.DAMPING, linear_spring.FRICTION)
     values = linear_spring.constants(GOJI, GOJI, Contact(0.5, 0.3, 0.0))
     given = dict(zip(rows, values, strict=True))
     given |= {tl.GAP: -overlap, tl.RADIUS: radius, tl.INVERSE_MASS: 1.0 / mass}
@@ -126,9 +119,9 @@ def test_hertz_impact_lasts_as_long_as_the_integral_of_its_energy_says():
     deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
     angle = (np.arange(200000) + 0.5) * (0.5 * math.pi / 200000)
     duration = 2.0 * deepest / speed * 0.8 * np.sum(np.sin(angle) ** -0.2) * (angle[1] - angle[0])
-    assert hertz_mindlin.contact_time(
-        GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, speed
-    ) == pytest.approx(duration, rel=1e-3)
+    assert hertz_mindlin.contact_time(GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, speed) == pytest.approx(
+        duration, rel=1e-3
+    )
 
 
 OUTSIDE = """

@@ -91,10 +91,7 @@ def place_near(rng, solid, q):
     """A random place about a solid where a body of this orientation nearly touches it."""
     samples = trimesh.sample.sample_surface(solid, 1500, seed=rng.integers(1 << 31))[0]
     middle, half = solid.bounds.mean(axis=0), 0.5 * np.ptp(solid.bounds, axis=0)
-    target, direction = (
-        middle + half * rng.choice([-1.0, -1.0, -1.0, 0.3, 1.0, 1.0, 1.0], 3),
-        random_direction(rng),
-    )
+    target, direction = (middle + half * rng.choice([-1.0, -1.0, -1.0, 0.3, 1.0, 1.0, 1.0], 3), random_direction(rng))
     for out in np.linspace(0.06, 0.0, 150):
         place = target + out * direction
         if np.any(np.linalg.norm((samples - place) @ rotation(q) / LONG[0], axis=1) < 1.0):
@@ -265,12 +262,7 @@ def test_a_berry_in_a_tessellated_bowl_touches_one_face_at_a_time():
     bowl, rng = mesh_of(solid), np.random.default_rng(51)
     for _ in range(10):
         s = simulation(
-            LONG,
-            Contact(0.3, 0.4, 0.0),
-            walls={"bowl": bowl},
-            gravity_m_s2=(0, 0, -9.81),
-            dt=5e-5,
-            capacity=1,
+            LONG, Contact(0.3, 0.4, 0.0), walls={"bowl": bowl}, gravity_m_s2=(0, 0, -9.81), dt=5e-5, capacity=1
         )
         s.add((0.0, 0.0, 0.0), random_quaternion(rng), 0.5 * rng.normal(size=3))
         weight = s.mass_kg * 9.81
@@ -295,10 +287,7 @@ def test_meshes_refuse_what_makes_no_sense(tmp_path):
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "cube.stl")
     cases = [
         (lambda: Mesh(vertices[:, :2], faces, "wall"), r"vertices_m is (?s:.*)allowed: \(V, 3\) finite"),
-        (
-            lambda: Mesh(vertices, np.vstack([faces, [[0, 1, 9]]]), "wall"),
-            "faces has 0 to 9; allowed: 0 to 8",
-        ),
+        (lambda: Mesh(vertices, np.vstack([faces, [[0, 1, 9]]]), "wall"), "faces has 0 to 9; allowed: 0 to 8"),
         (lambda: Mesh(vertices, faces.astype(float), "wall"), r"faces is (?s:.*)\(F, 3\) whole numbers"),
         (lambda: Mesh(vertices, faces, "wall", 0.0), r"edge_radius_m is 0\.0; allowed: above 0"),
         (lambda: box(0.02, 0.02, 0.02, radius=0.02), r"edge_radius_m is 0\.02; allowed: below 0\.00999"),
@@ -306,9 +295,6 @@ def test_meshes_refuse_what_makes_no_sense(tmp_path):
         (lambda: Mesh(vertices, np.vstack([faces, [[0, 4, 2]]]), "wall"), r"one side of edge \[0, 4\]"),
         (lambda: Mesh.from_stl(no, "wall", scale=0), "scale is 0; allowed: above 0"),
         (lambda: Mesh.from_stl(no, "wall"), r"no\.stl: file is .*allowed: a mesh that trimesh can read"),
-        (
-            lambda: Mesh.from_stl(tmp_path / "cube.stl", "wall", edge_radius_m=2.0),
-            r"cube\.stl: edge_radius_m is",
-        ),
+        (lambda: Mesh.from_stl(tmp_path / "cube.stl", "wall", edge_radius_m=2.0), r"cube\.stl: edge_radius_m is"),
     ]
     assert not not_refused(lambda make: make(), cases, ValueError)

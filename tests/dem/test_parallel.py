@@ -26,11 +26,7 @@ def falling(threads, **keywords):
     rng = np.random.default_rng(4)
     lattice = (-0.025, 0.0, 0.025)
     for place in itertools.islice(itertools.product(np.arange(0.015, 0.4, 0.0225), lattice, lattice), 120):
-        s.add(
-            np.array(place)[[1, 2, 0]] + 5e-4 * rng.random(3),
-            random_quaternion(rng),
-            0.1 * rng.normal(size=3),
-        )
+        s.add(np.array(place)[[1, 2, 0]] + 5e-4 * rng.random(3), random_quaternion(rng), 0.1 * rng.normal(size=3))
     return s
 
 
@@ -80,9 +76,7 @@ def test_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
 def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypatch):
     # a lattice that creeps together so slowly that its pairs are left alone for most of the steps
     def creeping():
-        s = simulation(
-            BERRY, Contact(0.3, 0.5, 0.05), dt=2e-4, capacity=64, lower=(-0.2,) * 3, upper=(0.2,) * 3
-        )
+        s = simulation(BERRY, Contact(0.3, 0.5, 0.05), dt=2e-4, capacity=64, lower=(-0.2,) * 3, upper=(0.2,) * 3)
         for x, y, z in itertools.product((-0.033, -0.011, 0.011, 0.033), repeat=3):
             s.add((x, 0.55 * y, 0.5 * z), velocity_m_s=(-0.08 * x, -0.08 * y, -0.08 * z))
         return s
@@ -114,14 +108,7 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
         rows = st.contact_rows(s.pairs.data, len(s.contacts()))
         places = s.bodies.rows[s.pairs.first[: len(rows)], :3]
         springs = sorted(map(tuple, np.column_stack([places, rows])))
-        return (
-            s.positions,
-            s.quaternions,
-            s.angular_momenta,
-            s.contacts(),
-            s.kinetic_energies(),
-            np.array(springs),
-        )
+        return (s.positions, s.quaternions, s.angular_momenta, s.contacts(), s.kinetic_energies(), np.array(springs))
 
     before, numbers = seen(), s._inner.copy()
     s._renumber()

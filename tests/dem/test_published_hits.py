@@ -8,9 +8,7 @@ from repose.dem import Contact, Material, Shape
 from repose.dem.materials import effective_moduli
 
 
-def on_floor(
-    radius, density, materials, contact, dt, height, velocity=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)
-):
+def on_floor(radius, density, materials, contact, dt, height, velocity=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)):
     """One sphere above a floor."""
     laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "keep"}
     sphere = Shape.sphere(radius, density, "body")

@@ -36,12 +36,7 @@ def test_spin_about_the_normal_is_slowed_by_the_twisting_friction(law):
     """By mu_t m g a over 0.4 m R^2, as long as the sphere spins on."""
     twisting, began = 0.5, 50.0
     s = on_floor(
-        smooth(),
-        Contact(0.2, 0.4, 0.1, twisting),
-        spin=(0.0, 0.0, began),
-        material=GOJI,
-        rolling_law=law,
-        dt=2e-5,
+        smooth(), Contact(0.2, 0.4, 0.1, twisting), spin=(0.0, 0.0, began), material=GOJI, rolling_law=law, dt=2e-5
     )
     s.run_steps(2000)
     circle = math.sqrt(RADIUS * s.wall_overlaps()[2][0])

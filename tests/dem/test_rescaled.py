@@ -29,12 +29,7 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
     tile[tl.LAW_ROW :][: LAW.n_constants] = LAW.constants(GOJI, GOJI, contact, tension)[:, None]
     tile[tl.INVERSE_MASS // LANES] = 1.0 / mass
     shares = tile[tl.SHARE // LANES] = rng.uniform(0.2, 1.0, LANES)
-    law = (
-        *effective_moduli(GOJI, GOJI),
-        mass,
-        damping_ratio(contact.restitution, tension),
-        contact.static_friction,
-    )
+    law = (*effective_moduli(GOJI, GOJI), mass, damping_ratio(contact.restitution, tension), contact.static_friction)
     options = LAW.make_options(tension)
     normal = np.array([random_direction(rng) for _ in range(LANES)])
     phase, period = rng.uniform(0.0, 6.0, LANES), rng.uniform(20.0, 90.0, LANES)

@@ -19,9 +19,7 @@ def clump():
     """Five spheres in a row, with the mass and moments of the ellipsoid."""
     x = np.linspace(-6e-3, 6e-3, 5)
     solid = ellipsoid()
-    return Clump(
-        np.column_stack([x, 0 * x, 0 * x, np.full(5, 4.5e-3)]), solid.mass_kg, solid.inertia_kg_m2, "body"
-    )
+    return Clump(np.column_stack([x, 0 * x, 0 * x, np.full(5, 4.5e-3)]), solid.mass_kg, solid.inertia_kg_m2, "body")
 
 
 def left_alone(shape, seconds):

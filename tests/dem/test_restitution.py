@@ -82,9 +82,7 @@ def test_contacts_of_one_pair_share_the_damping(on):
         place = (0.0, 0.0, 0.0065) if on == "clump" else (0.01, 0.02, 0.0034)
         s.add("bent", place, tilt, rng.normal(size=3), 30.0 * rng.normal(size=3))
         if on == "clump":
-            s.add(
-                "bent", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), rng.normal(size=3), 30.0 * rng.normal(size=3)
-            )
+            s.add("bent", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), rng.normal(size=3), 30.0 * rng.normal(size=3))
         momentum, spin = MASS * s.velocities[0], s.angular_momenta[0]
         count, push, twist = slow_step(s, 0, [1 if on == "clump" else np.array([0.0, 0.0, 1.0])], contact)
         s.run_steps(1)
@@ -92,9 +90,7 @@ def test_contacts_of_one_pair_share_the_damping(on):
         if s.counts[found] < count:  # a sphere that is already deep in a mesh came from its inside
             continue
         most = max(most, count)
-        assert MASS * s.velocities[0] - momentum == pytest.approx(
-            push, rel=1e-6, abs=1e-6 * np.abs(push).max()
-        )
+        assert MASS * s.velocities[0] - momentum == pytest.approx(push, rel=1e-6, abs=1e-6 * np.abs(push).max())
         turned = s.angular_momenta[0] - spin
         assert turned == pytest.approx(twist, rel=1e-6, abs=1e-6 * np.abs(twist).max())
     assert most >= 3

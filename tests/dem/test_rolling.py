@@ -31,9 +31,7 @@ def left_by_resistance(momentum, inertia, budget, frame):
         return np.linalg.solve(speed * inertia + budget * np.eye(3), relative)
 
     fastest = np.linalg.norm(np.linalg.solve(inertia, relative))
-    speed = brentq(
-        lambda s: np.linalg.norm(along(s)) - 1.0, 0.0, fastest * (1.0 + 1e-9), xtol=1e-15 * fastest
-    )
+    speed = brentq(lambda s: np.linalg.norm(along(s)) - 1.0, 0.0, fastest * (1.0 + 1e-9), xtol=1e-15 * fastest)
     return inertia @ (frame + speed * along(speed))
 
 

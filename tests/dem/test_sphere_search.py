@@ -82,9 +82,7 @@ def test_a_contact_that_ends_is_looked_at_in_time_where_no_slot_is_left():
 
 def rubbing():
     """Rough clumps that spin and press against each other."""
-    s = scene(
-        {"rough": Clump(ROUGH, MASS, BENT_INERTIA, "body")}, Contact(0.2, 0.2, 0.0), dt=5e-5, capacity=27
-    )
+    s = scene({"rough": Clump(ROUGH, MASS, BENT_INERTIA, "body")}, Contact(0.2, 0.2, 0.0), dt=5e-5, capacity=27)
     rng = np.random.default_rng(5)
     for place in itertools.product((-0.025, 0.0, 0.025), repeat=3):
         place = np.array(place)

@@ -6,15 +6,7 @@ import trimesh
 from dem.clump_scenes import CONE, FLOOR, RADIUS, ball_of_one, scene
 from dem.common import DENSITY
 
-from repose.dem import (
-    Contact,
-    Cylinder,
-    Mesh,
-    Motion,
-    Plane,
-    RingEdge,
-    Shape,
-)
+from repose.dem import Contact, Cylinder, Mesh, Motion, Plane, RingEdge, Shape
 from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.dem.shapes import parts_of
@@ -45,21 +37,14 @@ def compare(scenes, steps, rounds, tolerance=1e-9):
 def test_they_fall_and_rest():
     scenes = three(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-5)
     for s in scenes:
-        s.add(
-            "body", (0.0, 0.0, 0.02), velocity_m_s=(0.3, 0.0, -0.5), angular_velocity_rad_s=(5.0, 20.0, 3.0)
-        )
+        s.add("body", (0.0, 0.0, 0.02), velocity_m_s=(0.3, 0.0, -0.5), angular_velocity_rad_s=(5.0, 20.0, 3.0))
     compare(scenes, 500, 20)
 
 
 def test_they_hit_obliquely():
     scenes = three(dt=1e-6)
     for s in scenes:
-        s.add(
-            "body",
-            (-0.0061, 0.0, 0.0),
-            velocity_m_s=(0.5, 0.1, 0.0),
-            angular_velocity_rad_s=(3.0, -9.0, 20.0),
-        )
+        s.add("body", (-0.0061, 0.0, 0.0), velocity_m_s=(0.5, 0.1, 0.0), angular_velocity_rad_s=(3.0, -9.0, 20.0))
         s.add("body", (0.0061, 0.003, 0.001), velocity_m_s=(-0.5, 0.0, 0.2))
     compare(scenes, 1000, 20)
     assert np.abs(scenes[0].angular_velocities[1]).max() > 1.0
@@ -97,9 +82,7 @@ def test_they_pile_up_among_walls(kind):
 
 
 def test_they_turn_with_a_frame_against_which_rolling_is_resisted():
-    wall = Cylinder(
-        (0.0, -0.05, 0.0), (0.0, 1.0, 0.0), 0.1, 0.03, "wall", motion=Motion((0, 0, 0), (0.0, 8.0, 0.0))
-    )
+    wall = Cylinder((0.0, -0.05, 0.0), (0.0, 1.0, 0.0), 0.1, 0.03, "wall", motion=Motion((0, 0, 0), (0.0, 8.0, 0.0)))
     scenes = three(walls={"drum": wall}, gravity=(0.0, 0.0, -9.81), dt=5e-6, contact=Contact(0.3, 0.5, 0.3))
     for s in scenes:
         s.rolling_frame_rad_s[:] = (0.0, 8.0, 0.0)
@@ -130,10 +113,7 @@ def test_they_obey_each_law(contact, rolling):
 
 
 def test_bodies_that_are_no_spheres_take_the_way_of_smooth_bodies():
-    sphere, berry = (
-        Shape.sphere(RADIUS, DENSITY, "body"),
-        Shape.ellipsoid((0.006, 0.006, 0.007), DENSITY, "body"),
-    )
+    sphere, berry = (Shape.sphere(RADIUS, DENSITY, "body"), Shape.ellipsoid((0.006, 0.006, 0.007), DENSITY, "body"))
     uneven = Shape([[RADIUS] * 3], sphere.mass_kg, sphere.inertia_kg_m2 * [1.0, 1.0, 0.9], "body")
     assert parts_of([sphere, Shape.sphere(0.5 * RADIUS, DENSITY, "body")]) == st.SPHERES
     assert parts_of([sphere, berry]) == parts_of([uneven]) == 1

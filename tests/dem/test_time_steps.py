@@ -28,9 +28,7 @@ def study(restitution=0.3, tension="keep", law="hertz_mindlin", shape=BALL):
     materials = {"body": SOFT, "wall": HARD}
     contact = Contact(restitution, 0.0, 0.0)
     contacts = pairs_of({("body", "body"): contact, ("body", "wall"): contact}, materials)
-    return time_steps.Scene(
-        CONTACT_LAWS[law], tension, materials, contacts, {"ball": shape}, frozenset({"wall"})
-    )
+    return time_steps.Scene(CONTACT_LAWS[law], tension, materials, contacts, {"ball": shape}, frozenset({"wall"}))
 
 
 def swing(shape, overlap_m, step_s, restitution, tension, monkeypatch):
@@ -62,9 +60,7 @@ def test_a_pressed_body_is_stable_up_to_the_limit_and_not_beyond(shape, restitut
     assert beyond > 10.0
 
 
-@pytest.mark.parametrize(
-    ("law", "module"), [("hertz_mindlin", hertz_mindlin), ("linear_spring", linear_spring)]
-)
+@pytest.mark.parametrize(("law", "module"), [("hertz_mindlin", hertz_mindlin), ("linear_spring", linear_spring)])
 def test_the_stiffness_is_the_slope_of_the_force(law, module):
     contact, radius, overlap, h = Contact(0.4, 0.0, 0.0), 3e-3, 2e-4, 1e-9
     stiffness, _ = module.oscillator(SOFT, HARD, contact, "keep", radius, overlap)
@@ -88,9 +84,7 @@ def test_spheres_at_one_place_add_up():
     assert row(15).acting_together(0.1 * RADIUS_M) == pytest.approx(15.0, rel=0.01)
     apart = Clump([[-1.0, 0, 0, 0.1], [1.0, 0, 0, 0.1]], 1.0, [1.0, 1.0, 1.0], "body")
     assert apart.acting_together(0.05) == pytest.approx(2.0, rel=0.02)  # seen from the side both touch
-    one, many = (
-        time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4) for s in (row(1), row(15))
-    )
+    one, many = (time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4) for s in (row(1), row(15)))
     assert many.time_step_s == pytest.approx(one.time_step_s / math.sqrt(15.0), rel=0.02)
     assert "15.0 spheres" in many.reason
 

@@ -30,10 +30,7 @@ NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
 
 def among(walls, **keywords):
     """A simulation of a berry and a ball among walls, all of one material."""
-    shapes = {
-        "berry": Shape.ellipsoid((0.01, 0.006, 0.005), 840.0, "m"),
-        "ball": Shape.sphere(0.006, 840.0, "m"),
-    }
+    shapes = {"berry": Shape.ellipsoid((0.01, 0.006, 0.005), 840.0, "m"), "ball": Shape.sphere(0.006, 840.0, "m")}
     room = {"capacity": 3, "lower": (-0.05, -0.05, 0.0), "upper": (0.05, 0.05, 0.2)}
     contacts = {("m", "m"): Contact(0.3, 0.5, 0.02)}
     return Simulation(shapes, {"m": Material(4.3e4, 0.32)}, contacts, 1e-4, walls=walls, **room | keywords)

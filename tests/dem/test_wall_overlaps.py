@@ -65,9 +65,7 @@ def farthest(kind, turn, beyond, place):
         elif kind == "sphere":
             points = BALL_M * normals
         else:
-            points = sum(
-                axes**2 * normals / np.linalg.norm(axes * normals, axis=1)[:, None] for axes in BARREL
-            )
+            points = sum(axes**2 * normals / np.linalg.norm(axes * normals, axis=1)[:, None] for axes in BARREL)
         depths = beyond(place + SCALE * points @ turn.T)
         best, width = normals[depths.argmax() % len(normals)], 0.5 * width
     return depths.max()

@@ -118,9 +118,7 @@ def test_hits_of_cone_and_edge_create_no_energy(funnel):
         e = rng.uniform(0.2, 0.5)
         s = funnel_simulation(Contact(e, rng.uniform(0.4, 0.8), 0.0), funnel, dt=5e-5)
         bottom = funnel.outlet_height_m
-        place = np.array(
-            [rng.uniform(-0.006, 0.006), rng.uniform(-0.006, 0.006), bottom + funnel.tube_length_m]
-        )
+        place = np.array([rng.uniform(-0.006, 0.006), rng.uniform(-0.006, 0.006), bottom + funnel.tube_length_m])
         place[2] += 0.032
         velocity = np.array([*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.5, 1.5)])
         s.add(place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
@@ -188,10 +186,7 @@ def thrown_at(s, target, rng, direction, spin=30.0):
     """Throw a body from 30 mm away at a place; its energy over that before, or None where it was added touching."""
     direction = direction / np.linalg.norm(direction)
     s.add(
-        target + 0.03 * direction,
-        random_quaternion(rng),
-        -rng.uniform(0.2, 1.2) * direction,
-        spin * rng.normal(size=3),
+        target + 0.03 * direction, random_quaternion(rng), -rng.uniform(0.2, 1.2) * direction, spin * rng.normal(size=3)
     )
     s.run_steps(1)
     if s.counts[st.N_PLANE] + s.counts[st.N_CURVED]:
@@ -260,9 +255,7 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule():
     rng = np.random.default_rng(31)
     seen = {"held": 0, "past": 0}
     for _ in range(25):
-        s = simulation(
-            BERRY, Contact(0.4, 0.5, 0.0), walls=disc(), dt=1e-4, capacity=1, gravity_m_s2=(0, 0, -9.81)
-        )
+        s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=disc(), dt=1e-4, capacity=1, gravity_m_s2=(0, 0, -9.81))
         place = np.array([DISC_M + rng.uniform(-0.025, 0.025), 0.0, rng.uniform(-0.004, 0.014)])
         s.add(
             place,
@@ -302,9 +295,7 @@ def test_a_berry_that_went_over_the_edge_falls_and_is_held_again_once_it_was_abo
 
 
 def test_a_berry_added_touching_is_held():
-    s = simulation(
-        BERRY, Contact(0.4, 0.5, 0.3), walls=disc(), dt=1e-4, capacity=1, gravity_m_s2=(0, 0, -9.81)
-    )
+    s = simulation(BERRY, Contact(0.4, 0.5, 0.3), walls=disc(), dt=1e-4, capacity=1, gravity_m_s2=(0, 0, -9.81))
     s.add((0.0, 0.0, 0.0045))
     s.run_steps(3000)
     assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
@@ -322,9 +313,7 @@ def test_a_checkpoint_and_a_new_order_keep_what_is_past_a_wall(tmp_path):
     assert again.velocities[0] == pytest.approx((-0.5, 0.0, 0.0), abs=1e-9)
     order = reorder(s.bodies, s.grid, s.pairs, s.flat, s.curved, s.meshed, s.counts)
     assert list(s.flat.deepest[0, :2]) == [[0.0, math.inf][k] for k in order]
-    assert list(grown_wall_contacts(s.flat, len(s.flat.body), 2).deepest[0, :2]) == list(
-        s.flat.deepest[0, :2]
-    )
+    assert list(grown_wall_contacts(s.flat, len(s.flat.body), 2).deepest[0, :2]) == list(s.flat.deepest[0, :2])
 
 
 @pytest.mark.parametrize("scene", ["drum", "hopper"])

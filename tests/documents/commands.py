@@ -27,19 +27,7 @@ from repose.config.study import Study
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_name("commands.yaml")
 PROGRAMS = (
-    *(
-        "repose",
-        "python",
-        "python3",
-        "snakemake",
-        "snakedeploy",
-        "pytest",
-        "pip",
-        "cp",
-        "cd",
-        "mkdir",
-        "export",
-    ),
+    *("repose", "python", "python3", "snakemake", "snakedeploy", "pytest", "pip", "cp", "cd", "mkdir", "export"),
     *("docker", "apptainer", "apt-get", "tests/cluster/run.sh", "npm", "npx"),
 )
 DOCUMENTS = (
@@ -51,16 +39,7 @@ INDENTED = re.compile(r"^ {4,}(\S.*)$")
 ASKS = "repose card check "  # its status 3 says that the targets are not met, as those of a small run may be
 SAVED = re.compile(r"[Ss]ave this as `([^`]+)`")
 # Sections of config/quick.yaml that make the studies small; .test/config/config.yaml makes the calibration small.
-STUDIES = (
-    "posterior",
-    "sensitivity",
-    "refine",
-    "response_surface",
-    "sequential",
-    "cylinder",
-    "discharge",
-    "turning",
-)
+STUDIES = ("posterior", "sensitivity", "refine", "response_surface", "sequential", "cylinder", "discharge", "turning")
 
 
 def pages() -> list[str]:
@@ -115,10 +94,7 @@ def script(page: str, entry: dict, everything: bool) -> str:
         elif what != "command":
             lines.append(f"mkdir -p {Path(what).parent}; cat > {what} <<'END_OF_FILE'\n{text}END_OF_FILE")
         elif kind(entry, text) in chosen:
-            lines += [
-                f"echo {shlex.quote('+ ' + text)}",
-                f"{text} || test $? -eq 3" if text.startswith(ASKS) else text,
-            ]
+            lines += [f"echo {shlex.quote('+ ' + text)}", f"{text} || test $? -eq 3" if text.startswith(ASKS) else text]
             commands += 1
     if not commands:
         return ""
@@ -159,9 +135,7 @@ def main() -> None:
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     words.add_argument("pages", nargs="*", metavar="PAGE", help="such as docs/howto.md (all of the table)")
     words.add_argument("--all", action="store_true", help="not the quick commands alone")
-    words.add_argument(
-        "--draw", action="store_true", help="with --all: put the pictures of a page where it shows them"
-    )
+    words.add_argument("--draw", action="store_true", help="with --all: put the pictures of a page where it shows them")
     args = words.parse_args()
     table = yaml.safe_load(TABLE.read_text())
     with tempfile.TemporaryDirectory() as place:

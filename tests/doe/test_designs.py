@@ -72,9 +72,7 @@ def test_three_factors_as_printed():
     assert (blocks == 1).all()
 
 
-@pytest.mark.parametrize(
-    ("factors", "runs", "blocks"), [(3, 15, 1), (4, 27, 3), (5, 46, 2), (6, 54, 1), (7, 62, 1)]
-)
+@pytest.mark.parametrize(("factors", "runs", "blocks"), [(3, 15, 1), (4, 27, 3), (5, 46, 2), (6, 54, 1), (7, 62, 1)])
 def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
     design, numbers = box_behnken(factors)
     assert design.shape == (runs, factors)
@@ -86,9 +84,7 @@ def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
 def test_box_behnken_is_balanced(factors):
     design, blocks = box_behnken(factors)
     sets = [block for part in BLOCKS[factors] for block in part]
-    assert len({sum(k in block for block in sets) for k in range(1, factors + 1)}) == 1, (
-        "each factor equally often"
-    )
+    assert len({sum(k in block for block in sets) for k in range(1, factors + 1)}) == 1, "each factor equally often"
     if factors < 6:
         pairs = {pair for block in sets for pair in combinations(block, 2)}
         assert len(pairs) == len(sets) == factors * (factors - 1) // 2, "each pair once"

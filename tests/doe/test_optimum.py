@@ -49,12 +49,8 @@ def test_a_target_out_of_reach_ends_at_the_edge():
 def test_weights_share_a_miss():
     # 10 + 3 A cannot be 11 and 12 at once: with scales 1 and 1 it ends in the middle, with 1 and 2 nearer to the first
     plane = surface(lambda a, b, c: 10 + 3 * a)
-    assert optimum([plane, plane], [11, 12], [1, 1], [0, 0], [20, 20]).predicted[0] == pytest.approx(
-        11.5, abs=1e-4
-    )
-    assert optimum([plane, plane], [11, 12], [1, 2], [0, 0], [20, 20]).predicted[0] == pytest.approx(
-        11.2, abs=1e-4
-    )
+    assert optimum([plane, plane], [11, 12], [1, 1], [0, 0], [20, 20]).predicted[0] == pytest.approx(11.5, abs=1e-4)
+    assert optimum([plane, plane], [11, 12], [1, 2], [0, 0], [20, 20]).predicted[0] == pytest.approx(11.2, abs=1e-4)
 
 
 def test_desirability_is_a_tent():

@@ -46,9 +46,7 @@ SKEW = clump(
 BALL = clump([[0.0, 0.0, 0.0, 5.0]])
 
 
-def job_of(
-    config, particle, contact_law="hertz_mindlin_rescaled", rolling_law="budget", berry=BERRY, **values
-):
+def job_of(config, particle, contact_law="hertz_mindlin_rescaled", rolling_law="budget", berry=BERRY, **values):
     """The job of a study with a particle and laws; `values` replace the centre of its parameters."""
     simulation = config["simulation"] | {"contact_law": contact_law, "rolling_law": rolling_law}
     centre = ParameterSpace.of(config["parameters"]).centre

@@ -72,9 +72,7 @@ def test_grains_fall_freely_and_stay_rigid(config, program, particle, tmp_path):
     assert fallen == pytest.approx(0.5 * few.gravity_m_s2 * few.duration_s**2, abs=5e-4)
 
 
-@pytest.mark.parametrize(
-    ("program", "law"), [*((name, "hertz_mindlin") for name in RUNS), ("liggghts", "sjkr")]
-)
+@pytest.mark.parametrize(("program", "law"), [*((name, "hertz_mindlin") for name in RUNS), ("liggghts", "sjkr")])
 def test_a_sphere_rebounds_with_the_calibrated_restitution(config, program, law, tmp_path):
     """And with less where cohesion holds it."""
     stiff = BERRY | {"shear_modulus_pa": 4e6}  # an impact is short and shallow

@@ -27,9 +27,7 @@ from repose.export.liggghts import LEAST_RESTITUTION, prime
 
 ROOT = Path(__file__).resolve().parents[2]
 DECK = {"liggghts": "in.pour", "lammps": "in.pour", "yade": "pour.py", "mercurydpm": "Pour.cpp"}
-SMOOTH = replace(
-    THREE, kind="smooth", spheres_m=np.zeros((0, 4)), semi_axes_m=MM * np.array([[8.0, 5.5, 5.5]])
-)
+SMOOTH = replace(THREE, kind="smooth", spheres_m=np.zeros((0, 4)), semi_axes_m=MM * np.array([[8.0, 5.5, 5.5]]))
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +62,7 @@ def test_liggghts_gets_the_numbers(job):
     moments = re.search(r"inertia_tensor (\S+) 0 0 (\S+) 0 (\S+)", deck).groups()
     assert [float(word) for word in moments] == pytest.approx(job.inertia_kg_m2)
     assert np.loadtxt(files["clump.txt"].splitlines()) == pytest.approx(job.spheres_m)
-    steps, step = (
-        int(re.search(r"\nrun +(\d+)", deck).group(1)),
-        float(re.search(r"timestep +(\S+)", deck).group(1)),
-    )
+    steps, step = (int(re.search(r"\nrun +(\d+)", deck).group(1)), float(re.search(r"timestep +(\S+)", deck).group(1)))
     assert steps * step == pytest.approx(job.duration_s, rel=1e-3)
 
 
@@ -125,9 +120,7 @@ def test_no_deck_has_a_dashpot_along_the_tangent(job):
 
 
 def test_liggghts_takes_the_facets_around_the_funnel_as_one_face(job):
-    angle = re.search(
-        r"curvature (\S+) curvature_tolerant yes", export.PROGRAMS["liggghts"](job)["in.pour"]
-    ).group(1)
+    angle = re.search(r"curvature (\S+) curvature_tolerant yes", export.PROGRAMS["liggghts"](job)["in.pour"]).group(1)
     assert 360 / surface.AROUND < float(angle) < surface.ARC_DEG / 2
 
 
@@ -144,9 +137,7 @@ def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
     assert of_sphere.inertia_kg_m2 == pytest.approx(np.full(3, 0.4 * of_sphere.mass_kg * (5 * MM) ** 2))
     for program in DECK:
         text = "".join(export.PROGRAMS[program](of_sphere).values())
-        assert not re.search(
-            r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres", text
-        )
+        assert not re.search(r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres", text)
         assert "the study's grain has that of its mesh" in text
         assert re.search(
             r"multisphere|rigid|\.clump\(|ClumpParticle", export.PROGRAMS[program](of_clump)[DECK[program]]
@@ -262,14 +253,10 @@ def test_the_funnel_is_the_simulated_one(job):
     first = line[on_cone][-1]
     assert first @ [cone.up_r, cone.up_z] == pytest.approx(cone.first)
     corners = surface.triangles(funnel)
-    areas = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     assert areas.min() > 0.0
     lengths, middles = np.linalg.norm(np.diff(line, axis=0), axis=1), 0.5 * (line[1:, 0] + line[:-1, 0])
-    around = (
-        2 * surface.AROUND * math.sin(math.pi / surface.AROUND)
-    )  # of the polygon whose corners lie on a circle
+    around = 2 * surface.AROUND * math.sin(math.pi / surface.AROUND)  # of the polygon whose corners lie on a circle
     assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
 
 
@@ -327,23 +314,14 @@ def test_rolling_laws_are_written_as_liggghts_names_them(config):
 # What stands for a law in the deck of each program. A pair of program and law that is not here is refused.
 CONTACT = {
     ("liggghts", "hertz_mindlin"): "model hertz tangential history rolling_friction",
-    (
-        "liggghts",
-        "hertz_mindlin_rescaled",
-    ): "grows and falls with the normal load; in the study it stays on loading",
+    ("liggghts", "hertz_mindlin_rescaled"): "grows and falls with the normal load; in the study it stays on loading",
     ("liggghts", "sjkr"): "model hertz tangential history cohesion sjkr rolling_friction",
     ("lammps", "hertz_mindlin"): "tangential mindlin ",
     ("lammps", "hertz_mindlin_rescaled"): "tangential mindlin_rescale/force ",
     ("yade", "hertz_mindlin"): "stays as it is when the normal load changes; in the study it grows and falls",
-    (
-        "yade",
-        "hertz_mindlin_rescaled",
-    ): "stays as it is when the normal load changes; in the study it stays on",
+    ("yade", "hertz_mindlin_rescaled"): "stays as it is when the normal load changes; in the study it stays on",
     ("mercurydpm", "hertz_mindlin"): "HertzianViscoelasticMindlinRollingTorsionSpecies",
-    (
-        "mercurydpm",
-        "hertz_mindlin_rescaled",
-    ): "grows and falls with the normal load; in the study it stays on",
+    ("mercurydpm", "hertz_mindlin_rescaled"): "grows and falls with the normal load; in the study it stays on",
     ("edem", "hertz_mindlin"): "Hertz-Mindlin (no slip)",
     ("edem", "hertz_mindlin_rescaled"): "Hertz-Mindlin (no slip)",
     ("edem", "jkr"): "Hertz-Mindlin with JKR",
@@ -376,9 +354,7 @@ def test_each_law_is_written_as_the_program_has_it_or_refused(config, program, p
             deck = export.write(job_of(config, particle, *pair, **constants), program, tmp_path)[0]
             assert written[program, law] in deck.read_text()
         else:
-            with pytest.raises(
-                InputError, match=rf"simulation.{key} is '{law}'; allowed: .*hertz|budget"
-            ) as no:
+            with pytest.raises(InputError, match=rf"simulation.{key} is '{law}'; allowed: .*hertz|budget") as no:
                 export.write(job_of(config, particle, *pair, **constants), program, tmp_path)
             assert ("refuses cohesion" in str(no.value)) == ((program, law) == ("lammps", "jkr"))
 
@@ -398,17 +374,13 @@ def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
     assert (asked["particle"], asked["spheres"]) == ("multisphere", 5)
 
 
-@pytest.mark.parametrize(
-    ("spheres", "radius"), [((), 5.0), (("--spheres", "1"), 5.0), (("--spheres", "2"), None)]
-)
+@pytest.mark.parametrize(("spheres", "radius"), [((), 5.0), (("--spheres", "1"), 5.0), (("--spheres", "2"), None)])
 def test_the_verb_exports_a_spherical_grain_as_spheres(monkeypatch, tmp_path, spheres, radius):
     asked = []
 
     def berry_and_particle(study):
         asked.append(study.config["berry"]["particle"])
-        return BERRY, THREE if asked[-1] == "multisphere" else replace(
-            SMOOTH, semi_axes_m=np.full((1, 3), 5 * MM)
-        )
+        return BERRY, THREE if asked[-1] == "multisphere" else replace(SMOOTH, semi_axes_m=np.full((1, 3), 5 * MM))
 
     monkeypatch.setattr("repose.cli.berries.berry_and_particle", berry_and_particle)
     words = ["export", "--to", "liggghts", "--config", CONFIG, "--set", "mus_gg=0.41", *spheres]

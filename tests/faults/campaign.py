@@ -145,9 +145,7 @@ class Table:
 
     def text(self):
         """As Markdown."""
-        head = (
-            "| fault | where | exit status | same bytes after the same command | finished files made again |"
-        )
+        head = "| fault | where | exit status | same bytes after the same command | finished files made again |"
         return "\n".join([head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in self.rows)]) + "\n"
 
 
@@ -183,9 +181,7 @@ def kills(place, jobs, wanted, targets, count, rng, table):
             again = [path for path, when in kept.items() if now.get(path) != when]
             if victim:
                 done += 1
-                where = f"{victim}, {len(now)} files finished" + (
-                    f", --forcerun {forced[0]}" if forced else ""
-                )
+                where = f"{victim}, {len(now)} files finished" + (f", --forcerun {forced[0]}" if forced else "")
                 rows.append((signal.Signals(one).name, where, str(status), again))
             elif again:
                 rows.append(("none", "the resumed run", str(status), again))
@@ -239,9 +235,7 @@ def damages(place, finished, wanted, table):
             result = ""
             if status and study.remove_what_it_named():
                 result, status = f"{status} and named; removed, then ", study.run()
-            table.add(
-                way, name, f"{result}{status}", compared(study, wanted), _repoured(study, finished, path)
-            )
+            table.add(way, name, f"{result}{status}", compared(study, wanted), _repoured(study, finished, path))
             shutil.rmtree(study.folder)
     for name in LOST:
         study = finished.copied_to(place / "damaged")
@@ -274,9 +268,7 @@ def changes(place, jobs, finished, wanted, table):
     refused = second.run()
     status = os.waitstatus_to_exitcode(os.waitpid(first, 0)[1])
     words = second.last_words()
-    table.add(
-        "a second workflow meanwhile", words, f"{refused}; the first {status}", compared(study, wanted), []
-    )
+    table.add("a second workflow meanwhile", words, f"{refused}; the first {status}", compared(study, wanted), [])
     target = {"response": "height_mm", "apparatus": "funnel", "value": 60.0, "sd": 3.0}
     target |= {"repetitions": 5, "range": [55.0, 65.0]}
     for name, sections, poured in (
@@ -320,9 +312,7 @@ def no_room(place, jobs, wanted, targets, table):
                 status, result = study.run("network"), study.log.read_text()
                 subprocess.run(["mount", "-o", "remount,rw", str(results)], check=True)
                 again = _again(study, {})
-                table.add(
-                    "read-only", "results", f"{status}, then {again[0]}", compared(study, wanted), again[1]
-                )
+                table.add("read-only", "results", f"{status}, then {again[0]}", compared(study, wanted), again[1])
                 print(f"    {result.splitlines()[-1] if result else ''}")
         finally:
             subprocess.run(["umount", str(results)], check=True)

@@ -28,23 +28,8 @@ ROOT = Path(__file__).parents[2]
 LEFT_OUT = {"run"}
 FOLDERS = ("", "results", "results/berry", "results/design", "results/validation", "results/pool", "thesis")
 NAMES = (
-    *(
-        "berry.json",
-        "berry.stl",
-        "summary.csv",
-        "particle.json",
-        "particles.csv",
-        "samples.csv",
-        "table4.csv",
-    ),
-    *(
-        "comparison.csv",
-        "dataset.csv",
-        "runs.csv",
-        "dataset_summary.json",
-        "fresh_samples.csv",
-        "config.json",
-    ),
+    *("berry.json", "berry.stl", "summary.csv", "particle.json", "particles.csv", "samples.csv", "table4.csv"),
+    *("comparison.csv", "dataset.csv", "runs.csv", "dataset_summary.json", "fresh_samples.csv", "config.json"),
     *(
         "figure.png",
         "table.html",
@@ -73,9 +58,7 @@ GOOD = {
 }
 READ = ("config", "input", "berry", "particle")
 OUT = st.one_of(
-    st.sampled_from(
-        [*filter(None, FOLDERS), "..", ".", "new", "new/folder", "new.png", "-rf", "", "a b", "link"]
-    ),
+    st.sampled_from([*filter(None, FOLDERS), "..", ".", "new", "new/folder", "new.png", "-rf", "", "a b", "link"]),
     st.builds(os.path.join, st.sampled_from(FOLDERS), st.sampled_from(NAMES)),
     st.text(alphabet="ab.é '\"{};$*\n", min_size=1, max_size=6),
 )
@@ -184,11 +167,7 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
 
 
 @pytest.mark.parametrize(
-    "words",
-    [
-        *(["drum", "--seed=1"], ["verify"], ["heap", "--seed=1"]),
-        ["film", GOOD["trajectory"], "--drum"],
-    ],
+    "words", [*(["drum", "--seed=1"], ["verify"], ["heap", "--seed=1"]), ["film", GOOD["trajectory"], "--drum"]]
 )
 def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox, words):
     """Else the test above would call verbs that end before they write."""

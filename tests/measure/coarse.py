@@ -44,9 +44,7 @@ def rows(numbers: list[int], folder: Path) -> list[str]:
     for high in HIGH[:-1]:
         found = {number: measured(number, high, folder) for number in numbers}
         seen = {number: one.measurement for number, one in found.items() if one.measurement}
-        colours = [
-            number for number in seen if any("hardly differs" in doubt for doubt in found[number].doubts)
-        ]
+        colours = [number for number in seen if any("hardly differs" in doubt for doubt in found[number].doubts)]
         off = np.array(
             [
                 (seen[number].aor_deg - fine.aor_deg, seen[number].height_mm - fine.height_mm)

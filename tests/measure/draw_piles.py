@@ -32,9 +32,7 @@ def pour(config: str, count: int) -> tuple[dict, np.lib.npyio.NpzFile]:
         path.write_text(yaml.safe_dump(crop))
         words = [f"--set={name}={value}" for name, value in HIDDEN.items()]
         words += [f"--seed={seed}" for seed in range(FIRST_SEED, FIRST_SEED + count)]
-        status = repose(
-            ["stage", "pour", "--apparatus", "funnel", "--config", str(path), *words, "--out", folder]
-        )
+        status = repose(["stage", "pour", "--apparatus", "funnel", "--config", str(path), *words, "--out", folder])
         if status:
             raise SystemExit(status)
         record = json.loads((Path(folder) / "heap.pours.json").read_text())

@@ -152,9 +152,7 @@ def photograph(scene: Scene, sheet: np.ndarray, sheet_mm: tuple[float, float]) -
     width, height = scene.size
     eye, turn, middle = np.array(scene.eye), _turn(scene), np.array([width / 2 - 0.5, height / 2 - 0.5])
     columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    ahead = np.stack(
-        [(columns - middle[0]) / scene.focal, (rows - middle[1]) / scene.focal, np.ones_like(rows)], -1
-    )
+    ahead = np.stack([(columns - middle[0]) / scene.focal, (rows - middle[1]) / scene.focal, np.ones_like(rows)], -1)
     colour = _room(scene, rng, eye, (ahead @ turn.astype(np.float32)).astype(np.float32))
     if np.isfinite(scene.left):
         _paste(scene, sheet, sheet_mm, eye, turn, scene.focal, middle, colour)
@@ -178,10 +176,7 @@ def _part(scene, eye, turn, middle):
     ahead = (centres - eye) @ turn.T
     place = scene.focal * ahead[:, :2] / ahead[:, 2:] + middle
     reach = scene.focal * max(scene.axes) / ahead[:, 2].min()
-    return (
-        np.clip(edge, 0, scene.size).astype(int)
-        for edge in (place.min(axis=0) - reach, place.max(axis=0) + reach)
-    )
+    return (np.clip(edge, 0, scene.size).astype(int) for edge in (place.min(axis=0) - reach, place.max(axis=0) + reach))
 
 
 def _turn(scene):

@@ -93,9 +93,7 @@ class Scene:
         rng = np.random.default_rng([self.seed, 2])
         turn = rng.uniform(0, 2 * np.pi, self.loose)
         away = self.height / np.tan(np.radians(self.angle)) * rng.uniform(1.15, 1.6, self.loose)
-        points = np.column_stack(
-            [away * np.cos(turn), away * np.sin(turn), np.full(self.loose, self.axes[2])]
-        )
+        points = np.column_stack([away * np.cos(turn), away * np.sin(turn), np.full(self.loose, self.axes[2])])
         half = rng.uniform(0, np.pi, self.loose) / 2
         flat = np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)])
         return points, flat, rng.normal(1.0, 0.06, self.loose).clip(0.8, 1.2)
@@ -245,9 +243,7 @@ def _stand(page, per_mm, corner, along, eye, rays, colour, depth):
     to_page = ((corner - eye) @ normal) / (rays @ normal)
     at = eye + to_page[..., None] * rays - corner
     u, v = (at @ along) * per_mm, page.shape[0] - at[..., 2] * per_mm
-    inside = (
-        (u >= 0) & (u < page.shape[1]) & (v >= 0) & (v < page.shape[0]) & (to_page > 0) & (to_page < depth)
-    )
+    inside = (u >= 0) & (u < page.shape[1]) & (v >= 0) & (v < page.shape[0]) & (to_page > 0) & (to_page < depth)
     seen = cv2.remap(
         cv2.GaussianBlur(page, (0, 0), 1.2),
         (u - 0.5).astype(np.float32),
@@ -319,17 +315,11 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
         normal = at @ to_unit
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         world = eye + t[hit][:, None] * ray[hit]
-        deep = (
-            scene.height - steep * np.hypot(world[:, 0], world[:, 1]) - world[:, 2]
-            if inside
-            else 0 * at[:, 0]
-        )
+        deep = scene.height - steep * np.hypot(world[:, 0], world[:, 1]) - world[:, 2] if inside else 0 * at[:, 0]
         open_sky = np.clip(1.05 - deep / (1.3 * scene.berry_mm), 0.12, 1) * (0.75 + 0.25 * normal[:, 2])
         lit = np.maximum(normal @ LIGHT, 0)
         grain_texture = (
-            1
-            + 0.10 * np.sin(7 * at[:, 0] + 5 * at[:, 1]) * np.cos(6 * at[:, 2])
-            - 0.25 * (np.abs(at[:, 1]) < 0.08)
+            1 + 0.10 * np.sin(7 * at[:, 0] + 5 * at[:, 1]) * np.cos(6 * at[:, 2]) - 0.25 * (np.abs(at[:, 1]) < 0.08)
         )
         shine = 40 * np.maximum(normal @ ((LIGHT - np.array([0, 1, 0])) / 1.8), 0) ** 20
         tone = (0.45 + 0.75 * lit) * open_sky * grain_texture
@@ -348,9 +338,7 @@ def _light(scene, height, width):
     """Light over the picture: uneven, and a hand's soft shadow that comes in from one side."""
     y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
     turn = np.random.default_rng([scene.seed, 6]).uniform(0, 2 * np.pi)
-    light = 1 - scene.uneven * (
-        0.5 + 0.35 * (x * np.cos(turn) + y * np.sin(turn)) + 0.15 * (x * x + y * y) - 0.15
-    )
+    light = 1 - scene.uneven * (0.5 + 0.35 * (x * np.cos(turn) + y * np.sin(turn)) + 0.15 * (x * x + y * y) - 0.15)
     if scene.hand:
         shade = np.zeros((height, width), np.float32)
         w, h = width, height

@@ -147,12 +147,8 @@ def main() -> None:
         for number in asked.numbers:
             one = outcome(number, asked.folder or Path(kept))
             made.append(one)
-            result = (
-                f"refused: {one.refused}" if one.refused else f"{one.angle:+.2f} deg {one.height:+.2f} mm"
-            )
-            print(
-                number, one.trouble, "" if one.plain else "not plain", result, one.note, sep="; ", flush=True
-            )
+            result = f"refused: {one.refused}" if one.refused else f"{one.angle:+.2f} deg {one.height:+.2f} mm"
+            print(number, one.trouble, "" if one.plain else "not plain", result, one.note, sep="; ", flush=True)
     print(report(made))
 
 

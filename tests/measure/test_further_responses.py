@@ -79,12 +79,8 @@ def test_offered_are_all_definitions_but_the_calibrated_one(definition):
 def test_offered_is_what_is_no_target():
     alone = further_responses.offered(("height_mm",), "secant")
     assert "height_mm" not in alone
-    assert set(MEAN_KEYS.values()) < set(
-        alone
-    )  # all definitions, and none of them twice under the name aor_deg
+    assert set(MEAN_KEYS.values()) < set(alone)  # all definitions, and none of them twice under the name aor_deg
     assert "aor_deg" not in alone
-    both = further_responses.offered(
-        ("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"), "flank"
-    )
+    both = further_responses.offered(("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"), "flank")
     assert both[:3] == ("height_mm", "aor_secant_deg", "aor_steepest_deg")
     assert "packing_percent" not in both

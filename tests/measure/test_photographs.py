@@ -41,9 +41,7 @@ def test_a_photograph_is_measured_and_stays(tmp_path, capsys):
     assert (tmp_path / "pile.png").read_bytes() == before
     names = {"pile.png", "photographs.csv", "summary.csv", "targets.yaml"}
     assert names < {path.name for path in (tmp_path / "out").iterdir()}
-    assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, ""), (
-        "its own files are replaced"
-    )
+    assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, ""), "its own files are replaced"
 
 
 @pytest.mark.parametrize("there", ["picture", "link", "folder", "other"])

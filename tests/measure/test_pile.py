@@ -10,12 +10,7 @@ import pytest
 from repose.core.errors import InputError
 from repose.measure import pile as piles
 from repose.measure.drawing import overlay, process_panels
-from repose.measure.pile import (
-    FLANK_RULES,
-    MeasureSettings,
-    NoFlankError,
-    read_image,
-)
+from repose.measure.pile import FLANK_RULES, MeasureSettings, NoFlankError, read_image
 from repose.measure.segmentation import plate_row
 
 # The line of these tests: between a tenth and eight tenths of the height the drawn piles are straight.
@@ -150,13 +145,7 @@ def test_the_scale_moves_the_height_and_not_the_angle():
 
 # Grey: dark on light, light on dark. Red fruit (BGR) on white, on black, and on a board of the very same
 # luminance.
-TONES = [
-    (40, 220),
-    (210, 30),
-    ((30, 30, 190), (225,) * 3),
-    ((30, 30, 190), (15,) * 3),
-    ((30, 30, 190), (77,) * 3),
-]
+TONES = [(40, 220), (210, 30), ((30, 30, 190), (225,) * 3), ((30, 30, 190), (15,) * 3), ((30, 30, 190), (77,) * 3)]
 
 
 @pytest.mark.parametrize(("pile", "background"), TONES)
@@ -218,10 +207,7 @@ def test_light_and_noise_hardly_move_a_lumpy_pile():
 def test_loose_berries_count_only_when_asked_for():
     half = half_width(30)
     picture = toned(drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220)
-    alone, together = (
-        measure_image(picture, MM),
-        measure_image(picture, MM, replace(FLANK, largest_pile_only=False)),
-    )
+    alone, together = (measure_image(picture, MM), measure_image(picture, MM, replace(FLANK, largest_pile_only=False)))
     assert alone.right_deg == pytest.approx(30, abs=CLEAN_DEG)
     assert together.right_deg < 29
     assert together.left_deg == pytest.approx(30, abs=CLEAN_DEG)

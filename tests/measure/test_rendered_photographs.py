@@ -51,9 +51,7 @@ def test_the_lens_is_found_from_the_sheet_in_many_places():
     assert found.note == ""
     assert found.matrix[0, 0] == pytest.approx(1300, rel=0.003)
     away = np.array([0.2, 0.4, 0.55]) ** 2
-    assert found.lens[0] * away + found.lens[1] * away**2 == pytest.approx(
-        -0.12 * away + 0.03 * away**2, abs=0.002
-    )
+    assert found.lens[0] * away + found.lens[1] * away**2 == pytest.approx(-0.12 * away + 0.03 * away**2, abs=0.002)
 
 
 def test_one_view_that_faces_the_camera_gives_no_focal_length():
@@ -110,9 +108,7 @@ def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, re
 
 
 def test_a_deep_shadow_at_the_foot_changes_nothing(tmp_path):
-    light, deep = (
-        measured(tmp_path, Scene(**SMALL | {"shadow": shadow})).measurement for shadow in (0.0, 0.7)
-    )
+    light, deep = (measured(tmp_path, Scene(**SMALL | {"shadow": shadow})).measurement for shadow in (0.0, 0.7))
     assert deep.height_mm == pytest.approx(light.height_mm, abs=0.1)
     assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
 
@@ -123,11 +119,7 @@ def test_all_thirty(tmp_path):
     for number, one in sorted(missed.items()):
         print(number, one if isinstance(one, str) else "{:+.2f} deg {:+.2f} mm".format(*one))
     found = np.array([one for one in missed.values() if not isinstance(one, str)])
-    print(
-        json.dumps(
-            {"measured": len(found), "mean": found.mean(0).tolist(), "sd": found.std(0, ddof=1).tolist()}
-        )
-    )
+    print(json.dumps({"measured": len(found), "mean": found.mean(0).tolist(), "sd": found.std(0, ddof=1).tolist()}))
     assert len(found) >= 26
     assert abs(found[:, 0].mean()) < 0.3
     assert abs(found[:, 1].mean()) < 0.5

@@ -79,9 +79,7 @@ def test_another_response_measures_the_same_piles_again(saved, name):
     before = measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)["runs"][0]
     after = measure_job(Scene.of(config(response=name), {}, AXES, PARTICLE), saved)["runs"][0]
     assert after["aor_deg"] == before[MEAN_KEYS[name]]
-    assert {k: v for k, v in after.items() if k != "aor_deg"} == {
-        k: v for k, v in before.items() if k != "aor_deg"
-    }
+    assert {k: v for k, v in after.items() if k != "aor_deg"} == {k: v for k, v in before.items() if k != "aor_deg"}
 
 
 def test_a_definition_that_fails_fails_the_run_only_as_the_response(saved):
@@ -152,9 +150,7 @@ def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(saved, tmp_
     settings = pile.MeasureSettings.of(config(fit_from=fit_from)["measure"], AXES)
     assert settings.berry_height_mm == pytest.approx(BERRY_MM)
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
-    run = funnel.FunnelTest().measure(
-        one_pour(1), poured, Scene.of(config(fit_from=fit_from), {}, AXES, PARTICLE)
-    )
+    run = funnel.FunnelTest().measure(one_pour(1), poured, Scene.of(config(fit_from=fit_from), {}, AXES, PARTICLE))
     view = saved_piles.side_view(poured, PARTICLE, settings)
     on_plate = np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)])
     cv2.imwrite(str(tmp_path / "photo.png"), on_plate)
@@ -208,25 +204,14 @@ def of_grains(name, change):
 
 
 IMPOSSIBLE = (
-    (
-        *of_grains("position", lambda values: np.where(np.arange(len(values))[:, None] == 3, np.nan, values)),
-        "finite",
-    ),
+    (*of_grains("position", lambda values: np.where(np.arange(len(values))[:, None] == 3, np.nan, values)), "finite"),
     (*of_grains("position", lambda values: values[:10]), "of as many grains as the other arrays"),
     (*of_grains("position", lambda values: values[:, :2]), r"numbers \(\d+, 3\)"),
     (*of_grains("position", lambda values: values.astype(str)), "numbers"),
     (*of_grains("quaternion", np.zeros_like), "a rotation of each grain"),
     (*of_grains("in_pile", lambda values: values[:-1]), "of as many grains"),
-    (
-        "scale_1",
-        lambda arrays: arrays | {"scale_1": np.full(len(arrays["in_pile_1"]), -1.0)},
-        "sizes above 0",
-    ),
-    (
-        "position_1 in mm",
-        lambda arrays: arrays | {"position_1": 1e6 * arrays["position_1"]},
-        "positions are in m",
-    ),
+    ("scale_1", lambda arrays: arrays | {"scale_1": np.full(len(arrays["in_pile_1"]), -1.0)}, "sizes above 0"),
+    ("position_1 in mm", lambda arrays: arrays | {"position_1": 1e6 * arrays["position_1"]}, "positions are in m"),
 )
 
 

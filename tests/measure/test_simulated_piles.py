@@ -145,7 +145,5 @@ def test_a_layer_or_nothing_is_no_pile():
 def test_a_pile_of_too_few_pixels_is_no_pile():
     """Coarse pixels, as in a random legal pour that ended with an exception."""
     pile = cone_of_berries(25, np.random.default_rng(2))
-    with pytest.raises(
-        NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"
-    ):
+    with pytest.raises(NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"):
         measure_pile(*pile, BERRY, MeasureSettings(mm_per_pixel=5.0))

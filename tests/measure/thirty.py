@@ -122,10 +122,7 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
             same = [scene for scene in chosen if scene.crop == crop]
             how = MeasureSettings(berry_height_mm=same[0].berry_mm)
             found = photographs.measure_all(
-                [paths[one.seed] for one in same],
-                how,
-                photographs.Scale(),
-                [paths[scene.seed] for scene in alone],
+                [paths[one.seed] for one in same], how, photographs.Scale(), [paths[scene.seed] for scene in alone]
             )
             for scene, one in zip(same, found, strict=True):
                 true, seen = truth(scene, how), one.measurement

@@ -22,17 +22,7 @@ import yaml
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PARTS = (
-    "src",
-    "tests",
-    "config",
-    "resources",
-    "workflow",
-    "profiles",
-    "Snakefile",
-    "pyproject.toml",
-    "README.md",
-)
+PARTS = ("src", "tests", "config", "resources", "workflow", "profiles", "Snakefile", "pyproject.toml", "README.md")
 LOADED = (
     "numpy",
     "scipy.stats",

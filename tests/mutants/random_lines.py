@@ -72,10 +72,7 @@ def drawn(number, seed):
     """Pairs of a file and a place, room after room."""
     random = np.random.default_rng(seed)
     rooms = sorted(path for path in SOURCE.iterdir() if path.is_dir() and any(path.rglob("*.py")))
-    found = {
-        room: [(path, place) for path in sorted(room.rglob("*.py")) for place in places(path)]
-        for room in rooms
-    }
+    found = {room: [(path, place) for path in sorted(room.rglob("*.py")) for place in places(path)] for room in rooms}
     chosen = []
     for k in range(number):
         every = found[rooms[k % len(rooms)]]

@@ -20,13 +20,7 @@ def test_version_and_date_are_those_of_the_newest_release():
     changelog = (ROOT / "CHANGELOG.md").read_text()
     version, date = re.search(r"^## \[(\d[\d.]*)\] - ([\d-]+)$", changelog, re.MULTILINE).groups()
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
-    assert (
-        version
-        == repose.__version__
-        == CITATION["version"]
-        == ARCHIVE["version"]
-        == recipe["context"]["version"]
-    )
+    assert version == repose.__version__ == CITATION["version"] == ARCHIVE["version"] == recipe["context"]["version"]
     assert date == CITATION["date-released"] == ARCHIVE["publication_date"]
     written = datetime.datetime.strptime(yaml.safe_load(FRONT)["date"], "%d %B %Y").date()
     assert written.isoformat() == date
@@ -34,9 +28,7 @@ def test_version_and_date_are_those_of_the_newest_release():
 
 def test_the_archive_says_what_the_citation_says():
     same = {"title": "title", "abstract": "description", "keywords": "keywords", "license": "license"}
-    assert {there: CITATION[here] for here, there in same.items()} == {
-        there: ARCHIVE[there] for there in same.values()
-    }
+    assert {there: CITATION[here] for here, there in same.items()} == {there: ARCHIVE[there] for there in same.values()}
     assert [creator["name"] for creator in ARCHIVE["creators"]] == AUTHORS
     cited = [reference["doi"] for reference in CITATION["references"]]
     assert [related["identifier"] for related in ARCHIVE["related_identifiers"]] == cited

@@ -18,17 +18,13 @@ def sections(document, between="\n"):
     parts = re.split(r"^#+ (.+)$", (ROOT / document).read_text(), flags=re.MULTILINE)
     found = {}
     for heading, text in zip(parts[1::2], parts[2::2], strict=True):
-        blocks = re.findall(
-            r"^```(?:python|{code-cell} ipython3)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL
-        )
+        blocks = re.findall(r"^```(?:python|{code-cell} ipython3)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
         if blocks:
             found[heading] = between.join(blocks)
     return found
 
 
-EXAMPLES = {
-    f"{document}: {heading}": code for document in DOCUMENTS for heading, code in sections(document).items()
-}
+EXAMPLES = {f"{document}: {heading}": code for document in DOCUMENTS for heading, code in sections(document).items()}
 
 
 @pytest.mark.parametrize("what", ["contact law", "response", "surrogate", "strategy"])
@@ -38,9 +34,7 @@ def test_contributing_shows_how_to_add_one(what):
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_example_runs(name, tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", EXAMPLES[name]], cwd=tmp_path, capture_output=True, text=True
-    )
+    done = subprocess.run([sys.executable, "-c", EXAMPLES[name]], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 

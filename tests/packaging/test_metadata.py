@@ -16,9 +16,7 @@ DEPENDENCIES = PROJECT["project"]["dependencies"]
 EXTRAS = PROJECT["project"]["optional-dependencies"]
 PARTS = [line for name in ("simulator", "pictures") for line in EXTRAS[name] if "[" not in line]
 TESTED = [*DEPENDENCIES, *PARTS, *EXTRAS["workflow"], *EXTRAS["research"], *EXTRAS["test"]]
-PINS = [
-    line for line in (ROOT / "environment.txt").read_text().splitlines() if not line.startswith(("#", "-e"))
-]
+PINS = [line for line in (ROOT / "environment.txt").read_text().splitlines() if not line.startswith(("#", "-e"))]
 LOCK = re.sub(r"^#.*\n", "", (ROOT / "environment.lock").read_text(), flags=re.MULTILINE)
 # What the extra `workflow` is for: `repose run`, and what is written for calls of snakemake.
 RUN = {"cli/run.py", "cli/run_display.py", "config/call.py", "core/usage.py"}
@@ -101,9 +99,7 @@ def test_a_package_index_shows_the_readme_without_pictures_and_links_into_the_ch
 
 
 def test_hosted_checks_run_each_python_of_the_classifiers():
-    numbers = [
-        line.rpartition(" ")[2] for line in PROJECT["project"]["classifiers"] if ":: Python ::" in line
-    ]
+    numbers = [line.rpartition(" ")[2] for line in PROJECT["project"]["classifiers"] if ":: Python ::" in line]
     job = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]["checks"]
     assert job["strategy"]["matrix"]["python"] == [number for number in numbers if "." in number]
     assert PROJECT["project"]["requires-python"] == f">={job['strategy']['matrix']['python'][0]}"
@@ -111,11 +107,7 @@ def test_hosted_checks_run_each_python_of_the_classifiers():
 
 
 def test_the_conda_recipe_needs_what_the_package_needs():
-    others = {
-        "matplotlib-base": "matplotlib",
-        "py-opencv": "opencv-python-headless",
-        "snakemake-minimal": "snakemake",
-    }
+    others = {"matplotlib-base": "matplotlib", "py-opencv": "opencv-python-headless", "snakemake-minimal": "snakemake"}
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
 
     def ranges(lines):
@@ -124,9 +116,7 @@ def test_the_conda_recipe_needs_what_the_package_needs():
 
     python = f"python {PROJECT['project']['requires-python']}"
     assert ranges(recipe["requirements"]["run"]) == ranges([python, *DEPENDENCIES, *PARTS])
-    assert ranges(recipe["requirements"]["host"]) == ranges(
-        [python, "pip", *PROJECT["build-system"]["requires"]]
-    )
+    assert ranges(recipe["requirements"]["host"]) == ranges([python, "pip", *PROJECT["build-system"]["requires"]])
     assert ranges(recipe["requirements"]["run_constraints"]) == ranges(
         line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")
     )

@@ -54,6 +54,4 @@ print(study.answer().parameters)
     done = without_extras(verb, "calibrate", "runs.csv", "--config", "own.yaml", "--out", "own")
     assert (tmp_path / "own/card.json").is_file(), done.stderr
     assert done.returncode == 2, "the report needs libraries of an extra"
-    assert done.stderr.splitlines()[-1].endswith(
-        "expected `pip install 'repose-dem[workflow]'`, which has all"
-    )
+    assert done.stderr.splitlines()[-1].endswith("expected `pip install 'repose-dem[workflow]'`, which has all")

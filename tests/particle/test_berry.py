@@ -94,9 +94,7 @@ def test_given_moduli_replace_the_measured_ones(tmp_path):
 
 
 def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
-    text = (
-        "# caliper, 1 May\nberry, minor_mm,long_mm,major_mm\n1,9,20,10\n\n2,8,22,11\n"  # columns in any order
-    )
+    text = "# caliper, 1 May\nberry, minor_mm,long_mm,major_mm\n1,9,20,10\n\n2,8,22,11\n"  # columns in any order
     path = written(tmp_path, text)
     assert berry.read_sizes(path).loc[2].to_dict() == {"long_mm": 22.0, "major_mm": 11.0, "minor_mm": 8.0}
     quoted = written(tmp_path, '"# mine"\n"", "long_mm","major_mm","minor_mm"\n"1",20,10,9\n"2",22,11,8\n')
@@ -136,8 +134,7 @@ def test_a_load_that_does_not_shorten_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "change",
-    [{"density_kg_m3": 0.0}, {"poisson_ratio": 0.6}, {"shear_modulus_pa": -1.0}, {"density_kg_m3": np.nan}],
+    "change", [{"density_kg_m3": 0.0}, {"poisson_ratio": 0.6}, {"shear_modulus_pa": -1.0}, {"density_kg_m3": np.nan}]
 )
 def test_impossible_material_is_refused(tmp_path, change):
     with pytest.raises(InputError, match=next(iter(change))):

@@ -127,10 +127,7 @@ def test_support_is_what_the_mesh_says():
 
 
 def test_the_support_of_unequal_spheres_is_the_farthest_of_all():
-    centres, radii = (
-        np.array([[-4.0, 0, 0], [3.0, 1.0, 0], [0, 0, 2.0]]) * 1e-3,
-        np.array([2.0, 5.0, 3.0]) * 1e-3,
-    )
+    centres, radii = (np.array([[-4.0, 0, 0], [3.0, 1.0, 0], [0, 0, 2.0]]) * 1e-3, np.array([2.0, 5.0, 3.0]) * 1e-3)
     clump = replace(THREE, spheres_m=np.column_stack([centres, radii]))
     n = sphere_directions(200)
     own = (centres[None] * n[:, None]).sum(axis=-1) + radii
@@ -158,9 +155,7 @@ def test_particle_file_round_trip(tmp_path):
             assert getattr(again, name) == value
         else:
             np.testing.assert_allclose(getattr(again, name), value, rtol=1e-11)
-    keys = (
-        "kind semi_axes_mm density_kg_m3 volume_mm3 mass_g inertia_g_mm2 bounding_radius_mm deviation_max_mm"
-    )
+    keys = "kind semi_axes_mm density_kg_m3 volume_mm3 mass_g inertia_g_mm2 bounding_radius_mm deviation_max_mm"
     assert set(keys.split()) < set(json.loads((tmp_path / "particle.json").read_text()))
 
 

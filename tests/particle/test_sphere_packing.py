@@ -87,9 +87,7 @@ def test_full_rough_spheres_hold_the_meshs_volume(goji):
 
 
 def test_a_rough_surface_from_inside_never_holds_enough(goji):
-    with pytest.raises(
-        InputError, match="no union of 14 to 60 rough spheres is within 2% of the mesh's volume"
-    ):
+    with pytest.raises(InputError, match="no union of 14 to 60 rough spheres is within 2% of the mesh's volume"):
         sphere_packing.pack(goji, "fewest", "rough")
 
 
@@ -157,7 +155,5 @@ def test_outlines_and_top_of_clumps_against_a_cloud_of_points(clump):
 
 def test_scales_move_convex_outlines_too():
     ball = Particle("ellipsoid", np.full((1, 3), 5e-3), 1.0, 0.0, 0.0, np.zeros(3), 5e-3, 0.0, 0.0)
-    polygons = silhouette.outlines(
-        np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), ball, [0.0], 1e-3, [1.0, 2.0]
-    )
+    polygons = silhouette.outlines(np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), ball, [0.0], 1e-3, [1.0, 2.0])
     np.testing.assert_allclose(np.linalg.norm(polygons[0], axis=-1), [[4e-3] * 64, [9e-3] * 64])

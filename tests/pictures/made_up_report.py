@@ -21,12 +21,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     """Files of a study in a folder; returns configuration, jobs and files as `page.write` takes them."""
     rng = np.random.default_rng(5)
     parameters = {name: {"fixed": ANSWER[name]} if name in fixed else RANGES[name] for name in PARAMETERS}
-    config = CONFIG | {
-        "targets": targets,
-        "parameters": parameters,
-        "label": "made <up> & small",
-        "small_run": True,
-    }
+    config = CONFIG | {"targets": targets, "parameters": parameters, "label": "made <up> & small", "small_run": True}
     config |= {"design": {"method": "optimal", "samples": 60}}
     found, space = Targets.of(targets), ParameterSpace.of(parameters)
     X = space.values(rng.random((60, space.dimensions)))
@@ -39,17 +34,13 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     dataset = pd.DataFrame(X, columns=PARAMETERS).assign(sample=np.arange(1, 61), status="ok")
     dataset[list(found.names)], dataset[list(found.errors)] = Y, 0.4
     answer = np.array([ANSWER[name] for name in PARAMETERS])
-    sets = pd.DataFrame(answer + 0.01 * np.arange(6)[:, None], columns=PARAMETERS).assign(
-        solution=np.arange(6) + 1
-    )
+    sets = pd.DataFrame(answer + 0.01 * np.arange(6)[:, None], columns=PARAMETERS).assign(solution=np.arange(6) + 1)
     table4 = sets.assign(role=["representative"] + 5 * ["spread"], n_seeds=runs, status="ok", reason="")
     table4[list(found.predicted)] = model.predict(sets[list(PARAMETERS)].to_numpy())
     simulated = found.value + 0.3 * rng.normal(size=(runs, len(found)))
     for one, values in zip(found, simulated.T, strict=True):
         table4[one.response.simulated], table4[one.response.error] = values.mean(), values.std() / runs**0.5
-    posterior = pd.DataFrame(
-        {"parameter": space.free, "credible_low": space.low, "credible_high": space.high}
-    )
+    posterior = pd.DataFrame({"parameter": space.free, "credible_low": space.low, "credible_high": space.high})
     posterior["width_ratio"], posterior["r_hat"] = 0.9, 1.1
     frames = {"dataset": dataset, "feasible": sets, "table4": table4, "posterior": posterior}
     for name, frame in frames.items():
@@ -63,9 +54,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     for bench in found.apparatus:
         of_bench = [one.response.apparatus == bench for one in found]
         names = [name for name, own in zip(found.names, of_bench, strict=True) if own]
-        rows = [
-            dict(zip(names, row, strict=True)) | {"status": "ok"} for row in simulated[:, of_bench].tolist()
-        ]
+        rows = [dict(zip(names, row, strict=True)) | {"status": "ok"} for row in simulated[:, of_bench].tolist()]
         texts[f"job_{bench}"] = {
             "sample": 1,
             "parameters": ANSWER,
@@ -78,8 +67,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     made_up_pour(folder)
     files = {name: folder / f"{name}.csv" for name in frames}
     files |= {
-        name: folder / f"{name}.json"
-        for name in ("network", "metrics", "dataset_summary", "summary", "particle")
+        name: folder / f"{name}.json" for name in ("network", "metrics", "dataset_summary", "summary", "particle")
     }
     return config, jobs, files | {"trajectory": folder / "trajectory.npz"}
 

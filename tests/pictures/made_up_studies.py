@@ -45,12 +45,7 @@ def _uncertainty(folder, rng, space, targets):
     for column, place in places.items():
         rows[column] = low + place * (high - low)
     rows.to_csv(folder / "posterior.csv", index=False)
-    summary = {
-        "misfit": {"squared_distance": 4.0},
-        "thin_share": 0.98,
-        "converged": False,
-        "largest_r_hat": 1.2,
-    }
+    summary = {"misfit": {"squared_distance": 4.0}, "thin_share": 0.98, "converged": False, "largest_r_hat": 1.2}
     predicted = {name: {"mean": 30.0, "low": 29.0, "high": 31.0} for name in targets.names}
     summary |= {"least_effective_draws": 90.0, "predicted": predicted, "not_implausible_share": 0.5}
     (folder / "posterior_summary.json").write_text(json.dumps(summary))

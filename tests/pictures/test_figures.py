@@ -21,17 +21,7 @@ from repose.measure.settings import line_of
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 from repose.pictures import figures
-from repose.pictures.figures import (
-    berries,
-    checks,
-    plane,
-    rotation,
-    samples,
-    search,
-    style,
-    surrogate,
-    testbench,
-)
+from repose.pictures.figures import berries, checks, plane, rotation, samples, search, style, surrogate, testbench
 from repose.pictures.scenery import look_at
 
 ROOT = Path(__file__).parents[2]
@@ -124,10 +114,7 @@ def test_every_figure_has_a_title_and_a_caption_with_the_numbers_of_the_study():
 
 
 def test_a_figure_has_the_configured_formats_with_its_fonts_inside(inputs, tmp_path):
-    given, config = (
-        inputs_of("sobol", inputs),
-        CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}},
-    )
+    given, config = (inputs_of("sobol", inputs), CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}})
     for folder in ("first", "second"):
         figures.draw("sobol", given, tmp_path / folder / "it.png", config)
     files = {path.suffix: path.read_bytes() for path in (tmp_path / "first").iterdir() if path.stem == "it"}
@@ -187,11 +174,7 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
             {"dataset": inputs["dataset"]},
             ("3 of 150 samples gave no result", "3 jammed"),
         ),
-        (
-            rotation.states,
-            {"states": changed["states"], "particle": inputs["particle"]},
-            ("NO SLIP", "at the report"),
-        ),
+        (rotation.states, {"states": changed["states"], "particle": inputs["particle"]}, ("NO SLIP", "at the report")),
         (
             surrogate.predicted_against_simulated,
             {"predictions": changed["predictions"], "dataset": changed["dataset"]},
@@ -260,9 +243,7 @@ def test_the_definitions_are_explained_beside_the_pile_and_without_keys_of_the_c
         assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
 
 
-@pytest.mark.parametrize(
-    "name", ["figure10", "figure13", "figure14", "plane", "dataset", "validation", "noise"]
-)
+@pytest.mark.parametrize("name", ["figure10", "figure13", "figure14", "plane", "dataset", "validation", "noise"])
 def test_a_figure_with_the_calibrated_angle_names_its_line(name, inputs, drawn, tmp_path, monkeypatch):
     line = line_of(CONFIG["measure"])
     assert line in words(drawn(name)[0]).replace("\n", " ")

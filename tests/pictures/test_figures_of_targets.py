@@ -75,10 +75,7 @@ def of_profile(targets):
     values = zip(Profile.of(kept).names, Profile.of(kept).scores(HEIGHTS).tolist(), strict=True)
     return [
         *targets,
-        *(
-            {"response": score, "value": value, "range": [value - 1, value + 1], **numbers}
-            for score, value in values
-        ),
+        *({"response": score, "value": value, "range": [value - 1, value + 1], **numbers} for score, value in values),
     ]
 
 
@@ -210,8 +207,7 @@ def test_a_fixed_parameter_has_no_panel(tmp_path):
         over = samples.responses_over_parameters({"dataset": files["dataset"]}, config)
         pairs = samples.design_matrix({"samples": files["samples"]}, config)
         one = samples.design_matrix(
-            {"samples": files["samples"]},
-            config | {"parameters": config["parameters"] | {"mus_gg": {"fixed": 0.5}}},
+            {"samples": files["samples"]}, config | {"parameters": config["parameters"] | {"mus_gg": {"fixed": 0.5}}}
         )
     assert len(over.axes) == 4
     assert len(pairs.axes) == 4

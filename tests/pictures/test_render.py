@@ -96,9 +96,7 @@ def test_bands_hold_each_row_once(multiple):
     np.testing.assert_array_equal(np.concatenate(bands), np.arange(210))
     assert len(bands) > 10
     assert all(len(band) % multiple == 0 for band in bands)
-    np.testing.assert_array_equal(
-        np.concatenate([camera.rays(rows) for rows in camera.bands()]), camera.rays()
-    )
+    np.testing.assert_array_equal(np.concatenate([camera.rays(rows) for rows in camera.bands()]), camera.rays())
 
 
 def test_a_ball_has_the_outline_of_its_perspective():
@@ -127,9 +125,7 @@ def test_a_long_axis_along_the_view_shows_the_short_ones():
     frame = np.array([[-0.015, -0.015, 0.0], [0.015, 0.015, 0.03]])
     sizes = []
     for quaternion in ([1.0, 0, 0, 0], [half, 0, 0, half]):
-        picture = render_pile(
-            np.array([[0, 0, 0.015]]), np.array([quaternion]), BERRY, 0, 0, 300, 300, frame_m=frame
-        )
+        picture = render_pile(np.array([[0, 0, 0.015]]), np.array([quaternion]), BERRY, 0, 0, 300, 300, frame_m=frame)
         seen = reddish(picture)
         sizes.append((seen.any(axis=0).sum(), seen.any(axis=1).sum()))
     (end_width, end_height), (side_width, side_height) = sizes
@@ -208,9 +204,7 @@ def test_a_large_picture_takes_few_bytes_for_each_ray():
     rng = np.random.default_rng(5)
     centres, turns = rng.uniform(-0.03, 0.03, (200, 3)), rng.normal(size=(200, 4))
     frame = np.array([[-0.015, -0.015, -0.01], [0.015, 0.015, 0.02]])
-    render_pile(
-        centres, turns, BERRY, 14, 0, 60, 60, frame_m=frame
-    )  # compiles, which takes memory of its own
+    render_pile(centres, turns, BERRY, 14, 0, 60, 60, frame_m=frame)  # compiles, which takes memory of its own
     tracemalloc.start()
     picture = render_pile(centres, turns, BERRY, 14, 0, 700, 700, [Frustum(-0.01, 0.01, 0.02, 0.012)], frame)
     peak = tracemalloc.get_traced_memory()[1]

@@ -41,13 +41,7 @@ def folder(tmp_path_factory):
     """A made-up study with a photograph and a figure, and its report."""
     folder = tmp_path_factory.mktemp("report")
     config, jobs, files = made_up_study(folder, TARGETS, fixed=("e_gp",))
-    page.write(
-        config,
-        jobs,
-        files | pictures(folder),
-        {"All samples": folder / "dataset.csv"},
-        folder / "report.html",
-    )
+    page.write(config, jobs, files | pictures(folder), {"All samples": folder / "dataset.csv"}, folder / "report.html")
     return folder
 
 
@@ -72,9 +66,7 @@ def open_page(context, folder):
     """A tab with the report."""
     tab = context.new_page()
     tab.complaints = []
-    tab.on(
-        "console", lambda message: tab.complaints.append(message.text) if message.type == "error" else None
-    )
+    tab.on("console", lambda message: tab.complaints.append(message.text) if message.type == "error" else None)
     tab.on("pageerror", lambda error: tab.complaints.append(str(error)))
     tab.on("request", lambda sent: tab.complaints.append(sent.url) if sent.url.startswith("http") else None)
     tab.goto((folder / "report.html").as_uri())

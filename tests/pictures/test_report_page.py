@@ -28,14 +28,7 @@ from repose.surrogate import load
 BOTH = Targets.of(TARGETS)
 MORE = [
     *TARGETS,
-    {
-        "response": "drum_slip_deg",
-        "apparatus": "drum",
-        "value": 44,
-        "sd": 2,
-        "repetitions": 5,
-        "range": [40, 48],
-    },
+    {"response": "drum_slip_deg", "apparatus": "drum", "value": 44, "sd": 2, "repetitions": 5, "range": [40, 48]},
 ]
 
 
@@ -71,9 +64,7 @@ def test_a_body_of_spheres_lacks_only_what_other_spheres_hide():
     assert np.abs(points[outside, 0]).max() == pytest.approx(8.0, abs=0.1)
     corner = points[triangles]
     facing = np.einsum(
-        "ij,ij->i",
-        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]),
-        normals[triangles[:, 0]],
+        "ij,ij->i", np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), normals[triangles[:, 0]]
     )
     assert (facing > 0).all()
 
@@ -95,9 +86,7 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     assert [parameter["name"] for parameter in values["parameters"] if parameter["fixed"]] == list(fixed)
     assert text.count("<td") > 60 * 8
     assert text.count("<b>A small run, its numbers are no calibration: targets ") == 1
-    assert values["copy"].startswith(
-        "# made <up> & small: A small run, its numbers are no calibration: targets "
-    )
+    assert values["copy"].startswith("# made <up> & small: A small run, its numbers are no calibration: targets ")
     table4 = text[text.index("Table 4") :]
     assert all(f"simulated ({one.response.unit})" in table4 for one in Targets.of(targets))
     assert table4.count('data-head="role">spread') == 5
@@ -169,9 +158,7 @@ def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, t
     assert found.group(1) == kind
     assert re.search(words, found.group(2))
     text = (tmp_path / "report.html").read_text()
-    assert text.index("</h1>") < text.index('class="verdict') < text.index('id="origin"'), (
-        "the verdict stands first"
-    )
+    assert text.index("</h1>") < text.index('class="verdict') < text.index('id="origin"'), "the verdict stands first"
     assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
 
 
@@ -185,13 +172,7 @@ def test_a_row_of_the_answer_tells_where_its_interval_was_widened_and_what_lies_
     sets.loc[0, "mur_gp"] = low
     sets.to_csv(files["table4"], index=False)
     for posterior in (True, False):
-        page.write(
-            config,
-            jobs,
-            {k: files[k] for k in files if posterior or k != "posterior"},
-            {},
-            tmp_path / "a.html",
-        )
+        page.write(config, jobs, {k: files[k] for k in files if posterior or k != "posterior"}, {}, tmp_path / "a.html")
         rows = re.findall(r"<tr><td.*?</tr>", (tmp_path / "a.html").read_text())
         told = {name: next(row for row in rows if f">{name}</td>" in row) for name in PARAMETERS}
         assert "at the lower bound of the range" in told["mur_gp"]

@@ -19,7 +19,7 @@ from repose.studies import implausibility
 NAMES = ("drum_slip_deg", "aor_deg", "height_mm", "base_radius_mm")
 FREE = PARAMETERS[1:4]
 PARAMETERS_OF_A_STUDY = {name: [0.2, 0.6] if name in FREE else {"fixed": 0.3} for name in PARAMETERS} | {
-    "mus_gg": {"prior": {"mean": 0.4, "sd": 0.05}, "range": [0.2, 0.6]},
+    "mus_gg": {"prior": {"mean": 0.4, "sd": 0.05}, "range": [0.2, 0.6]}
 }
 
 

@@ -142,11 +142,7 @@ def drawn(number, default, mean, particles):
 
 def cohesion(rng, law, berry, mass_kg):
     """Constants of a law by parameter, so that spheres of the minor axis pull with up to about 3 of their weights."""
-    radius_m, stiffness_pa, most_n = (
-        0.5e-3 * berry["minor_mm"],
-        1.5 * berry["shear_modulus_pa"],
-        3 * 9.81 * mass_kg,
-    )
+    radius_m, stiffness_pa, most_n = (0.5e-3 * berry["minor_mm"], 1.5 * berry["shear_modulus_pa"], 3 * 9.81 * mass_kg)
     # about that of a weight, with E* = G / (1 - nu)
     overlap_m = (0.25 * most_n / (stiffness_pa * math.sqrt(0.5 * radius_m))) ** (2 / 3)
     found = {}
@@ -344,14 +340,9 @@ def poured(number, default, mean, particles, seen):
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     faults = [
         f"{key}: {allowed}"
-        for key, allowed in (
-            *test.contradictions(scene.settings),
-            *test.misfits(scene.settings, axes),
-        )
+        for key, allowed in (*test.contradictions(scene.settings), *test.misfits(scene.settings, axes))
     ]
-    faults += [
-        f"{key}: {allowed}" for key, allowed in making.unstable(of_one(config, parameters), particle, berry)
-    ]
+    faults += [f"{key}: {allowed}" for key, allowed in making.unstable(of_one(config, parameters), particle, berry)]
     if faults:
         return row | {"status": "refused", "reason": "; ".join(faults)}
     seen.append(Seen())
@@ -382,9 +373,7 @@ def violation(row):
         return row["status"]
     if row["status"] in ("refused", "unstable"):
         return ""
-    shares = [
-        float(row[name]) for name in ("speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent")
-    ]
+    shares = [float(row[name]) for name in ("speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent")]
     if not all(share <= bound for share, bound in zip(shares, (FASTEST, DEEPEST, DEEPEST), strict=True)):
         return "exploded, and not called unstable"
     if row["apparatus"] in STILL and not float(row["energy_over_given"]) <= 1.0:
@@ -402,23 +391,12 @@ def counted(rows):
     """Lines of a table: how the pours of each bench test and particle ended, and their extremes."""
     statuses = sorted({row["status"] for row in rows})
     extremes = COLUMNS[COLUMNS.index("cpu_s") : -1]
-    head = [
-        "apparatus",
-        "particle",
-        "pours",
-        "violations",
-        *statuses,
-        *(f"largest {name}" for name in extremes),
-    ]
+    head = ["apparatus", "particle", "pours", "violations", *statuses, *(f"largest {name}" for name in extremes)]
     yield "| " + " | ".join(head) + " |"
     yield "|---|---|" + "--:|" * (len(head) - 2)
     groups = [(a, p) for a in SCENES for p in PARTICLES] + [("all", "all")]
     for apparatus, particle in groups:
-        these = [
-            row
-            for row in rows
-            if apparatus in ("all", row["apparatus"]) and particle in ("all", row["particle"])
-        ]
+        these = [row for row in rows if apparatus in ("all", row["apparatus"]) and particle in ("all", row["particle"])]
         counts = [sum(row["status"] == status for row in these) for status in statuses]
         largest = [max((float(row[name] or 0.0) for row in these), default=0.0) for name in extremes]
         bad = sum(bool(violation(row)) for row in these)

@@ -23,9 +23,7 @@ def verbs(samples):
     yield "dataset results/heaps --samples results/design/samples.csv --out results"
     yield "network --dataset results/dataset.csv --runs results/runs.csv --out results/network"
     yield "miga --network results/network/network.json --dataset results/dataset.csv --out results/miga"
-    posterior = (
-        "posterior --network results/network/network.json --predictions results/network/predictions.csv"
-    )
+    posterior = "posterior --network results/network/network.json --predictions results/network/predictions.csv"
     posterior += " --dataset results/dataset.csv --runs results/runs.csv --feasible results/miga/feasible.csv"
     yield f"{posterior} --out results/posterior"
     yield "sensitivity --network results/network/network.json --out results/sensitivity"

@@ -20,9 +20,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PLAIN = "plain"
 LARGEST_SCORE = 3.0  # mean difference of all runs over its standard error, of another type of processor
-LARGEST_APART = (
-    1e-6  # of a number of a table over the spread of its column, where the pours are the same bits
-)
+LARGEST_APART = 1e-6  # of a number of a table over the spread of its column, where the pours are the same bits
 # In every file that says what made it; another Python or processor changes them and nothing else.
 MACHINE = re.compile(rb'\\?"(python|processor|numpy|numba)\\?": \\?"[^"\\]*\\?"')
 # Of one Python thread and one thread of linear algebra; the rest of the environment is the caller's.
@@ -67,17 +65,13 @@ ENVIRONMENTS = {
     "threads": Environment("two threads of linear algebra", THREADS),
     "folder": Environment("a folder with blanks, quotes, braces and umlauts", folder=ODD),
     "read_only": Environment("HOME and source read-only", read_only=True),
-    "all_at_once": Environment(
-        "the six lines above at once", ASCII | AWAY | HASH | THREADS, ODD, read_only=True
-    ),
+    "all_at_once": Environment("the six lines above at once", ASCII | AWAY | HASH | THREADS, ODD, read_only=True),
     "cold": Environment("kernels compiled anew", cold=True),
     "python3.12": Environment("Python 3.12", cold=True, python="3.12"),
     "python3.13": Environment("Python 3.13", cold=True, python="3.13"),
     "blas_haswell": Environment("OPENBLAS_CORETYPE=Haswell", {"OPENBLAS_CORETYPE": "Haswell"}, type=True),
     "blas_nehalem": Environment("OPENBLAS_CORETYPE=Nehalem", {"OPENBLAS_CORETYPE": "Nehalem"}, type=True),
-    "numba_generic": Environment(
-        "NUMBA_CPU_NAME=generic", {"NUMBA_CPU_NAME": "generic"}, cold=True, type=True
-    ),
+    "numba_generic": Environment("NUMBA_CPU_NAME=generic", {"NUMBA_CPU_NAME": "generic"}, cold=True, type=True),
 }
 
 
@@ -172,9 +166,7 @@ def row(name, work, status):
         means = ensembles(folder, plain)
         words = ", ".join(f"{name} {mean:+.2f} ± {error:.2f}" for name, (mean, error) in means.items())
         good = all(abs(mean) <= LARGEST_SCORE * error for mean, error in means.values())
-        return (
-            f"| {own.what} | {same if good else f'**{same}**'} | pours, and what stands on them | {words} |"
-        )
+        return f"| {own.what} | {same if good else f'**{same}**'} | pours, and what stands on them | {words} |"
     apart = {file: share for file, share in spread_of(folder, plain).items() if share > 0.0}
     words = ", ".join(f"{file} {share:.1e}" for file, share in apart.items())
     good = max(apart.values(), default=0.0) <= LARGEST_APART
@@ -191,9 +183,7 @@ def main():
     work = (args.work or Path(tempfile.mkdtemp())).absolute()
     pythons = dict(python.split("=", 1) for python in args.python)
     names = args.names or list(ENVIRONMENTS)
-    statuses = {
-        name: run(name, work, pythons) for name in (PLAIN, *(name for name in names if name != PLAIN))
-    }
+    statuses = {name: run(name, work, pythons) for name in (PLAIN, *(name for name in names if name != PLAIN))}
     lines = [
         "| environment | same files | others; of a table the largest difference over the spread of its column |"
         " mean difference of all runs and its standard error |",

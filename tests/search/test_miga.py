@@ -115,9 +115,7 @@ def test_migration_sends_each_best_to_the_next_island_in_the_ring():
 def test_islands_do_not_mix_between_migrations():
     """With no mutation an island cannot leave the convex hull of its own first individuals."""
     search = MIGA(1, islands=3, population=10, generations=10, mutation_probability=0.0)
-    search._points = (
-        np.repeat([-0.9, 0.0, 0.9], 10)[:, None] + np.tile(np.linspace(-0.05, 0.05, 10), 3)[:, None]
-    )
+    search._points = np.repeat([-0.9, 0.0, 0.9], 10)[:, None] + np.tile(np.linspace(-0.05, 0.05, 10), 3)[:, None]
     for generation in range(1, 12):
         search.tell(np.abs(search.ask()[:, 0] - 1.0))
         spread = np.ptp(search.ask().reshape(3, 10), axis=1)

@@ -5,14 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from repose.core.probability import within
-from repose.strategies.sequential.kriging import (
-    DRAWS,
-    FACTOR_MEDIAN,
-    PRIOR_FREEDOM,
-    Kriging,
-    Observed,
-    _factor,
-)
+from repose.strategies.sequential.kriging import DRAWS, FACTOR_MEDIAN, PRIOR_FREEDOM, Kriging, Observed, _factor
 from repose.surrogate.process import Process
 
 NOISE = np.array([[2.0, 1.6], [1.6, 4.0]])
@@ -77,9 +70,7 @@ def one_process(model, observed, points, kernels):
 def test_a_sample_is_predicted_from_all_the_others():
     model = Kriging(poured(n=12))
     residuals, variances, others = model._left_out()
-    columns = np.array([model.values.T, model.errors.T]).transpose(
-        1, 0, 2
-    )  # values and errors of each combination
+    columns = np.array([model.values.T, model.errors.T]).transpose(1, 0, 2)  # values and errors of each combination
     for i in range(12):
         rest = np.arange(12) != i
         kept = [
@@ -106,9 +97,7 @@ def test_the_factor_is_what_the_residuals_say_once_there_are_many():
 
 def test_residuals_that_are_all_noise_leave_the_factor_at_its_prior():
     residuals = np.random.default_rng(4).standard_normal((20, 1))
-    assert _factor(residuals, 1e-4 * np.ones((20, 1)), np.ones((20, 1))) == pytest.approx(
-        FACTOR_MEDIAN, rel=0.01
-    )
+    assert _factor(residuals, 1e-4 * np.ones((20, 1)), np.ones((20, 1))) == pytest.approx(FACTOR_MEDIAN, rel=0.01)
 
 
 def test_many_parameters_do_not_make_the_predictions_less_certain_than_they_are():

@@ -25,9 +25,7 @@ def runs_of(sd, samples=400, seed=1):
     """Two runs of each sample that scatter by `sd`, in units of the responses, correlated 0.5."""
     random = np.random.default_rng(seed)
     covariance = np.outer(sd, sd) * [[1, 0.5], [0.5, 1]]
-    values = random.normal(50, 10, (samples, 1, 2)) + random.multivariate_normal(
-        [0, 0], covariance, (samples, 2)
-    )
+    values = random.normal(50, 10, (samples, 1, 2)) + random.multivariate_normal([0, 0], covariance, (samples, 2))
     table = pd.DataFrame(values.reshape(-1, 2), columns=list(TARGETS.names))
     return table.assign(sample=np.arange(samples).repeat(2), status="ok")
 

@@ -93,11 +93,7 @@ def test_the_sets_found_meet_the_targets(study):
 
 
 def test_points_are_kept_apart():
-    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), 0.02, 3).tolist() == [
-        0,
-        2,
-        4,
-    ]
+    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), 0.02, 3).tolist() == [0, 2, 4]
 
 
 def test_the_card_of_a_strategy_is_a_card(study):
@@ -116,11 +112,7 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
     names = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
     names |= {"summary": "summary.json", "table4": "table4.csv"}
     files = {name: folder / path for name, path in names.items()}
-    runs = (
-        pd.read_csv(sorted(folder.glob("batch_*"), key=number)[-1] / "runs.csv")
-        .assign(reason="")
-        .to_dict("records")
-    )
+    runs = pd.read_csv(sorted(folder.glob("batch_*"), key=number)[-1] / "runs.csv").assign(reason="").to_dict("records")
     job = {"parameters": {}, "sample": 1, "runs": runs, "apparatus": "funnel"}
     (folder / "job.json").write_text(json.dumps(job))
     page.write(config, [folder / "job.json"], files, {}, folder / "report.html")
@@ -148,10 +140,7 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypat
     own = ["--config=config.json"]
     assert main(["stage", "conclude", "sequential", *batches, *own, "--out=."]) == 0
     answered = ["--feasible=solutions.csv", "--summary=summary.json", "--representative=representative.csv"]
-    grain = [
-        f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json"
-        for name in ("berry", "particle")
-    ]
+    grain = [f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json" for name in ("berry", "particle")]
     assert main(["stage", "material_card", *own, *grain, *answered, "--out=card.json"]) == 0
     assert card.read("card.json")["met"] is True
     files = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
@@ -177,6 +166,4 @@ def test_the_answer_has_its_piles_by_every_definition_of_the_angle(tmp_path):
         assert (row[name], row[error_of(name)]) == pytest.approx((32.0, 2 / np.sqrt(3)))
     assert row["line"] == "secant, foot to crest"
     lines = pd.read_csv(tmp_path / "representative.csv").set_index("response")["line"].fillna("")
-    assert lines.to_dict() == {
-        name: "secant, foot to crest" if name == "aor_deg" else "" for name in targets.names
-    }
+    assert lines.to_dict() == {name: "secant, foot to crest" if name == "aor_deg" else "" for name in targets.names}

@@ -103,9 +103,7 @@ def test_added_samples_train_and_leave_the_design_split_as_it_was():
     np.testing.assert_array_equal(after["train"], [*before["train"], 40, 41, 42])
 
 
-@pytest.mark.parametrize(
-    "names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")]
-)
+@pytest.mark.parametrize("names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")])
 def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(names):
     """A surrogate that gives 30 everywhere; response k of the samples is 29 + k and 33 + k, by 30 and 10 seeds."""
     rows = [{"sample": 1001 + k, **MIDDLE, "status": "ok", "n_seeds": n} for k, n in enumerate((30, 10, 8))]
@@ -149,10 +147,7 @@ def jobs_of(table, seeds, values, folder):
     for row, count in zip(table.to_dict("records"), seeds, strict=True):
         parameters = {name: row[name] for name in PARAMETERS}
         for apparatus, (name, value) in values.items():
-            runs = [
-                {"seed": k, "status": "ok", "reason": "", name: value + 0.05 * (-1) ** k}
-                for k in range(count)
-            ]
+            runs = [{"seed": k, "status": "ok", "reason": "", name: value + 0.05 * (-1) ** k} for k in range(count)]
             job = {"apparatus": apparatus, "sample": row["sample"], "parameters": parameters, "runs": runs}
             paths.append(folder / f"{apparatus}_{row['sample']}.json")
             paths[-1].write_text(json.dumps(job))
@@ -248,9 +243,7 @@ class Simulator:
                 runs[-1] |= dict(zip(("aor_deg", "height_mm"), values.tolist(), strict=True))
             parameters = {name: row[name] for name in PARAMETERS}
             paths.append(folder / f"{row['sample']}.json")
-            paths[-1].write_text(
-                json.dumps({"sample": row["sample"], "parameters": parameters, "runs": runs})
-            )
+            paths[-1].write_text(json.dumps({"sample": row["sample"], "parameters": parameters, "runs": runs}))
         return paths
 
 
@@ -319,9 +312,7 @@ def test_the_tables_of_the_loop_say_what_happened(loop):
     assert list(points["role"]) == 4 * ["proposal"] + 6 * ["neighbour"]
     assert list(points["seeds"]) == 4 * [50] + 6 * [20]
     check = pd.read_csv(out / "check.csv")
-    assert list(check["simulated"]) == pytest.approx(
-        [verdicts[-1][one.response.simulated] for one in TARGETS]
-    )
+    assert list(check["simulated"]) == pytest.approx([verdicts[-1][one.response.simulated] for one in TARGETS])
     assert list(check["predicted"]) == pytest.approx([verdicts[-1][name] for name in TARGETS.predicted])
     assert summary["check_pours"] == 200
     search = json.loads((out / "batch_2" / "proposal.json").read_text())["notes"]["search"]
@@ -371,9 +362,7 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
     definitions = {"aor_deg": {"measure.response": "secant"}}
     with pytest.raises(InputError, match=r"b/dataset_summary\.json: definition of aor_deg"):
         batches.run_propose("refined", STUDY, copies, tmp_path, definitions, "config.json")
-    with pytest.raises(
-        InputError, match=r"batch_1/dataset\.csv: sample is 1001; allowed: in one batch alone"
-    ):
+    with pytest.raises(InputError, match=r"batch_1/dataset\.csv: sample is 1001; allowed: in one batch alone"):
         batches.run_propose("refined", STUDY, [*folders, folders[1]], tmp_path)
     many = STUDY._replace(config=CONFIG | {"design": {"samples": 1000, "seed": 7}})
     with pytest.raises(InputError, match=r"design\.samples is 1000; allowed: below 1000"):
@@ -399,9 +388,7 @@ def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
 def test_the_answer_comes_last_and_says_whether_the_targets_are_met(loop):
     out, _, verdicts = loop
     folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts) + 1))]
-    with pytest.raises(
-        InputError, match=r"proposal\.json: answer is False; allowed: true in the last folder"
-    ):
+    with pytest.raises(InputError, match=r"proposal\.json: answer is False; allowed: true in the last folder"):
         batches.run_conclude("refined", STUDY, folders[:-1], out)
     files = (out / name for name in ("summary.json", "representative.csv", "solutions.csv"))
     text = str(answer.read(configuration(TARGETS, SPACE), *files, strategy="refined"))

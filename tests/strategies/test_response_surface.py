@@ -22,13 +22,7 @@ from repose.strategies.response_surface.steps import STEPS, factors_of, numbers
 
 CONFIG = {
     "targets": [
-        {
-            "response": one.name,
-            "value": one.value,
-            "sd": one.sd,
-            "repetitions": 10,
-            "range": [one.low, one.high],
-        }
+        {"response": one.name, "value": one.value, "sd": one.sd, "repetitions": 10, "range": [one.low, one.high]}
         for one in TARGETS
     ],
     "parameters": RANGES,
@@ -105,10 +99,7 @@ def test_the_check_is_the_optimum_again(noisy):
     assert (table[list(PARAMETERS)].to_numpy() == np.array(list(optimum["parameters"].values()))).all()
     assert check["simulated"].to_numpy() == pytest.approx(responses(table)[0], rel=0.01)
     summary = json.loads((folder / "summary.json").read_text())
-    samples = [
-        len(pd.read_csv(folder / name / "samples.csv"))
-        for name in ("screening", "ascent", "surface", "check")
-    ]
+    samples = [len(pd.read_csv(folder / name / "samples.csv")) for name in ("screening", "ascent", "surface", "check")]
     assert summary["pours"] == 3 * sum(samples)
 
 
@@ -161,10 +152,7 @@ def bent(table):
     """A dataset of a response that the corners of the ranges underrate: 60 mm in their mean, 68 mm at the centre."""
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     height = (
-        68
-        + 8 * (unit[:, 1] - 0.5)
-        + 4 * (unit[:, 2] - 0.5)
-        - 16 * ((unit[:, 4] - 0.5) ** 2 + (unit[:, 0] - 0.5) ** 2)
+        68 + 8 * (unit[:, 1] - 0.5) + 4 * (unit[:, 2] - 0.5) - 16 * ((unit[:, 4] - 0.5) ** 2 + (unit[:, 0] - 0.5) ** 2)
     )
     found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)
     return found.assign(height_mm=height, aor_deg=30.0)
@@ -172,9 +160,7 @@ def bent(table):
 
 @pytest.mark.parametrize(("aim", "sign"), [(64.0, -1), (72.0, 1)])
 def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(aim, sign):
-    targets = Targets.of(
-        [configuration(TARGETS, SPACE)["targets"][1] | {"value": aim, "range": [aim - 2, aim + 2]}]
-    )
+    targets = Targets.of([configuration(TARGETS, SPACE)["targets"][1] | {"value": aim, "range": [aim - 2, aim + 2]}])
     study = synthetic.study(targets, response_surface=SECTION)
     found = ResponseSurface().propose(study, bent(screening.design(SPACE, SECTION)))
     assert found.notes["screening"]["centre"]["height_mm"] == pytest.approx(68.0)

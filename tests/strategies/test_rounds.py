@@ -86,9 +86,7 @@ def test_a_mean_that_is_near_by_luck_is_not_precise_enough():
     row = judged(aor_deg=[28.0, 32.0, 30.0, 30.0], height_mm=[60.2, 59.8, 60.0, 60.0])
     assert row["outcome"] == "not precise"
     assert "its standard error is 2.72 %, not below 0.7 %" in row["reason"]
-    single = judged(
-        section=SECTION | {"standard_error_percent": 1e-9}, aor_deg=[30.0, 30.0], height_mm=[60.0, 60.0]
-    )
+    single = judged(section=SECTION | {"standard_error_percent": 1e-9}, aor_deg=[30.0, 30.0], height_mm=[60.0, 60.0])
     assert single["outcome"] == "within", "a standard error of nought is below any"
 
 
@@ -105,9 +103,7 @@ def test_one_target():
     assert row["outcome"] == "within"
     assert row["drum_slip_simulated_deg"] == pytest.approx(40.1)
     assert rounds.why_stopped(row, 4, targets_of(drum_slip_deg=40.0)) == "round 0 meets the target"
-    assert rounds.claim(row, targets_of(drum_slip_deg=40.0)).startswith(
-        "slip 40.10 ± 0.06 deg (+0.25 %), mean"
-    )
+    assert rounds.claim(row, targets_of(drum_slip_deg=40.0)).startswith("slip 40.10 ± 0.06 deg (+0.25 %), mean")
 
 
 FOUR = targets_of(aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0, drum_slip_deg=40.0)
@@ -115,17 +111,13 @@ FOUR = targets_of(aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0, drum_slip_
 
 def of_two_bench_tests(slip):
     """Runs of a proposal: four in the funnel, all on target, and one a value of slip in the drum."""
-    funnel = runs_of([1001] * 4, aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0).assign(
-        apparatus="funnel"
-    )
+    funnel = runs_of([1001] * 4, aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0).assign(apparatus="funnel")
     drum = runs_of([1001] * len(slip), drum_slip_deg=slip).assign(apparatus="drum")
     return pd.concat([funnel, drum])
 
 
 def test_four_targets_of_two_bench_tests():
-    row = rounds.judge(
-        proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0, PARAMETERS
-    )
+    row = rounds.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0, PARAMETERS)
     assert (row["poured"], row["n_seeds"]) == (7, 3)
     assert row["outcome"] == "not within"
     assert row["base_radius_simulated_mm"] == pytest.approx(110)

@@ -148,8 +148,7 @@ def test_the_same_pours_give_the_same_bits(done, tmp_path):
 
 def test_one_target_a_fixed_parameter_and_a_prior(tmp_path):
     space = ParameterSpace.of(
-        RANGES
-        | {"e_gg": {"fixed": 0.25}, "mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}}
+        RANGES | {"e_gg": {"fixed": 0.25}, "mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}}
     )
     summary = campaign(tmp_path, HEIGHT, space)
     assert summary["answer"]["e_gg"] == 0.25
@@ -215,11 +214,7 @@ def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
     model = Kriging(observed(n=20, noise=4.0, targets=targets))
     unit = np.random.default_rng(4).random((30, 6))
     drawn = np.concatenate(
-        [
-            Draws(model, k, np.random.default_rng([7, k, j]))(unit)
-            for k in range(len(model.sets))
-            for j in range(12)
-        ]
+        [Draws(model, k, np.random.default_rng([7, k, j]))(unit) for k in range(len(model.sets)) for j in range(12)]
     )
     mean, covariance = model.predict(unit)
     sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -232,16 +227,12 @@ def test_the_expected_deviation_is_the_mean_over_what_the_responses_may_be():
     goal = Goal.of(TARGETS, 1.0, SPACE)
     mean, covariance = np.add(TARGETS.aim, [[0.7, -1.0]]), np.array([[[2.0, 1.5], [1.5, 3.0]]])
     drawn = np.random.default_rng(1).multivariate_normal(mean[0], covariance[0], 200_000)
-    assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(
-        goal.of_responses(drawn)[1].mean(), rel=0.01
-    )
+    assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(goal.of_responses(drawn)[1].mean(), rel=0.01)
 
 
 def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they_say():
     """Variance 4 and noise 4: one pour leaves 2 and says 2, so a mean 5 off may come to 5 - 3 root 2."""
-    model = SimpleNamespace(
-        noise=np.array([[4.0]]), predict=lambda _: (np.array([[65.0]]), np.array([[[4.0]]]))
-    )
+    model = SimpleNamespace(noise=np.array([[4.0]]), predict=lambda _: (np.array([[65.0]]), np.array([[[4.0]]])))
     goal = Goal(np.array([60.0]), np.array([1.0]), SPACE, np.ones(1))
     off = 5 - 3 * np.sqrt(2)
     expected = norm.cdf((1 - off) / np.sqrt(2)) - norm.cdf((-1 - off) / np.sqrt(2))

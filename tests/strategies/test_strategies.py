@@ -25,9 +25,7 @@ STUDY = {
 def simulate(samples, noise=0.005):
     """Responses of runs, each with noise that is its own."""
     friction, rolling = samples["friction"], samples["rolling"]
-    exact = np.column_stack(
-        [18 + 18 * friction + 40 * rolling - 6 * friction**2, 3 + 2 * friction - 2 * rolling]
-    )
+    exact = np.column_stack([18 + 18 * friction + 40 * rolling - 6 * friction**2, 3 + 2 * friction - 2 * rolling])
     drawn = [np.random.default_rng(run).normal(size=2) for run in samples[["sample", "run"]].to_numpy()]
     found = pd.DataFrame(exact * (1 + noise * np.array(drawn)), columns=["angle_deg", "time"])
     return found.assign(sample=samples["sample"], run=samples["run"])
@@ -105,10 +103,7 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     asked = study.ask()
     returned = simulate(asked)
     for bad, words in (
-        (
-            returned.assign(sample=99),
-            r"sample and run is \['99', '1'\]; allowed: one of the 24 runs that `ask` gave",
-        ),
+        (returned.assign(sample=99), r"sample and run is \['99', '1'\]; allowed: one of the 24 runs that `ask` gave"),
         (returned.drop(columns="time"), "also time"),
         (returned.assign(friction=0.5), "friction is 'changed'"),
         (returned.assign(time=np.inf), "time is 'inf'"),
@@ -188,7 +183,5 @@ def test_the_loop_as_a_user_writes_it():
         samples = study.ask()  # DataFrame: sample, parameters
         study.tell(simulate(samples))  # DataFrame: sample, responses; NaN is a run that failed
     answer = study.answer()
-    assert 20 + 12 * answer.parameters["mus_gg"] + 60 * answer.parameters["mur_gg"] == pytest.approx(
-        32.87, abs=0.5
-    )
+    assert 20 + 12 * answer.parameters["mus_gg"] + 60 * answer.parameters["mur_gg"] == pytest.approx(32.87, abs=0.5)
     assert "mus_gg" in answer._repr_html_()

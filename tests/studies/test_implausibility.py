@@ -63,9 +63,7 @@ def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribu
 def test_a_correlated_discrepancy_leaves_the_contrast_of_two_responses_sharp():
     targets = targets_of(aor_deg=30.0, height_mm=60.0)
     _, table = curve_of(Linear(20.0, 40.0), targets)
-    bits = table.pivot(
-        index="discrepancy_percent", columns="discrepancy_correlation", values="information_bits"
-    )
+    bits = table.pivot(index="discrepancy_percent", columns="discrepancy_correlation", values="information_bits")
     assert bits.loc[0.0, 0.0] == pytest.approx(bits.loc[0.0, 0.9])
     assert bits.loc[10.0, 0.9] > bits.loc[10.0, 0.0] + 0.5
 

@@ -13,21 +13,16 @@ from repose.studies import next_measurement
 def made_up(between, within, sets=16, runs=2, seed=0, response="turning_deg", mean=40.0):
     """Runs of a response whose sets differ by `between` and whose runs scatter by `within` (standard deviations)."""
     random = np.random.default_rng(seed)
-    value = (
-        mean + np.repeat(between * random.normal(size=sets), runs) + within * random.normal(size=sets * runs)
-    )
+    value = mean + np.repeat(between * random.normal(size=sets), runs) + within * random.normal(size=sets * runs)
     sample = np.repeat(np.arange(1, sets + 1), runs)
     return pd.DataFrame({"apparatus": "turning", "sample": sample, "response": response, "value": value})
 
 
-@pytest.mark.parametrize(
-    ("between", "within", "percent"), [(1.0, 0.5, 0.0), (0.3, 1.0, 0.0), (1.0, 0.5, 2.0)]
-)
+@pytest.mark.parametrize(("between", "within", "percent"), [(1.0, 0.5, 0.0), (0.3, 1.0, 0.0), (1.0, 0.5, 2.0)])
 def test_bits_of_known_variances(between, within, percent):
     known = 0.5 * np.log2(1 + between**2 / (within**2 / 10 + (percent / 100 * 40) ** 2))
     rows = [
-        next_measurement.information(made_up(between, within, sets=64, seed=k), 10, percent).iloc[0]
-        for k in range(100)
+        next_measurement.information(made_up(between, within, sets=64, seed=k), 10, percent).iloc[0] for k in range(100)
     ]
     bits = np.array([row.bits for row in rows])
     assert bits.mean() == pytest.approx(known, abs=3 * bits.std() / 10 + 0.02 * known)
@@ -46,9 +41,7 @@ def test_bits_with_a_discrepancy_by_hand():
 
 def test_most_informative_first_and_what_says_nothing():
     table = next_measurement.information(
-        pd.concat(
-            [made_up(0.0, 1.0, response="flow_g_s"), made_up(2.0, 0.5), made_up(0, 0, response="emptying_s")]
-        ),
+        pd.concat([made_up(0.0, 1.0, response="flow_g_s"), made_up(2.0, 0.5), made_up(0, 0, response="emptying_s")]),
         10,
         0.0,
     )

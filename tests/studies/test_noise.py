@@ -78,14 +78,8 @@ def test_one_target_has_no_correlation():
 
 def test_responses_of_different_bench_tests_are_independent():
     matrix, pairs = noise.within_correlation(made_up_runs(), FOUR)
-    assert list(pairs) == [
-        "aor_deg, height_mm",
-        "aor_deg, base_radius_mm",
-        "height_mm, base_radius_mm",
-    ]
-    assert matrix[:3, :3] == pytest.approx(
-        np.array([[1, 0.89, -0.45], [0.89, 1, -0.4], [-0.45, -0.4, 1]]), abs=0.15
-    )
+    assert list(pairs) == ["aor_deg, height_mm", "aor_deg, base_radius_mm", "height_mm, base_radius_mm"]
+    assert matrix[:3, :3] == pytest.approx(np.array([[1, 0.89, -0.45], [0.89, 1, -0.4], [-0.45, -0.4, 1]]), abs=0.15)
     assert matrix[3].tolist() == [0, 0, 0, 1]
     assert (np.linalg.eigvalsh(matrix) > 0).all()
     assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4

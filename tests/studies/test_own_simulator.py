@@ -213,8 +213,7 @@ def test_how_rough_the_estimate_is(samples, low, high):
     single = study.ask()
     true = 0.02 * np.sqrt((simulate(single, noise=0.0)[["angle_deg", "time_s"]] ** 2).mean().to_numpy())
     ratios = [
-        np.sqrt(np.diagonal(noise_of(study, simulate(single, 0.02, seed)).covariance)) / true
-        for seed in range(8)
+        np.sqrt(np.diagonal(noise_of(study, simulate(single, 0.02, seed)).covariance)) / true for seed in range(8)
     ]
     assert low < np.min(ratios) <= np.max(ratios) < high
 
@@ -277,26 +276,17 @@ def cell(row, name, value):
 
 
 BAD = {
-    "no parameter": (
-        without("friction"),
-        "column friction is 'missing'; allowed: .*; found: sample, run, rolling",
-    ),
+    "no parameter": (without("friction"), "column friction is 'missing'; allowed: .*; found: sample, run, rolling"),
     "no response": (without("time_s"), "column time_s is 'missing'"),
     "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; allowed: a finite number"),
-    "nan": (
-        cell(3, "angle_deg", np.nan),
-        "row 4: angle_deg is nan; allowed: a finite number; a run that failed",
-    ),
+    "nan": (cell(3, "angle_deg", np.nan), "row 4: angle_deg is nan; allowed: a finite number; a run that failed"),
     "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; allowed: a finite number"),
     "infinite": (cell(0, "time_s", np.inf), "row 1: time_s is inf"),
     "out of range": (cell(2, "friction", 0.9), "row 3: friction is 0.9; allowed: from 0.2 to 0.8, its range"),
     "not as fixed": (cell(2, "restitution", 0.5), "row 3: restitution is 0.5; allowed: 0.4, as it is fixed"),
     "few samples": (lambda table: table[:6], "samples with a good run is 3; allowed: at least 4"),
     "no rows": (lambda table: table[:0], "rows is 0"),
-    "an id twice": (
-        cell(2, "sample", 1),
-        "row 3: sample is '1'; allowed: one set of parameters for each sample",
-    ),
+    "an id twice": (cell(2, "sample", 1), "row 3: sample is '1'; allowed: one set of parameters for each sample"),
     "two ids": (cell(1, "sample", 99), "row 2: sample is '99'; allowed: 1, the sample of row 1"),
     "a run twice": (cell(1, "run", 1), r"row 2: sample and run is \[1, '1'\]; allowed: each once"),
     "a row twice": (
@@ -334,17 +324,9 @@ def changed(key, value):
         ("seed", "one", "seed is 'one'; allowed: an integer"),
         ("colour", "red", "no such key; keys here: design, "),
         ("parameters.friction", [0.8, 0.2], "low < high"),
-        (
-            "parameters.run",
-            [0.1, 0.2],
-            "parameters.run is .*; allowed: another name",
-        ),
+        ("parameters.run", [0.1, 0.2], "parameters.run is .*; allowed: another name"),
         ("parameters", {"friction": {"fixed": 1}}, "at least one range or prior"),
-        (
-            "parameters",
-            {"friction": {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.6, 0.9]}},
-            "a range that meets",
-        ),
+        ("parameters", {"friction": {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.6, 0.9]}}, "a range that meets"),
         ("targets", {}, "at least one response"),
         ("targets.friction", {"value": 1, "sd": 1, "repetitions": 3}, "a name that is no parameter's"),
         ("targets.time_s.value", None, "targets.time_s.value is null"),

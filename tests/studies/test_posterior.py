@@ -66,9 +66,7 @@ def runs_of(targets, seeds=4, samples=20):
 
 def inferred(targets, slopes, space=UNIT, runs=None, **changes):
     """Posterior for a linear surrogate whose responses are 30 in the middle of the ranges."""
-    beside = {
-        name: pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS) for name in ("published", "miga")
-    }
+    beside = {name: pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS) for name in ("published", "miga")}
     model = Linear(targets.names, slopes, error=0.1)
     settings = SETTINGS | {"discrepancy_percent": 0.0} | changes
     runs = runs_of(targets) if runs is None else runs
@@ -79,9 +77,7 @@ def test_a_correlation_of_more_responses_than_repeated_runs_is_refused_unless_it
     targets = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, base_radius_mm=30.0)
     few = runs_of(targets, seeds=2, samples=4)
     slopes = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg")]
-    with pytest.raises(
-        ValueError, match="4 degrees of freedom within samples of funnel; allowed: at least 5"
-    ):
+    with pytest.raises(ValueError, match="4 degrees of freedom within samples of funnel; allowed: at least 5"):
         inferred(targets, slopes, runs=few)
     drum = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, drum_slip_deg=30.0, drum_rest_deg=30.0)
     one_each = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg", "e_gp")]
@@ -138,9 +134,7 @@ def test_fixed_parameters_are_not_sampled():
     assert (found.draws["mur_gg"] == 0.5).all()
     assert found.draws["mus_gp"].std() == pytest.approx(math.hypot(0.6, 0.1) / 12, rel=0.1)
     assert "mur_gg is fixed at 0.5" in posterior.message(found.summary)
-    alone = inferred(
-        targets_of(drum_slip_deg=30.0), [{"mus_gp": 12.0}], space | {"e_gg": {"fixed": 0.5}}, steps=200
-    )
+    alone = inferred(targets_of(drum_slip_deg=30.0), [{"mus_gp": 12.0}], space | {"e_gg": {"fixed": 0.5}}, steps=200)
     assert alone.summary["correlations"] == [[1.0]]
 
 
@@ -216,9 +210,7 @@ def study(tmp_path_factory):
     train.run(folder / "dataset.csv", folder / "runs.csv", TARGETS, TRAINING, folder)
     cloud = pd.DataFrame(random.uniform(0.4, 0.6, (10, 6)), columns=list(PARAMETERS))
     cloud.to_csv(folder / "feasible.csv", index=False)
-    pd.DataFrame({"parameter": PARAMETERS, "low": 0.4, "high": 0.6}).to_csv(
-        folder / "table3.csv", index=False
-    )
+    pd.DataFrame({"parameter": PARAMETERS, "low": 0.4, "high": 0.6}).to_csv(folder / "table3.csv", index=False)
     files = {"network": "network.json", "metrics": "metrics.json"}
     files |= {key: f"{key}.csv" for key in ("predictions", "dataset", "runs", "feasible", "table3")}
     return {key: folder / name for key, name in files.items()}
@@ -245,9 +237,7 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(s
 def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
     train.run(study["dataset"], study["runs"], TARGETS, TRAINING | {"surrogate": name}, tmp_path)
     files = study | {"network": tmp_path / "network.json", "predictions": tmp_path / "predictions.csv"}
-    summary = posterior.run(
-        files, ParameterSpace.of(UNIT), TARGETS, SETTINGS | {"walkers": 14, "steps": 400}, tmp_path
-    )
+    summary = posterior.run(files, ParameterSpace.of(UNIT), TARGETS, SETTINGS | {"walkers": 14, "steps": 400}, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
     assert table.loc[["mus_gp", "mur_gg"], "median"].to_numpy() == pytest.approx([0.5, 0.5], abs=0.04)
     assert table.loc["mus_gp", "sd"] == pytest.approx(math.sqrt(1.36) / 20, rel=0.25)
@@ -257,9 +247,7 @@ def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
 def test_other_responses_and_other_definitions_are_refused(study, tmp_path):
     space = ParameterSpace.of(UNIT)
     other = targets_of(height_mm=60.0, aor_deg=30.0)
-    with pytest.raises(
-        InputError, match=r"network\.json: outputs is .*the responses of the targets, height_mm"
-    ):
+    with pytest.raises(InputError, match=r"network\.json: outputs is .*the responses of the targets, height_mm"):
         posterior.run(study, space, other, SETTINGS, tmp_path)
     network = json.loads(study["network"].read_text())
     made_with = network | {"definitions": {"aor_deg": {"measure.response": "flank"}}}

@@ -101,9 +101,7 @@ def test_r_hat_of_known_chains():
     assert sampler.split_r_hat(apart) == pytest.approx(math.sqrt(1 + (18 - 4.5) / 7), rel=0.02)
     drifting = good + np.linspace(0, 3, 2000)[None, :, None]
     # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
-    assert sampler.split_r_hat(drifting) == pytest.approx(
-        math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02
-    )
+    assert sampler.split_r_hat(drifting) == pytest.approx(math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02)
     with pytest.raises(ValueError, match=r"shape \(4, 3, 1\)"):
         sampler.split_r_hat(good[:, :3])
 
@@ -130,9 +128,7 @@ def test_information_beyond_an_informative_prior():
     def from_prior(share):
         return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
 
-    found, _ = sampler.joint_information_bits(
-        likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior
-    )
+    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior)
     # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
     known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
     assert found == pytest.approx(known / math.log(2), abs=0.02)

@@ -70,9 +70,7 @@ SETTINGS = {"samples": 256, "resamples": 20, "seed": 1}
 SLOPES = [{"e_gg": 1.0, "mus_gp": 2.0}, {"mur_gg": 5.0}, {"mus_gp": 1.0}, {"e_gp": 3.0, "mur_gp": 4.0}]
 
 
-@pytest.mark.parametrize(
-    "names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")]
-)
+@pytest.mark.parametrize("names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")])
 def test_one_target_and_four(names):
     targets, slopes = targets_of(**dict.fromkeys(names, 30.0)), SLOPES[: len(names)]
     table, effects = sensitivity.analyse(Linear(names, slopes), ParameterSpace.of(UNIT), targets, SETTINGS)
@@ -117,9 +115,7 @@ def test_faults_are_reported_with_the_file(tmp_path):
     flat = BayesianBP(hidden=2, starts=1, epochs=20).fit(X, X[:, :1])
     flat.W1_ = 0 * flat.W1_
     flat.describe(PARAMETERS, targets.names).save(path)
-    with pytest.raises(
-        InputError, match=r"network\.json: surrogate is 'an output of the function does not vary"
-    ):
+    with pytest.raises(InputError, match=r"network\.json: surrogate is 'an output of the function does not vary"):
         sensitivity.run(path, ParameterSpace.of(UNIT), targets, SETTINGS, tmp_path)
     with pytest.raises(InputError, match="outputs"):
         sensitivity.run(path, ParameterSpace.of(UNIT), targets_of(height_mm=60.0), SETTINGS, tmp_path)

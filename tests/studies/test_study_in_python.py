@@ -13,17 +13,12 @@ from repose import Study
 from repose.core.errors import InputError
 from repose.strategies.runs import add_runs
 
-QUICK = {
-    "posterior": {"walkers": 32, "steps": 100},
-    "sequential": {"start_samples": 8, "tolerance_percent": 5.0},
-}
+QUICK = {"posterior": {"walkers": 32, "steps": 100}, "sequential": {"start_samples": 8, "tolerance_percent": 5.0}}
 
 
 def study(file=None, **keys):
     """Two parameters and two responses."""
-    return Study(
-        {"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"y": (1.0, 0.05), "z": (0.5, 0.05)}, file=file, **QUICK, **keys
-    )
+    return Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"y": (1.0, 0.05), "z": (0.5, 0.05)}, file=file, **QUICK, **keys)
 
 
 def simulate(row):
@@ -143,8 +138,6 @@ def test_a_study_needs_no_locks_of_the_system(tmp_path):
         "asked = one.ask(); one.tell(asked.assign(y=2 * asked['a'] + 0.01 * asked['run']))\n"
         "print(len(one.runs))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert done.stdout.strip() == "32"
     assert "no locks on this system" in done.stderr

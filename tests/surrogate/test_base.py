@@ -26,9 +26,7 @@ def truth(X, outputs=2):
     U = X - 3
     first = 5 + 2 * U[:, 0] - U[:, 1] + 0.5 * U[:, 0] * U[:, 1]
     second = 60 + 20 * U[:, 1] + 8 * U[:, 2] ** 2
-    return np.column_stack([first, second, 0.1 * first + 0.2 * U[:, 2], 10 * second - 100 * U[:, 0]])[
-        :, :outputs
-    ]
+    return np.column_stack([first, second, 0.1 * first + 0.2 * U[:, 2], 10 * second - 100 * U[:, 0]])[:, :outputs]
 
 
 def points(count, seed):
@@ -104,9 +102,7 @@ def test_a_file_gives_the_same_predictions_with_errors(name, uneven, tmp_path):
     assert (again.name, again.inputs, again.outputs) == (name, INPUTS, ("x_deg", "y_mm"))
     assert again.definitions == {"x_deg": {"a.b": 1}}
     fresh = points(10, 5)
-    for one, other in zip(
-        model.predict(fresh, return_std=True), again.predict(fresh, return_std=True), strict=True
-    ):
+    for one, other in zip(model.predict(fresh, return_std=True), again.predict(fresh, return_std=True), strict=True):
         assert one == pytest.approx(other, rel=1e-6)
     assert (model.predict(fresh) == again.predict(fresh)).all()
     assert again.covariance(fresh) == pytest.approx(model.covariance(fresh), rel=1e-5)
@@ -226,10 +222,7 @@ def test_a_surrogate_is_registered_once():
 
     with pytest.raises(ValueError, match="registered already, by QuadraticSurface"):
         base.register("quadratic")(Other)
-    with pytest.raises(
-        InputError,
-        match=f"surrogate is 'cubic'; allowed: one of {', '.join(sorted(names()))}",
-    ):
+    with pytest.raises(InputError, match=f"surrogate is 'cubic'; allowed: one of {', '.join(sorted(names()))}"):
         make("cubic", {})
 
 
@@ -267,7 +260,5 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
 def test_two_definitions_of_a_response_are_refused():
     secant, flank = {"aor_deg": {"measure.response": "secant"}}, {"aor_deg": {"measure.response": "flank"}}
     require_same_definitions(secant, "network.json", secant | {"height_mm": {}}, "dataset.csv")
-    with pytest.raises(
-        InputError, match=r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"
-    ):
+    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"):
         require_same_definitions(secant, "network.json", flank, "dataset.csv")

@@ -33,9 +33,7 @@ def test_jacobian_is_the_derivative_by_finite_differences():
     for k in range(w.size):
         shift = np.zeros(w.size)
         shift[k] = step
-        difference = (two_layer.jacobian(w + shift, x, 2)[0] - two_layer.jacobian(w - shift, x, 2)[0]) / (
-            2 * step
-        )
+        difference = (two_layer.jacobian(w + shift, x, 2)[0] - two_layer.jacobian(w - shift, x, 2)[0]) / (2 * step)
         np.testing.assert_allclose(J[:, :, k], difference, atol=1e-8)
 
 

@@ -27,9 +27,7 @@ def linear(monkeypatch):
     for module in (levenberg_marquardt, bayesian_bp):
         monkeypatch.setattr(module, "jacobian", linear_jacobian)
     monkeypatch.setattr(
-        levenberg_marquardt,
-        "residuals",
-        lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0],
+        levenberg_marquardt, "residuals", lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0]
     )
     random = np.random.RandomState(21)
     X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])

@@ -28,10 +28,7 @@ def time_steps(monkeypatch):
 
 
 def test_medians_are_set_beside_the_kernel_and_the_first_particle():
-    pours = {
-        "a": [(80.0, 9.0), (100.0, 12.0), (300.0, 10.0)],
-        "b": [(250.0, 30.0), (20.0, 31.0), (251.0, 5.0)],
-    }
+    pours = {"a": [(80.0, 9.0), (100.0, 12.0), (300.0, 10.0)], "b": [(250.0, 30.0), (20.0, 31.0), (251.0, 5.0)]}
     found = speed.summary([40.0, 700.0, 50.0], pours)
     assert found["reference_us"] == 50.0
     assert found["particles"] == [
@@ -56,10 +53,7 @@ def test_particles_are_poured_in_turn_after_a_small_pour_of_each(monkeypatch):
 
     monkeypatch.setattr(speed, "timed_pour", pour)
     found = speed.run(CONFIG, {"a": "A", "b": "B"}, "berry", REPRESENTATIVE)
-    assert asked == [("A", 2), ("B", 2)] + 3 * [
-        ("A", CONFIG["funnel"]["berries"]),
-        ("B", CONFIG["funnel"]["berries"]),
-    ]
+    assert asked == [("A", 2), ("B", 2)] + 3 * [("A", CONFIG["funnel"]["berries"]), ("B", CONFIG["funnel"]["berries"])]
     assert (found["berries"], found["time_step_s"]) == (CONFIG["funnel"]["berries"], 4.9e-4)
     assert [row["to_first"] for row in found["particles"]] == [1.0, 2.5]
 

@@ -95,9 +95,7 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
     records = (project / ".snakemake").rename(project / "lost")
     other = snakemake(project, "-n", *words, f"{strategy}={{checks: 3}}")
     assert other.returncode == 2
-    assert (
-        f"{strategy}/batch_0/proposal.json and 0 more results were made with other settings" in other.stderr
-    )
+    assert f"{strategy}/batch_0/proposal.json and 0 more results were made with other settings" in other.stderr
     shutil.rmtree(project / ".snakemake", ignore_errors=True)
     records.rename(project / ".snakemake")
     assert not {"propose", "batch_pour"} & set(planned(project, "--configfile", "config/quick.yaml"))

@@ -19,9 +19,7 @@ def test_every_caption_can_be_filled_in(name, monkeypatch):
     config = Study.load(f"config/{name}.yaml").config
     words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     for path in CAPTIONS:
-        text = words.from_string(path.read_text()).render(
-            snakemake=SimpleNamespace(config=config, params=PARAMS)
-        )
+        text = words.from_string(path.read_text()).render(snakemake=SimpleNamespace(config=config, params=PARAMS))
         assert text.strip(), path.name
         assert "{" not in text, path.name
 

@@ -81,9 +81,7 @@ onsuccess:
 
 @pytest.mark.slow
 @pytest.mark.essential
-def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_the_outer_workflow(
-    tmp_path, monkeypatch
-):
+def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_the_outer_workflow(tmp_path, monkeypatch):
     crop = yaml.safe_load((ROOT / "crops/wheat/config.yaml").read_text())
     crop["berry"]["sizes"] = str(ROOT / "crops/wheat/sizes.csv")
     crop["validation"] = {"published": None}
@@ -112,10 +110,7 @@ def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_th
     (tmp_path / "config/config.yaml").write_text(yaml.safe_dump({"wheat": crop}))
     wrong = snakemake(tmp_path, "-n", "wheat_all")
     assert wrong.returncode == 2
-    assert (
-        "repose: error: configuration: funnel.seads is 3; allowed: no such key; did you mean seeds?"
-        in wrong.stderr
-    )
+    assert "repose: error: configuration: funnel.seads is 3; allowed: no such key; did you mean seeds?" in wrong.stderr
 
 
 @pytest.mark.slow
@@ -125,9 +120,7 @@ def test_the_real_snakedeploy_brings_a_workflow_that_plans_the_whole_study(tmp_p
     """From an empty folder, as the catalogue says it. Git takes a clone of this repository for the one on the net."""
     hosted = tmp_path / "hosted" / "owner" / "repose"
     subprocess.run(["git", "clone", "-q", "--bare", str(ROOT), str(hosted)], check=True)
-    head = subprocess.run(
-        ["git", "rev-parse", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True
-    ).stdout
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     subprocess.run(["git", "tag", "tested", head.strip()], cwd=hosted, check=True)
     redirected = {
         "GIT_CONFIG_COUNT": "1",
@@ -142,8 +135,7 @@ def test_the_real_snakedeploy_brings_a_workflow_that_plans_the_whole_study(tmp_p
     study = tmp_path / "study"
     assert (study / "config/config.yaml").read_bytes() == (ROOT / "config/config.yaml").read_bytes()
     assert (
-        'github("owner/repose", path="workflow/Snakefile", tag="tested")'
-        in (study / "workflow/Snakefile").read_text()
+        'github("owner/repose", path="workflow/Snakefile", tag="tested")' in (study / "workflow/Snakefile").read_text()
     )
     done = snakemake(study, "-n", "--cores", "1", "--quiet", "rules")
     assert done.returncode == 0, done.stderr

@@ -165,11 +165,7 @@ def test_the_report_states_the_answer_and_that_it_was_a_small_run():
 def test_every_result_was_written_by_the_one_writer():
     left = ("logs", "benchmarks")
     paths = [path for path in RESULTS.rglob("*") if path.is_file() and not set(left) & set(path.parts)]
-    ours = [
-        path
-        for path in paths
-        if path.name.startswith(".") or not path.stat().st_size or ledger.is_own_file(path)
-    ]
+    ours = [path for path in paths if path.name.startswith(".") or not path.stat().st_size or ledger.is_own_file(path)]
     assert len(ours) > 150
     # snakemake writes its own report, where one was asked for
     assert {path.name for path in set(paths) - set(ours)} <= {"figures.html"}

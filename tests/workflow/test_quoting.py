@@ -21,11 +21,7 @@ def test_every_placeholder_in_a_shell_command_is_quoted():
         for command in SHELL.finditer(path.read_text()):
             placeholders = re.findall(r"\{[^}]*\}", command[2])
             seen += len(placeholders)
-            bare += [
-                f"{path.name}: {placeholder}"
-                for placeholder in placeholders
-                if not placeholder.endswith(":q}")
-            ]
+            bare += [f"{path.name}: {placeholder}" for placeholder in placeholders if not placeholder.endswith(":q}")]
     assert seen > 200
     assert not bare
 

@@ -50,9 +50,7 @@ def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_mak
     assert snakemake(project, *words).returncode == 0
     shutil.rmtree(project / ".snakemake")
     before = (project / TARGET).read_text()
-    result = (
-        "repose: error: results/quick/design/samples.csv and 1 more results were made with other settings"
-    )
+    result = "repose: error: results/quick/design/samples.csv and 1 more results were made with other settings"
     assert result not in snakemake(project, "-n", *words).stderr
     assert result not in snakemake(project, "-n", *words, "--config", "funnel={seeds: 3}").stderr
     changed = (*words, "--config", "design={seed: 5}")
@@ -166,9 +164,7 @@ def test_an_edit_plans_what_stands_on_its_room(finished, tmp_path, monkeypatch):
     project, words = finished
     copy = tmp_path / "repose"
     shutil.copytree(provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", "data"))
-    assert {path.name for path in copy.iterdir() if path.is_dir()} == {
-        name.partition("/")[0] for name in EDITED
-    }
+    assert {path.name for path in copy.iterdir() if path.is_dir()} == {name.partition("/")[0] for name in EDITED}
     monkeypatch.setattr(provenance, "PACKAGE", copy)
     for name, (again, not_again) in EDITED.items():
         jobs = planned_after_an_edit(project, words, copy / name)

@@ -147,11 +147,7 @@ POURS = ("pour", "validation_pour", "trajectory", "drum_run")
         ("drum={fit_share: 0.5, depth_bin_mm: 4}", ("drum",), ()),
         ("drum={record_s: 0.2}", (), ("drum_run",)),
         ("network={hidden: 4}", (), ()),
-        (
-            "validation={seeds: 3, representative_seeds: 3}",
-            ("measure_validation_runs",),
-            ("validation_pour",),
-        ),
+        ("validation={seeds: 3, representative_seeds: 3}", ("measure_validation_runs",), ("validation_pour",)),
     ],
 )
 def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change, measured, poured):
@@ -227,14 +223,7 @@ def test_a_study_of_the_drum_alone_draws_no_funnel(project):
     both = planned(project, "--configfile", "config/quick.yaml", *nowhere)
     alone = planned(project, "--configfile", "config/quick.yaml", "drum.json", *nowhere)
     assert set(both) - set(alone) == {
-        *(
-            "draw_figure05",
-            "draw_figure06",
-            "draw_figure08",
-            "draw_definitions",
-            "measure",
-            "trajectory",
-        ),
+        *("draw_figure05", "draw_figure06", "draw_figure08", "draw_definitions", "measure", "trajectory"),
         "draw_plane",  # one target
         "draw_figure10",  # a Gaussian process has no nodes
     }

@@ -59,12 +59,7 @@ class Scene:
 
     @classmethod
     def of(
-        cls,
-        config: Config,
-        parameters: Mapping[str, float],
-        grain: Grain,
-        particle: "Particle",
-        seed: int = 0,
+        cls, config: Config, parameters: Mapping[str, float], grain: Grain, particle: "Particle", seed: int = 0
     ) -> Self:
         """The scene of a configuration."""
         return cls(SceneSettings(config), parameters, grain, particle, seed)
@@ -151,9 +146,7 @@ class BenchTest(ABC, Generic[S]):
         """Run once; `interval_s` asks for frames, `progress` is called with the simulated time [s]."""
 
     @abstractmethod
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Measure a run: its record with every response that is a target; None where it cannot be measured."""
 
     @abstractmethod
@@ -201,13 +194,9 @@ class BenchTest(ABC, Generic[S]):
 
     def recorded_for(self, config: Config) -> Recorded:
         """Return the columns of its runs in the tables of a study, the targets first."""
-        return self.recorded.beginning_with(
-            tuple(response.name for response in self.target_responses(config))
-        )
+        return self.recorded.beginning_with(tuple(response.name for response in self.target_responses(config)))
 
-    def result(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def result(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Measure a run; a response outside its bounds is no result, and its run is not ``ok``."""
         measured = self.measure(record, arrays, scene)
         if measured["status"] != "ok":

@@ -57,9 +57,7 @@ class Bounded:
         self.lowest_m, highest_m = ends.sum(axis=1)
         self.fall_m = float(highest_m - self.lowest_m)
         self.fastest_m_s = FASTEST * (math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s)
-        self.thickness_m = 2.0 * min(
-            float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
-        )
+        self.thickness_m = 2.0 * min(float(shape.half_extents_m.min()) for shape in simulation.shapes.values())
         self.looked = 0
         self.broken = ""
 
@@ -101,9 +99,7 @@ class Bounded:
         fastest = int(np.argmax(squares))
         speed = math.sqrt(squares[fastest])
         if speed > self.fastest_m_s:
-            motion = (
-                f"moves at {speed:.3g} m/s" if math.isfinite(speed) else "has no finite position or speed"
-            )
+            motion = f"moves at {speed:.3g} m/s" if math.isfinite(speed) else "has no finite position or speed"
             bound = f"none here can be faster than {self.fastest_m_s:.3g} m/s"
             raise Unstable(f"berry {fastest} {motion}, {self._when('time step')}; {bound}")
 
@@ -125,16 +121,12 @@ class Bounded:
         simulation = self.simulation
         pairs, overlaps = simulation.overlaps()
         self._refuse_deepest(
-            overlaps,
-            simulation.scales[pairs].min(axis=1),
-            lambda k: f"berries {pairs[k, 0]} and {pairs[k, 1]}",
+            overlaps, simulation.scales[pairs].min(axis=1), lambda k: f"berries {pairs[k, 0]} and {pairs[k, 1]}"
         )
         berries, walls, overlaps = simulation.wall_overlaps()
         names = simulation.wall_set.names
         self._refuse_deepest(
-            overlaps,
-            simulation.scales[berries],
-            lambda k: f"berry {berries[k]} and the wall {names[walls[k]]!r}",
+            overlaps, simulation.scales[berries], lambda k: f"berry {berries[k]} and the wall {names[walls[k]]!r}"
         )
 
     def _refuse_deepest(self, overlaps: np.ndarray, scales: np.ndarray, which: Callable[[int], str]) -> None:

@@ -44,9 +44,7 @@ CORE = (*VESSEL, "cylinder.core_margin_mm")
 TAPPED = (*VESSEL, "cylinder.taps", "cylinder.tap_mm")
 RESPONSES = (
     Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
-    Response(
-        "core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE
-    ),
+    Response("core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE),
     Response("tapped_density_kg_m3", "kg/m3", "tapped density", "tapped density", NAME, 0.0, 25000.0, TAPPED),
 )
 MEASURED = tuple(response.name for response in RESPONSES)
@@ -103,9 +101,7 @@ class Vessel:
         between = (z > margin_m) & (z < self.height_m - margin_m)
         return between & (np.hypot(x, y) < self.radius_m - margin_m)
 
-    def shares_inside(
-        self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float
-    ) -> np.ndarray:
+    def shares_inside(self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float) -> np.ndarray:
         """Share of each berry's volume that lies in the cylinder, `margin_m` away from wall, floor and rim.
 
         Counted over `POINTS` points of the body: the share of a berry that is cut is off by 0.003 (rms), the
@@ -124,9 +120,7 @@ class Vessel:
 def points_of(particle: "Particle") -> np.ndarray:
     """Points (POINTS, 3) [m] spread evenly over the volume of a body, in its own frame."""
     low, extent = -particle.support(-np.eye(3)), particle.axes_m
-    ratios = 1.2207440846057596 ** -np.arange(
-        1.0, 4.0
-    )  # a Kronecker sequence: powers of the root of x^4 = x + 1
+    ratios = 1.2207440846057596 ** -np.arange(1.0, 4.0)  # a Kronecker sequence: powers of the root of x^4 = x + 1
     points = low + extent * (np.outer(np.arange(1.0, 4 * POINTS), ratios) % 1.0)
     if particle.is_clump:
         centres, radii = particle.spheres_m[:, :3], particle.spheres_m[:, 3]
@@ -140,10 +134,7 @@ def points_of(particle: "Particle") -> np.ndarray:
 
 
 def tap(
-    simulation: "dem.Simulation",
-    settings: SimulationSettings,
-    height_m: float,
-    run_to: Callable[[int], object],
+    simulation: "dem.Simulation", settings: SimulationSettings, height_m: float, run_to: Callable[[int], object]
 ) -> None:
     """Let the cylinder fall from a height, and its berries rest: seen from it they jump up by that height."""
     gravity, kept = simulation.physics.gravity, simulation.physics.gravity.copy()
@@ -237,12 +228,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         return Run(record, arrays, filmed.frames())
 
     def status_of(
-        self,
-        centres_m: np.ndarray,
-        energy_j: float,
-        settings: SceneSettings,
-        length_m: float,
-        unstable: str = "",
+        self, centres_m: np.ndarray, energy_j: float, settings: SceneSettings, length_m: float, unstable: str = ""
     ) -> tuple[str, str]:
         """Judge a filling; length_m: of a grain; unstable: the bound that it broke, if any.
 
@@ -266,9 +252,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
             )
         return "ok", ""
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record with the densities; None where the cylinder was not filled."""
         measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_in_cylinder"))
         if record["status"] == "ok":

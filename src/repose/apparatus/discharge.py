@@ -176,15 +176,10 @@ class DischargeTest(BenchTest[DischargeSettings]):
             return simulation.not_at_rest(discharge.rest_energy_j, " when the lid was taken away")
         if discharge.late < section.berries:
             left = section.berries - discharge.late
-            return (
-                "jammed",
-                f"{left} berries are still in the funnel {section.longest_s:g} s after the opening",
-            )
+            return ("jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening")
         return "ok", ""
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record with time and rate; None where the funnel was not emptied."""
         measured: dict[str, Any] = dict.fromkeys(MEASURED)
         if record["status"] == "ok":

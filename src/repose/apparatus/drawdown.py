@@ -37,9 +37,7 @@ FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 
 # --- responses ------------------------------------------------------------------------------------
 
-BOX = tuple(
-    f"{NAME}.{key}" for key in ("berries", "width_mm", "depth_mm", "slot_mm", "lower_width_mm", "drop_mm")
-)
+BOX = tuple(f"{NAME}.{key}" for key in ("berries", "width_mm", "depth_mm", "slot_mm", "lower_width_mm", "drop_mm"))
 SEEN = (*BOX, "measure.mm_per_pixel", *CALIBRATED)
 RESPONSES = (
     Response("drawdown_above_deg", "deg", "drawdown, angle above", "above", NAME, 1.0, 89.0, SEEN),
@@ -225,10 +223,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         if drained.unstable:
             return "unstable", drained.unstable
         if drained.filled < section.berries:
-            return (
-                "not_filled",
-                f"only {drained.filled} of {section.berries} berries find room above the gate",
-            )
+            return ("not_filled", f"only {drained.filled} of {section.berries} berries find room above the gate")
         if drained.early or not drained.held:
             return "lost", "a berry lies outside the box, or left the closed chamber"
         if not drained.energy_j <= simulation.rest_energy_j:
@@ -237,9 +232,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             return "jammed", f"{drained.over_slot} berries rest above the middle of the slot"
         return "ok", ""
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record with angles, mass and rate."""
         from repose.measure.pile import measure_pile
 

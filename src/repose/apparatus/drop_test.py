@@ -143,18 +143,13 @@ class DropTest(BenchTest[DropTestSettings]):
         if bounded.broken:
             status, reason = "unstable", bounded.broken
         elif not rows:
-            status, reason = (
-                "no_rebound",
-                f"the berry still touches the plate {HIT_S:g} s after it fell on it",
-            )
+            status, reason = ("no_rebound", f"the berry still touches the plate {HIT_S:g} s after it fell on it")
         times, heights = np.array(rows).reshape(-1, 2).T
         arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
         record = {"seed": int(scene.seed), "status": status, "reason": reason}
         return Run(record, arrays, filmed.frames(walls=True))
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record with both restitutions; None where the grain did not rebound."""
         measured: dict[str, Any] = dict.fromkeys((*MEASURED, "rebound_height_mm", "flight_s"))
         if record["status"] == "ok":

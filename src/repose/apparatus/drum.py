@@ -76,9 +76,7 @@ class Drum:
         room = self.radius_m - berry_radius_m
         half_y = 0.5 * self.length_m - berry_radius_m
         if not (abs(height_m) < room and half_y > 0.0):
-            raise ValueError(
-                f"height_m is {height_m!r}; allowed: below {room:.4g}, in a drum longer than a berry"
-            )
+            raise ValueError(f"height_m is {height_m!r}; allowed: below {room:.4g}, in a drum longer than a berry")
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
@@ -130,12 +128,7 @@ class RotatingDrum(BenchTest[R]):
         drum = Drum.of(section)
         half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
         simulation = grain_simulation(
-            scene,
-            section.berries,
-            walls=drum.walls("wall"),
-            lower=-half,
-            upper=half,
-            largest_scale=largest_scale,
+            scene, section.berries, walls=drum.walls("wall"), lower=-half, upper=half, largest_scale=largest_scale
         )
         tilt = math.radians(getattr(section, "tilt_deg", 0.0))
         gravity = simulation.physics.gravity
@@ -160,9 +153,7 @@ class RotatingDrum(BenchTest[R]):
 
         section = self.section(scene.settings)
         radius, pixel = Drum.of(section).radius_m, scene.measure.mm_per_pixel
-        return bed.measure_surface(
-            position, quaternion, scene.particle, radius, pixel, section.fit_share, scale
-        )
+        return bed.measure_surface(position, quaternion, scene.particle, radius, pixel, section.fit_share, scale)
 
     def surface_angles(
         self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
@@ -469,9 +460,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         }
         return numbers, profile
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the result of `measured_run`, with the responses under their public names."""
         measured, _ = self.measured_run(record, arrays, scene)
         ok = measured["status"] == "ok"

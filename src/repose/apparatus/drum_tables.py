@@ -62,10 +62,7 @@ def run_job(scene: Scene, seeds: Iterable[int], out_dir: str | PathLike) -> list
 
 
 def run(
-    json_paths: Sequence[str | PathLike],
-    config: Mapping[str, Any],
-    particle: "Particle",
-    out_dir: str | PathLike,
+    json_paths: Sequence[str | PathLike], config: Mapping[str, Any], particle: "Particle", out_dir: str | PathLike
 ) -> "dict[str, pd.DataFrame]":
     """Measure runs; write runs.csv, summary.csv, record.csv and profile.csv into out_dir; return these tables.
 
@@ -111,8 +108,7 @@ def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -
         "runs": table,
         "summary": summarise(table),
         "record": pd.concat(
-            [record.assign(seed=seed)[RECORD] for record, seed in zip(records, seeds, strict=True)],
-            ignore_index=True,
+            [record.assign(seed=seed)[RECORD] for record, seed in zip(records, seeds, strict=True)], ignore_index=True
         ),
         "profile": pd.concat(
             [profile.assign(seed=seed)[PROFILE] for profile, seed in zip(profiles, seeds, strict=True)],

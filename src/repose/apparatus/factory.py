@@ -128,12 +128,7 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
 
 
 def add_above(
-    simulation: "Simulation",
-    particle: "Particle",
-    orientation: str,
-    seed: int,
-    scale: float,
-    height_m: float = 0.0,
+    simulation: "Simulation", particle: "Particle", orientation: str, seed: int, scale: float, height_m: float = 0.0
 ) -> None:
     """Add a berry on the z axis in a random orientation of a kind, its lowest point at a height."""
     turn = random_orientation(orientation, np.random.default_rng(seed))

@@ -152,11 +152,7 @@ class Funnel:
     @property
     def _offset(self) -> float:
         """Offset of the cone's line [m]: it is tangent to the rounded edge below it."""
-        return (
-            math.sin(self._slope) * self._core_m
-            - math.cos(self._slope) * self.neck_height_m
-            - self.rim_radius_m
-        )
+        return math.sin(self._slope) * self._core_m - math.cos(self._slope) * self.neck_height_m - self.rim_radius_m
 
     @property
     def _foot(self) -> tuple[float, float]:
@@ -177,17 +173,13 @@ class Funnel:
         up, edge = (math.cos(self._slope), math.sin(self._slope)), self.rim_radius_m
         walls: dict[str, Cone | RingEdge] = {"cone": dem.Cone(self.cone_line(), material)}
         if self.tube_length_m == 0.0:
-            walls["outlet"] = dem.RingEdge(
-                self._core_m, edge, material, (up, (0.0, 0.0)), self.outlet_height_m
-            )
+            walls["outlet"] = dem.RingEdge(self._core_m, edge, material, (up, (0.0, 0.0)), self.outlet_height_m)
             return walls
         radius, top = 0.5 * self.outlet_diameter_m, self.neck_height_m
         tube = ConeLine(1.0, 0.0, radius, self.outlet_height_m, top, 0.0, 1.0)
         walls["tube"] = dem.Cone(tube, material)
         walls["neck"] = dem.RingEdge(self._core_m, edge, material, (up, (0.0, -1.0)), top)
-        walls["outlet"] = dem.RingEdge(
-            self._core_m, edge, material, ((0.0, 1.0), (0.0, 0.0)), self.outlet_height_m
-        )
+        walls["outlet"] = dem.RingEdge(self._core_m, edge, material, ((0.0, 1.0), (0.0, 0.0)), self.outlet_height_m)
         return walls
 
 
@@ -252,9 +244,7 @@ class Pour:
     frames: dict[str, np.ndarray] | None  # see `repose.apparatus.scene.Filmed.frames`
 
 
-def _rests(
-    simulation: "dem.Simulation", section: FunnelSettings, funnel: Funnel, seen: Sequence[np.ndarray]
-) -> bool:
+def _rests(simulation: "dem.Simulation", section: FunnelSettings, funnel: Funnel, seen: Sequence[np.ndarray]) -> bool:
     """Whether all berries lie outside the funnel, have hardly moved in the last window and nearly stand still."""
     there = simulation.present
     if len(seen) <= LOOKS or simulation.n_bodies < section.berries or not there.any():
@@ -328,10 +318,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         return grain_simulation(
             scene,
             section.berries,
-            walls={
-                "plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius),
-                **funnel.walls("wall"),
-            },
+            walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius), **funnel.walls("wall")},
             lower=(-half, -half, 0.0),
             upper=(half, half, funnel.inlet_height_m + 4.0 * reach),
             largest_scale=largest_scale,
@@ -341,11 +328,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         )
 
     def pour(
-        self,
-        scene: Scene,
-        interval_s: float | None = None,
-        progress: Progress | None = None,
-        until_rest: bool = True,
+        self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None, until_rest: bool = True
     ) -> Pour:
         """Pour the grains until they rest, for `duration_s` at most (section 3.1 of the paper), or for all of it."""
         section, settings = self.section(scene.settings), scene.simulation
@@ -385,10 +368,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
             return "unstable", poured.unstable
         if poured.in_funnel or len(poured.centres_m) < n:
             waiting = n - len(poured.centres_m)
-            return (
-                "jammed",
-                f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end",
-            )
+            return ("jammed", f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end")
         if poured.off_plate > LARGEST_LOSS * n:
             return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
         energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
@@ -430,9 +410,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         }
         return Run(record, arrays, poured.frames)
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record of a pour with `ALWAYS` and the other responses that are targets."""
         from repose.measure.saved_piles import pile_responses
 

@@ -156,9 +156,7 @@ def _tilt(
         filmed.run_to(simulation.steps + every)
 
 
-def tilted(
-    frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float
-) -> dict[str, np.ndarray]:
+def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float) -> dict[str, np.ndarray]:
     """Frames as the laboratory sees them, where the plane tilts; ``tilt_deg`` (T,) comes with them."""
     times = np.asarray(frames["time_s"])
     tilt = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
@@ -172,9 +170,7 @@ def tilted(
     qw, qx, qy, qz = np.moveaxis(np.asarray(frames["quaternion"], float), -1, 0)
     quaternion = np.stack([c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1)
     planes = np.array(frames["planes"], float)
-    planes[:, 0, :3] = planes[:, :1, 2] * np.column_stack(
-        [np.sin(angle), np.zeros_like(angle), np.cos(angle)]
-    )
+    planes[:, 0, :3] = planes[:, :1, 2] * np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
     planes[:, 0, 3:6] = -np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
     moved = {"position": position, "quaternion": quaternion, "planes": planes}
     return {**frames, **moved, "tilt_deg": tilt}
@@ -212,9 +208,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         """Make the plane; `azimuth` [rad] turns its layer."""
         section, particle = self.section(scene.settings), scene.particle
         reach, glued = largest_scale * particle.bounding_radius_m, section.surface == "glued"
-        places, turn, depth = (
-            layer(particle, azimuth) if glued else (np.empty((0, 3)), np.array([1.0, 0, 0, 0]), 0.0)
-        )
+        places, turn, depth = layer(particle, azimuth) if glued else (np.empty((0, 3)), np.array([1.0, 0, 0, 0]), 0.0)
         material = "berry" if section.surface == "berry" else "wall"
         simulation = grain_simulation(
             scene,
@@ -261,9 +255,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             frames = tilted(frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0)))
         return Run(record, arrays, frames)
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record with both angles; None where sled or grain stays or stops, or the grain slides."""
         measured: dict[str, Any] = dict.fromkeys((*MEASURED, "motion"))
         if record["status"] != "ok":
@@ -293,10 +285,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         """Refuse a law under which a sled creeps, and a tilting with fewer than 100 looks at the grain."""
         section, law = self.section(settings), settings.simulation.rolling_law
         if law in CREEPING_LAWS:
-            yield (
-                "simulation.rolling_law",
-                f"a law that can hold a sled, for inclined_plane: {law} lets it creep",
-            )
+            yield ("simulation.rolling_law", f"a law that can hold a sled, for inclined_plane: {law} lets it creep")
         fastest = section.steepest_deg / (100 * LOOK_S)
         if section.tilting_deg_s > fastest:
             yield f"{NAME}.tilting_deg_s", f"at most {fastest:g}, or the angle has too few steps"

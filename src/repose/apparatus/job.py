@@ -98,10 +98,7 @@ def write_timings(folder: Path, name: str, took_s: Mapping[str, float]) -> None:
 
 
 def measure_job(
-    scene: Scene,
-    pours_json: str | PathLike,
-    out_dir: str | PathLike | None = None,
-    keeps_runs: bool = False,
+    scene: Scene, pours_json: str | PathLike, out_dir: str | PathLike | None = None, keeps_runs: bool = False
 ) -> dict[str, Any]:
     """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content.
 
@@ -129,9 +126,7 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
     arrays = saved_positions(positions_file(path))
     runs = []
     for pour in pours:
-        needed = (
-            test.required_arrays if pour["status"] == "ok" else ()
-        )  # the arrays of a spoiled run may hold anything
+        needed = test.required_arrays if pour["status"] == "ok" else ()  # the arrays of a spoiled run may hold anything
         kept = pour_arrays(arrays, pour["seed"], path, needed)
         runs.append(test.result(pour, kept, scene))
     return job | {"summary": summarise_runs(runs, test.recorded_for(scene.settings.config)), "runs": runs}

@@ -46,21 +46,13 @@ LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "filling_height_mm", "diamet
 OUTLINE, LOOSE = (*LIFT, *SEEN), (*LIFT, f"{NAME}.plate_diameter_mm")
 ANGLE, FOOT = (*OUTLINE, *CALIBRATED), (*OUTLINE, BERRY)
 RESPONSES = (
-    Response(
-        "lifted_aor_deg", "deg", "angle of repose, lifted cylinder", "AoR, lifted", NAME, 1.0, 89.0, ANGLE
-    ),
-    Response(
-        "lifted_height_mm", "mm", "Height, lifted cylinder", "Height, lifted", NAME, 1.0, 2000.0, OUTLINE
-    ),
+    Response("lifted_aor_deg", "deg", "angle of repose, lifted cylinder", "AoR, lifted", NAME, 1.0, 89.0, ANGLE),
+    Response("lifted_height_mm", "mm", "Height, lifted cylinder", "Height, lifted", NAME, 1.0, 2000.0, OUTLINE),
     Response("lifted_foot_mm", "mm", "foot radius, lifted cylinder", "foot, lifted", NAME, 0.0, 1e4, FOOT),
-    Response(
-        "lifted_loose_percent", "%", "loose berries, lifted cylinder", "loose, lifted", NAME, 0.0, 1e2, LOOSE
-    ),
+    Response("lifted_loose_percent", "%", "loose berries, lifted cylinder", "loose, lifted", NAME, 0.0, 1e2, LOOSE),
 )
 MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(
-    means=MEASURED, single=(*MEASURED, "berries", "filling_height_mm", "lifted_mm", "berries_in_pile")
-)
+RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries", "filling_height_mm", "lifted_mm", "berries_in_pile"))
 # Names of the same numbers in the measurement of a pile.
 OF_PILE = dict(zip(MEASURED, ("aor_deg", "height_mm", "base_radius_mm", "loose_percent"), strict=True))
 
@@ -248,9 +240,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             return "no_flank", reason
         return "ok", ""
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record with the responses of the pile."""
         from repose.measure.saved_piles import pile_responses
 
@@ -285,17 +275,11 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         if level is None:
             return
         if section.length_mm < (needed := level + axes_mm[0]):
-            yield (
-                f"{NAME}.length_mm",
-                f"at least {needed:.4g}, the filling height and the length of a mean berry",
-            )
+            yield (f"{NAME}.length_mm", f"at least {needed:.4g}, the filling height and the length of a mean berry")
         berry_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
         likely = LIKELY_PACKING * _without_gaps(section, berry_m3)
         if likely > MOST_BERRIES:
             highest = level * MOST_BERRIES / likely
             yield f"{NAME}.filling_height_mm", f"below {highest:.4g}, which takes some {MOST_BERRIES} berries"
         elif (last := likely / section.rate_per_s) >= section.lift_from_s:
-            yield (
-                f"{NAME}.lift_from_s",
-                f"above {last:.4g}, when the last of some {likely:.0f} berries appears",
-            )
+            yield (f"{NAME}.lift_from_s", f"above {last:.4g}, when the last of some {likely:.0f} berries appears")

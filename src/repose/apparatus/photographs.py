@@ -30,11 +30,7 @@ RESPONSES = {"turning": ("turning_deg",), "drawdown": ("drawdown_above_deg", "dr
 # Number of points, least distance in pixels, and what they are.
 POINTS = {
     "turning": (3, 50, "column and row of three points of the drum's inner rim, at least 50 pixels apart"),
-    "drawdown": (
-        2,
-        200,
-        "column and row of the left and of the right lower inner corner of the box, 200 pixels apart",
-    ),
+    "drawdown": (2, 200, "column and row of the left and of the right lower inner corner of the box, 200 pixels apart"),
 }
 ON_A_LINE = 1e-6  # twice the area of three points [px2]
 INSIDE = 0.97  # share of the drum's radius within which a bed is looked for: the rim has colours of its own
@@ -86,9 +82,7 @@ def measure_drum(image: np.ndarray, rim_px: np.ndarray, section: Rotating) -> Se
     return seen
 
 
-def measure_box(
-    image: np.ndarray, corners_px: np.ndarray, section: DrawdownSettings, how: MeasureSettings
-) -> Seen:
+def measure_box(image: np.ndarray, corners_px: np.ndarray, section: DrawdownSettings, how: MeasureSettings) -> Seen:
     """Both slopes in a drawdown box, of which the lower inner corners (2, 2) are given, the left one first."""
     box = Box.of(section)
     left, right = corners_px
@@ -104,12 +98,8 @@ def measure_box(
     trimmed = box.half_lower * (1 - MARGIN)
     below, pixel = chamber(-trimmed, trimmed, 0.0, box.gate)
     outer, upwards = box.half_width * (1 - MARGIN), along[0] * length / (2 * box.half_lower)
-    top = min(
-        box.top, 0.99 * min(left[1], right[1]) / upwards
-    )  # the picture need not show all of the chamber
-    wedges, scales = zip(
-        *(chamber(*ends, box.floor, top) for ends in ((-outer, 0.0), (0.0, outer))), strict=True
-    )
+    top = min(box.top, 0.99 * min(left[1], right[1]) / upwards)  # the picture need not show all of the chamber
+    wedges, scales = zip(*(chamber(*ends, box.floor, top) for ends in ((-outer, 0.0), (0.0, outer))), strict=True)
     # back to back, as `drawdown.back_to_back` puts the grains: the shape of a pile
     above = np.ascontiguousarray(np.hstack([wedges[1], wedges[0][:, -wedges[1].shape[1] :]]))
     seen = Seen(Path(), [])
@@ -131,11 +121,7 @@ def measure_box(
 
 
 def measure_all(
-    paths: Sequence[Path],
-    points_px: Sequence[float],
-    settings: SceneSettings,
-    bench: str,
-    how: MeasureSettings,
+    paths: Sequence[Path], points_px: Sequence[float], settings: SceneSettings, bench: str, how: MeasureSettings
 ) -> list[Seen]:
     """Photographs by one camera on a tripod: the points hold for each."""
     points = _checked_points(points_px, bench)
@@ -176,9 +162,7 @@ def tables(results: Sequence[Seen], bench: str) -> Tables:
     """Tables of photographs, at least one of which was measured."""
     names = RESPONSES[bench]
     rows = [
-        {"photograph": seen.path.name}
-        | {name: seen.values.get(name) for name in names}
-        | {"refused": seen.refused}
+        {"photograph": seen.path.name} | {name: seen.values.get(name) for name in names} | {"refused": seen.refused}
         for seen in results
     ]
     photographs = pd.DataFrame(rows)
@@ -214,9 +198,7 @@ def profile(results: Sequence[Seen], section: Rotating) -> pd.DataFrame:
 def stacked(views: Sequence[np.ndarray]) -> np.ndarray:
     """Pictures below each other, on black."""
     width = max(view.shape[1] for view in views)
-    return np.vstack(
-        [cv2.copyMakeBorder(view, 0, 0, 0, width - view.shape[1], cv2.BORDER_CONSTANT) for view in views]
-    )
+    return np.vstack([cv2.copyMakeBorder(view, 0, 0, 0, width - view.shape[1], cv2.BORDER_CONSTANT) for view in views])
 
 
 def _circle(points: np.ndarray) -> tuple[np.ndarray, float]:
@@ -228,11 +210,7 @@ def _circle(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _redrawn(
-    image: np.ndarray,
-    corner_px: np.ndarray,
-    along: np.ndarray,
-    size_px: tuple[float, float],
-    mm_per_pixel: float,
+    image: np.ndarray, corner_px: np.ndarray, along: np.ndarray, size_px: tuple[float, float], mm_per_pixel: float
 ) -> tuple[np.ndarray, float]:
     """Redraw a rectangle of the picture, from its lower left corner along its base, and return its scale."""
     if min(size_px) < LEAST_PX:
@@ -251,11 +229,7 @@ def _redrawn(
     if times < 1:
         image = cv2.GaussianBlur(image, (0, 0), 0.5 / times)
     view = cv2.warpAffine(
-        image,
-        where,
-        (width, height),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_REPLICATE,
+        image, where, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
     )
     return view, mm_per_pixel * step[0]
 

@@ -66,9 +66,7 @@ class Reach(NamedTuple):
         return own | {"possible": self.possible, "sentence": self.sentence}
 
 
-def of(
-    config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None = None
-) -> dict[str, Reach]:
+def of(config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None = None) -> dict[str, Reach]:
     """The reach of each target that is an angle of the funnel's pile; empty without a target of its Height.
 
     `dataset_csv` are samples of the study itself, by the same settings.
@@ -85,9 +83,7 @@ def of(
     }
 
 
-def said(
-    config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None
-) -> Iterator[str]:
+def said(config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None) -> Iterator[str]:
     """A line of text for each `Reach`, as the verbs and the workflow print it before the first pour."""
     for reach in of(config, particle, dataset_csv).values():
         yield f"reach: {'' if reach.possible else 'WARNING: '}{reach.sentence}"

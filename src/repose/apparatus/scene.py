@@ -89,9 +89,7 @@ def _contacts(parameters: Mapping[str, float]) -> "dict[tuple[str, str], dem.Con
     contacts = {}
     for pair, names in (("gg", ("berry", "berry")), ("gp", ("berry", "wall"))):
         further = {
-            of.constant.name: parameters[name]
-            for name, of in FURTHER.items()
-            if of.pair == pair and name in parameters
+            of.constant.name: parameters[name] for name, of in FURTHER.items() if of.pair == pair and name in parameters
         }
         restitution, static, rolling = (parameters[f"{kind}_{pair}"] for kind in ("e", "mus", "mur"))
         twisting = further.pop(TWISTING.name, None)
@@ -103,10 +101,7 @@ class Filmed:
     """Advances a simulation within bounds, calls `progress` with its time, and records a frame each `interval_s`."""
 
     def __init__(
-        self,
-        bounded: Bounded,
-        interval_s: float | None = None,
-        progress: Callable[[float], object] | None = None,
+        self, bounded: Bounded, interval_s: float | None = None, progress: Callable[[float], object] | None = None
     ) -> None:
         simulation = bounded.simulation
         self.bounded, self.simulation, self.progress = bounded, simulation, progress

@@ -18,26 +18,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TABLE = Path(__file__).with_name("number_of_grains.csv")
-LENGTHS = (
-    "inlet_diameter_mm",
-    "outlet_height_mm",
-    "plate_diameter_mm",
-    "tube_length_mm",
-)
+LENGTHS = ("inlet_diameter_mm", "outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
 # What follows from the other keys of a smaller scene.
 COMPUTED = ("factory_diameter_mm", "factory_height_mm", "duration_s")
 # What a smaller scene has to say.
-PASTED = (
-    *LENGTHS,
-    "outlet_diameter_mm",
-    "rim_radius_mm",
-    "cone_angle_deg",
-    "rate_per_s",
-)
+PASTED = (*LENGTHS, "outlet_diameter_mm", "rim_radius_mm", "cone_angle_deg", "rate_per_s")
 DISCHARGE = 2.5  # a funnel's flow goes with its lengths to this power (Beverloo et al. 1961)
-OUTLET_GRAINS = (
-    4.0  # narrowest outlet of a smaller scene, in diameters of a grain: one by one they bounce away
-)
+OUTLET_GRAINS = 4.0  # narrowest outlet of a smaller scene, in diameters of a grain: one by one they bounce away
 COST = 7 / 6  # time of a pour goes with the number to this power: its bodies, and the time of discharge
 CLOSE_DEG = 1.0
 STEADY = "secant"  # the angle that depends least on the number of grains
@@ -81,9 +68,7 @@ def change(before: float, after: float, definition: str) -> Change:
     return Change(float(np.mean(angles)), float(np.mean(heights)))
 
 
-def scaled(
-    funnel: Mapping[str, Any], grains: int, diameter_mm: float, poured: int | None = None
-) -> dict[str, Any]:
+def scaled(funnel: Mapping[str, Any], grains: int, diameter_mm: float, poured: int | None = None) -> dict[str, Any]:
     """The section `funnel` for another number of grains of the same size, all lengths by the cube root of the number.
 
     The outlet stays as wide as `OUTLET_GRAINS` diameters of a grain, or as it is where it is narrower. `poured` is the

@@ -19,9 +19,7 @@ class SimulationSettings(Section):
     time_step_s: OrAuto[Annotated[float, Field(ge=1.0e-7, le=1.0e-2)]] = OF_OTHERS
     gravity_m_s2: float = Field(ge=0.1, le=100)  # along -z
     tension: Literal["keep", "release"]  # how the normal force ends an impact
-    rest_energy_j: float = Field(
-        gt=0, le=1.0e-3
-    )  # a bed is at rest when its mean energy of a grain is below this
+    rest_energy_j: float = Field(gt=0, le=1.0e-3)  # a bed is at rest when its mean energy of a grain is below this
     contact_law: Annotated[str, OneOf(lambda: CONTACT_LAWS)] = "hertz_mindlin"
     rolling_law: Annotated[str, OneOf(lambda: ROLLING_LAWS)] = "budget"
 

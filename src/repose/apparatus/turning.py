@@ -104,9 +104,7 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         label = f"drum, turning{words}, profile, score {found[2]}"
         profile = name.replace(f"_profile_{found[2]}_", "_profile_")
         seen = tuple(key for key in SEEN if key != f"{NAME}.fit_share")
-        return Response(
-            name, "mm", label, f"profile{symbol} {found[2]}", NAME, -np.inf, np.inf, seen, profile=profile
-        )
+        return Response(name, "mm", label, f"profile{symbol} {found[2]}", NAME, -np.inf, np.inf, seen, profile=profile)
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the drum, turn it at each speed, and keep the bed while the flow is steady.
@@ -152,9 +150,7 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         record = {"seed": int(scene.seed), "status": status, "reason": reason}
         return Run(record, arrays, filmed.frames())
 
-    def measure(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
         """Return the record with the mean angle at each speed, and the scores of profiles that are targets."""
         targets = scene.settings.targets_of(NAME)
         of_profiles = {one["response"]: one["profile"] for one in targets if "profile" in one}
@@ -219,9 +215,7 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
                 yield f"{NAME}.measure_until_s", f"at least {earliest:g}, or there is nothing to measure"
         radius_mm = 1e3 * drum.Drum.of(section).radius_m
         targets = settings.config.get("targets")
-        for k, target in enumerate(
-            targets if isinstance(targets, list) else ()
-        ):  # they are checked elsewhere
+        for k, target in enumerate(targets if isinstance(targets, list) else ()):  # they are checked elsewhere
             if not isinstance(target, Mapping) or target.get("apparatus") != NAME:
                 continue
             if speed_of(target["response"]) >= count:

@@ -49,9 +49,7 @@ class Check:
     line: str = ""  # of an angle of a pile, in words
 
     @classmethod
-    def of(
-        cls, target: Target, simulated: float | None, standard_error: float | None, runs: int, status: str
-    ) -> Self:
+    def of(cls, target: Target, simulated: float | None, standard_error: float | None, runs: int, status: str) -> Self:
         """The check of a target."""
         response, unit = target.name, target.response.unit
         ends = target.value, target.sd, target.low, target.high
@@ -221,9 +219,7 @@ def read(
     targets = Targets.of(config["targets"])
     for name in targets.names:
         if name not in rows:
-            raise InputError(
-                check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration"
-            )
+            raise InputError(check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration")
     values = summary["representative"]
     for name in named(values):
         check_value(name, values.get(name), summary_json)
@@ -233,10 +229,7 @@ def read(
         feasible=summary["feasible"],
         message=summary["message"],
         checks=tuple(
-            replace(
-                _check(target, rows[target.name], check_csv),
-                line=line_for(config.get("measure"), target.name),
-            )
+            replace(_check(target, rows[target.name], check_csv), line=line_for(config.get("measure"), target.name))
             for target in targets
         ),
         folder=Path(config["results_dir"]),
@@ -246,9 +239,7 @@ def read(
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
         small_run=config.get("small_run", False),
-        within={
-            percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()
-        },
+        within={percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()},
     )
 
 

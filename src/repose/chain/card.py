@@ -100,10 +100,7 @@ def assembled(
             parameter: {other: round(float(correlations.loc[parameter, other]), 4) for other in space.free}
             for parameter in space.free
         },
-        "tests": [
-            _test(check, target) | dict(tests[target.name])
-            for check, target in _paired(answer.checks, targets)
-        ],
+        "tests": [_test(check, target) | dict(tests[target.name]) for check, target in _paired(answer.checks, targets)],
         "met": answer.met,
         "out_of_reach": answer.out_of_reach,
         "reason": answer.reason,
@@ -140,20 +137,13 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
         height = MeasureSettings.of(config["measure"], berry).berry_height_mm
         settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
     profile = next(
-        (
-            one["profile"]
-            for one in config["targets"]
-            if one["response"] == response.name and "profile" in one
-        ),
-        None,
+        (one["profile"] for one in config["targets"] if one["response"] == response.name and "profile" in one), None
     )
     if profile is not None:
         settings["profile"] = {key: profile[key] for key in ("x", "functions", "covered")}
     return {
         "definition": {"name": response.label, "settings": settings},
-        "bench": {
-            key: section[key] for key in test.settings.model_fields if key in section and key not in others
-        },
+        "bench": {key: section[key] for key in test.settings.model_fields if key in section and key not in others},
     }
 
 
@@ -194,9 +184,7 @@ def ends(
     return found
 
 
-def held(
-    space: ParameterSpace, name: str, value: float, low: float | None, high: float | None
-) -> dict[str, Any]:
+def held(space: ParameterSpace, name: str, value: float, low: float | None, high: float | None) -> dict[str, Any]:
     """The ends of a parameter's interval, which hold its value unless that lies at a bound of what was searched."""
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}
@@ -288,10 +276,7 @@ def _made_by():
 
 
 def run(
-    config: Mapping[str, Any],
-    answer: Answer,
-    files: Mapping[str, str | PathLike | None],
-    out: str | PathLike,
+    config: Mapping[str, Any], answer: Answer, files: Mapping[str, str | PathLike | None], out: str | PathLike
 ) -> dict[str, Any]:
     """Write the card of a finished calibration (`make`) and return it."""
     from repose.particle.berry_files import SIZE_COLUMNS, read_berry
@@ -305,10 +290,7 @@ def run(
     if files.get("posterior") is not None:
         columns = ("parameter", "credible_low", "credible_high")
         free = ParameterSpace.of(config["parameters"]).free
-        posterior = (
-            read_table(_path(files, "posterior"), columns),
-            read_table(_path(files, "draws"), free),
-        )
+        posterior = (read_table(_path(files, "posterior"), columns), read_table(_path(files, "draws"), free))
     row = None
     if files.get("table4") is not None:
         table4 = read_table(_path(files, "table4"), ("role",))
@@ -381,9 +363,7 @@ def _differences_from(
     expected |= {f"wall.{key}": config["wall"][key] for key in WALL}
     expected |= {f"laws.{key}": law for key, law in laws(config).items()}
     mine = {"material": card["material"]}
-    mine |= {
-        f"{part}.{key}": value for part in ("grain", "wall", "laws") for key, value in card[part].items()
-    }
+    mine |= {f"{part}.{key}": value for part in ("grain", "wall", "laws") for key, value in card[part].items()}
     for test in card["tests"]:
         section, name = config.get(test["apparatus"], {}), test["apparatus"]
         mine |= {f"{name}.{key}": value for key, value in test["bench"].items()}

@@ -194,9 +194,7 @@ class Card(AnyCard):
     met: bool
 
     def impossible(self) -> Faults:
-        yield from (
-            (f"parameters.{name}", None, MISSING) for name in PARAMETERS if name not in self.parameters
-        )
+        yield from ((f"parameters.{name}", None, MISSING) for name in PARAMETERS if name not in self.parameters)
         for name, row in self.parameters.items():
             least, most = PHYSICAL_LIMITS[name]
             for key, value in (("value", row.value), ("low", row.low), ("high", row.high)):
@@ -208,9 +206,7 @@ class Card(AnyCard):
 class OtherCard(AnyCard):
     """The card of a study that another program simulated."""
 
-    simulator: Text = said(
-        "another one than repose's; parameters and responses are columns of its user's table"
-    )
+    simulator: Text = said("another one than repose's; parameters and responses are columns of its user's table")
     probability: Probability = absent(
         "that the simulator's means lie within 1 % and 2 % of all targets, and inside all ranges"
     )

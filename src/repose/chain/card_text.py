@@ -84,9 +84,7 @@ def compared(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
         if "simulator" not in first and "simulator" not in second:
             rows.append([key, *(_plain(card["grain"][key]) for card in (first, second))])
     widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(3)]
-    lines = [
-        "  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows
-    ]
+    lines = ["  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows]
     return "\n".join([*(line.rstrip() for line in lines), *_differences(first, second)])
 
 
@@ -127,9 +125,7 @@ def _unlike(first, second):
     """Keys whose values differ, with both."""
     keys = dict.fromkeys([*first, *second])
     differing = [
-        (key, *(_plain(of.get(key)) for of in (first, second)))
-        for key in keys
-        if first.get(key) != second.get(key)
+        (key, *(_plain(of.get(key)) for of in (first, second))) for key in keys if first.get(key) != second.get(key)
     ]
     return "; ".join(f"{key} {mine} | {theirs}" for key, mine, theirs in differing)
 
@@ -180,10 +176,7 @@ def _test_lines(test):
     if "reach" in test:
         yield f"  {test['reach']['sentence']}"
     if "definitions" in test:
-        shown = (
-            f"{of['line']}: {_mean(of['simulated'], of['standard_error'])}"
-            for of in test["definitions"].values()
-        )
+        shown = (f"{of['line']}: {_mean(of['simulated'], of['standard_error'])}" for of in test["definitions"].values())
         yield f"  the same piles by every line, {test['unit']}: {'; '.join(shown)}"
 
 

@@ -40,9 +40,7 @@ def assemble(
         for sample in samples["sample"]
     ]
     columns = dict.fromkeys(("status", "reason", "n_seeds"))
-    columns |= dict.fromkeys(
-        name for pair in zip(targets.names, targets.errors, strict=True) for name in pair
-    )
+    columns |= dict.fromkeys(name for pair in zip(targets.names, targets.errors, strict=True) for name in pair)
     for name in targets.apparatus:
         columns |= dict.fromkeys(recorded(name, targets).summary)
     means = pd.DataFrame(summaries, columns=list(columns))
@@ -120,9 +118,7 @@ def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
     return (read_json(path, what="the summary of a dataset") if path.is_file() else {}), path
 
 
-def read_jobs(
-    paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets
-) -> dict[str, dict[int, Job]]:
+def read_jobs(paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets) -> dict[str, dict[int, Job]]:
     """Jobs by bench test, then by sample, checked against the table of samples."""
     expected = samples.set_index("sample")[list(named(samples))]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
@@ -140,9 +136,7 @@ def read_jobs(
             if not isinstance(value, int | float) or not math.isclose(
                 value, expected_value, rel_tol=1e-6, abs_tol=1e-9
             ):
-                raise InputError(
-                    path, f"parameters.{name}", value, f"{expected_value}, as in the table of samples"
-                )
+                raise InputError(path, f"parameters.{name}", value, f"{expected_value}, as in the table of samples")
         jobs[apparatus][sample], source[apparatus, sample] = job, path
     for name, by_sample in jobs.items():
         missing = [int(sample) for sample in expected.index if sample not in by_sample]
@@ -156,9 +150,7 @@ def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)
     if apparatus not in targets.apparatus:
-        raise InputError(
-            path, "apparatus", apparatus, f"a bench test of the targets, {', '.join(targets.apparatus)}"
-        )
+        raise InputError(path, "apparatus", apparatus, f"a bench test of the targets, {', '.join(targets.apparatus)}")
     if not job["runs"]:
         raise InputError(path, "runs", [], "at least one run")
     statuses = bench(apparatus, path).statuses

@@ -78,9 +78,7 @@ def _next_threshold(
 
 
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")
-def evolve(
-    start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def evolve(start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Enhanced stochastic evolution on `repose.chain.design.phi_p` with p = 2^(doublings + 1).
 
     Each round goes through the columns, takes the best of a few random exchanges and accepts it against a random share
@@ -117,7 +115,5 @@ def evolve(
         phi = total**exponent
         if smallest > widest:
             widest, widest_points = smallest, pairs.points.copy()
-        threshold, warming = _next_threshold(
-            threshold, best_phi < phi_before, accepted, improved, inner, warming
-        )
+        threshold, warming = _next_threshold(threshold, best_phi < phi_before, accepted, improved, inner, warming)
     return best_points, widest_points

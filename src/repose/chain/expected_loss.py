@@ -75,8 +75,7 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     error, reach = np.sqrt(np.diagonal(covariance[0])), targets.whole / 100
     square = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
     chances = {
-        f"{percent:g} %": within(mean, covariance, aim - percent * reach, aim + percent * reach)
-        for percent in PERCENT
+        f"{percent:g} %": within(mean, covariance, aim - percent * reach, aim + percent * reach) for percent in PERCENT
     }
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),

@@ -55,9 +55,7 @@ def invert(
     """
     for target in targets:
         if not target.low <= target.aim <= target.high:
-            raise InputError(
-                "targets", target.name, target.aim, f"inside its range {[target.low, target.high]}"
-            )
+            raise InputError("targets", target.name, target.aim, f"inside its range {[target.low, target.high]}")
     respond, preference = on_free_parameters(surrogate, space), Preference.of(space)
     objective = Objective.of(targets, preference.largest if preference else 0.0)
     archive, history, feasible_met = search(respond, objective, space.dimensions, settings, preference)
@@ -143,9 +141,7 @@ def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[
     return respond_to_free
 
 
-def intervals(
-    solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None
-) -> pd.DataFrame:
+def intervals(solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None) -> pd.DataFrame:
     """Table 3: interval and dispersion (its width over the range's) of each parameter, beside the published ones."""
     range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
     rows = []
@@ -188,9 +184,7 @@ def _summary(table, space, targets, settings, evaluations, n_feasible, feasible_
         "n_solutions": n_feasible,
         "evaluations": int(evaluations),
         "distance": settings["distance"],
-        "representative": {
-            name: float(best[name]) for name in (*space.names, *targets.predicted, "objective")
-        },
+        "representative": {name: float(best[name]) for name in (*space.names, *targets.predicted, "objective")},
         "box_distance": dict(zip(targets.names, box, strict=True)),
         "target_distance": dict(zip(targets.names, off, strict=True)),
         "message": message(responses, targets, n_feasible, settings["distance"]),

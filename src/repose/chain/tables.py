@@ -21,9 +21,7 @@ AGREEMENT = 1e-6
 
 def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
     """The table of samples with its parameters, status, responses and errors."""
-    dataset = read_table(
-        dataset_csv, ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors)
-    )
+    dataset = read_table(dataset_csv, ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors))
     _check_count(dataset, dataset_csv, dataset_csv, "samples")
     _refuse_twice(dataset, ["sample"], dataset_csv)
     names = named(dataset)
@@ -74,9 +72,7 @@ def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
                 k = int((~alike).argmax())
                 sample = dataset["sample"][usable].iloc[k]
                 allowed = f"{stated[k]:.6g}, its {quantity} in {dataset_csv}"
-                raise InputError(
-                    f"{runs_csv}, sample {sample}", f"{quantity} of {name}", float(computed[k]), allowed
-                )
+                raise InputError(f"{runs_csv}, sample {sample}", f"{quantity} of {name}", float(computed[k]), allowed)
 
 
 def _check_responses(table, targets, path):

@@ -125,10 +125,7 @@ def train(
     metrics["noise_freedom"] = noise.get("noise_freedom")
     starts = model.start_rows()
     return Training(
-        model,
-        metrics,
-        table,
-        pd.DataFrame(starts) if starts else pd.DataFrame(columns=["start", "chosen"]),
+        model, metrics, table, pd.DataFrame(starts) if starts else pd.DataFrame(columns=["start", "chosen"])
     )
 
 
@@ -163,9 +160,7 @@ def write(training: Training, out_dir: str | os.PathLike) -> None:
 def message(metrics: Mapping[str, Any]) -> str:
     """The training as text: errors at unseen samples, and for a network the result of its starts."""
     responses = metrics["test"].items()
-    words = [
-        f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}" for name, score in responses if score["r2"]
-    ]
+    words = [f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}" for name, score in responses if score["r2"]]
     lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
     if metrics["n_fitted"] == metrics["n_samples"]:
         lines.append(f"then fitted to all {metrics['n_fitted']} samples")
@@ -182,9 +177,7 @@ def message(metrics: Mapping[str, Any]) -> str:
 
 
 def restore(
-    surrogate_json: str | os.PathLike,
-    predictions_csv: str | os.PathLike,
-    dataset_csv: str | os.PathLike,
+    surrogate_json: str | os.PathLike, predictions_csv: str | os.PathLike, dataset_csv: str | os.PathLike
 ) -> Surrogate:
     """The trained surrogate; InputError if its files are not of one training."""
     model = load(surrogate_json)
@@ -202,9 +195,7 @@ def restore(
         raise InputError(predictions_csv, "samples", missing, f"usable samples of {dataset_csv}")
     X = usable.loc[trained["sample"], list(model.inputs or PARAMETERS)].to_numpy(float)
     if not np.allclose(model.predict(X), trained[predicted], rtol=1e-6):
-        raise InputError(
-            predictions_csv, "predictions", "others", f"those of {surrogate_json} on {dataset_csv}"
-        )
+        raise InputError(predictions_csv, "predictions", "others", f"those of {surrogate_json} on {dataset_csv}")
     return model
 
 
@@ -217,9 +208,7 @@ def read_surrogate(
     return model
 
 
-def require_targets(
-    model: Surrogate, path: object, targets: Targets, definitions: Definitions, source: object
-) -> None:
+def require_targets(model: Surrogate, path: object, targets: Targets, definitions: Definitions, source: object) -> None:
     """Refuse a surrogate with other responses than the targets, in another order, or with other definitions of them."""
     if model.outputs != targets.names:
         allowed = f"the responses of the targets, {', '.join(targets.names)}"

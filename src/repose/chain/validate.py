@@ -59,10 +59,7 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
 
 
 def validate(
-    solutions: pd.DataFrame,
-    jobs: Mapping[str, Mapping[int, Job]],
-    targets: Targets,
-    measure: Mapping[str, Any],
+    solutions: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets, measure: Mapping[str, Any]
 ) -> dict[str, pd.DataFrame]:
     """Prediction, simulation and the physical measurement side by side; `measure` is the configuration's section."""
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *named(solutions)])
@@ -80,19 +77,14 @@ def validate(
     }
 
 
-def table4(
-    rows: pd.DataFrame, responses: Sequence[Response], measure: Mapping[str, Any] | None = None
-) -> pd.DataFrame:
+def table4(rows: pd.DataFrame, responses: Sequence[Response], measure: Mapping[str, Any] | None = None) -> pd.DataFrame:
     """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
 
     Of piles also every definition of the angle, and `line`, the calibrated one by the section `measure`.
     """
     table = rows[["sample", "solution", "role", *named(rows)]].copy()
     for response in responses:
-        table[response.predicted], table[response.simulated] = (
-            rows[response.predicted],
-            rows[response.simulated],
-        )
+        table[response.predicted], table[response.simulated] = (rows[response.predicted], rows[response.simulated])
         table[response.error] = rows[response.error]
         off = (rows[response.predicted] - rows[response.simulated]).abs()
         table[f"{response.quantity}_error_percent"] = 100 * off / rows[response.simulated]
@@ -108,9 +100,7 @@ def calibrated_line(responses: Iterable[Response], measure: Mapping[str, Any]) -
     return "; ".join(dict.fromkeys(lines)) or line_of(measure)
 
 
-def against_physical(
-    row: pd.Series, targets: Targets, measure: Mapping[str, Any] | None = None
-) -> pd.DataFrame:
+def against_physical(row: pd.Series, targets: Targets, measure: Mapping[str, Any] | None = None) -> pd.DataFrame:
     """The representative solution's simulation against the physical measurement, a row for each response.
 
     `line` says by which line of the section `measure` an angle of a pile is measured.
@@ -140,18 +130,12 @@ def with_chances(
     table: pd.DataFrame, runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
 ) -> pd.DataFrame:
     """The table of `against_physical` with the probabilities that all targets are met within 1 % and 2 %."""
-    chances = {
-        f"within_{percent:g}_percent": chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT
-    }
+    chances = {f"within_{percent:g}_percent": chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT}
     return table.assign(**chances)
 
 
 def write_solutions(
-    feasible_csv: str | os.PathLike,
-    space: ParameterSpace,
-    targets: Targets,
-    count: int,
-    out_csv: str | os.PathLike,
+    feasible_csv: str | os.PathLike, space: ParameterSpace, targets: Targets, count: int, out_csv: str | os.PathLike
 ) -> pd.DataFrame:
     """Write the representative solution and `count` others, numbered from 1; InputError if there are too few."""
     needed = ("solution", *space.names, *targets.predicted, "objective", "feasible", "representative")

@@ -64,18 +64,13 @@ def main(words: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in EXTRAS:
             raise
-        print_fault(
-            f"{error.name} is not installed: expected `pip install 'repose-dem[workflow]'`, which has all"
-        )
+        print_fault(f"{error.name} is not installed: expected `pip install 'repose-dem[workflow]'`, which has all")
         return BAD_INPUT
     except BrokenPipeError:
         # Python flushes stdout once more when it ends; with the null device that cannot fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (
-        InputError,
-        OSError,
-    ) as error:  # the system's message names file and reason: no space, read-only, ...
+    except (InputError, OSError) as error:  # the system's message names file and reason: no space, read-only, ...
         print_fault(error)
         return BAD_INPUT
 

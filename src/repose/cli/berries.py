@@ -41,9 +41,7 @@ def write_berry(study: "Study", out_dir: str | PathLike) -> None:
     berry.run(study.config["berry"], study.published("table1.csv"), out_dir)
 
 
-def write_particle(
-    config: Mapping[str, Any], berry_json: str | PathLike, out_dir: str | PathLike
-) -> "Particle":
+def write_particle(config: Mapping[str, Any], berry_json: str | PathLike, out_dir: str | PathLike) -> "Particle":
     """Write the configuration's particle; `berry_json` is a file of `write_berry`."""
     from repose.particle import build
 

@@ -20,9 +20,7 @@ SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its sa
     example="results/heaps --samples results/design/samples.csv --out results",
     out="results",
     options=[
-        Option(
-            "jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote, or their folder"
-        ),
+        Option("jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote, or their folder"),
         SAMPLES.but(help="the design"),
         Option("--prefix", default="", help="put before the names of the tables"),
     ],
@@ -86,11 +84,7 @@ def solutions(args: argparse.Namespace, study: "Study") -> None:
     validate.write_solutions(args.feasible, study.parameters, study.targets, count, out)
 
 
-@verb(
-    "list the published parameter sets to simulate",
-    example="--out results/validation",
-    out="results/validation",
-)
+@verb("list the published parameter sets to simulate", example="--out results/validation", out="results/validation")
 def published_solutions(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
@@ -112,14 +106,9 @@ def published_sets(args: argparse.Namespace, study: "Study") -> None:
     jobs = [Path(job) for job in args.jobs]
     outdated = stands_on.outdated(study.config, [*jobs, *(job.with_suffix(".pours.json") for job in jobs)])
     if outdated:
-        raise InputError(
-            outdated[0], "provenance", "another", f"runs by this engine as {args.config} asks for"
-        )
+        raise InputError(outdated[0], "provenance", "another", f"runs by this engine as {args.config} asks for")
     engine = (provenance.current() or {}).get("engine")
-    by, out = (
-        {"engine": engine, "scene": stands_on.scene(study.config)},
-        Path(args.out) / "published_sets.csv",
-    )
+    by, out = ({"engine": engine, "scene": stands_on.scene(study.config)}, Path(args.out) / "published_sets.csv")
     published, names = _published(args, study), study.parameters.names
     validate.write_published_sets(published, args.jobs, study.targets, names, by, out)
 

@@ -21,11 +21,7 @@ MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representati
     example="show results/card.json",
     config=False,
     options=[
-        Option(
-            "action",
-            choices=("show", "compare", "check"),
-            help="show FILE, compare FILE OTHER, or check FILE",
-        ),
+        Option("action", choices=("show", "compare", "check"), help="show FILE, compare FILE OTHER, or check FILE"),
         # cards of different engines may be compared
         Option("cards", nargs="+", help="card.json of a finished study", recorded=False),
     ],
@@ -53,13 +49,9 @@ def card(args: argparse.Namespace) -> int:
         Option("--particle", default="results/berry/particle.json", help="file of the verb shape"),
         FEASIBLE,
         Option("--summary", default=MIGA, help="file of the verb miga: the answer"),
-        Option(
-            "--representative", default=VALIDATION, help="file of the verb validate: the check of the answer"
-        ),
+        Option("--representative", default=VALIDATION, help="file of the verb validate: the check of the answer"),
         Option("--table4", help="table4.csv beside it: its piles by every definition of the angle"),
-        Option(
-            "--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"
-        ),
+        Option("--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"),
         Option("--draws", help="draws.csv of the same posterior"),
         Option("--dataset", help="dataset.csv of the study's design: what angles its piles have"),
     ],

@@ -113,10 +113,7 @@ def _about(study: "Study") -> Iterator[str]:
     if section["stl"] is not None and section["mass_g"] is not None:
         mass_g = 1e3 * particle.mass_kg
         yield f"mass: WARNING: berry.mass_g is not used beside berry.stl, whose grain has {mass_g:.3g} g"
-    if section["compression"] is not None and None not in (
-        section["shear_modulus_pa"],
-        section["poisson_ratio"],
-    ):
+    if section["compression"] is not None and None not in (section["shear_modulus_pa"], section["poisson_ratio"]):
         yield "moduli: WARNING: berry.compression is not used beside berry.shear_modulus_pa and berry.poisson_ratio"
 
 
@@ -161,9 +158,7 @@ def about_step(step_s: float, limit: "Limit") -> str:
     from repose.config import computed
 
     advised = computed.advised_step_s(limit.time_step_s)
-    saved = (
-        f"; with {advised:g} a run takes {step_s / advised:.2g} of the time" if advised > FAR * step_s else ""
-    )
+    saved = f"; with {advised:g} a run takes {step_s / advised:.2g} of the time" if advised > FAR * step_s else ""
     return f"time step: simulation.time_step_s is {step_s:g} s, {limit.allowed}{saved}"
 
 
@@ -188,10 +183,7 @@ def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
     example="--config config/fast.yaml",
     study=_load_or_propose,
     options=[
-        Option(
-            "--runs",
-            help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)",
-        )
+        Option("--runs", help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)")
     ],
 )
 def plan(args: argparse.Namespace, study: "Study") -> None:
@@ -217,10 +209,7 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
         shares = (f"within_{percent:g}_percent" for percent in plan.TOLERANCES)
         chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
         print(f"{row['pours']:>7} {chances}")
-    print(
-        "by simulated calibrations with known answers and six free parameters: `repose docs sequential`",
-        flush=True,
-    )
+    print("by simulated calibrations with known answers and six free parameters: `repose docs sequential`", flush=True)
     measured = _berry_step_s(config, study.grain, study.particle)
     print(*_costs(config, result.budgets["pours"], measured), sep="\n")
 
@@ -257,9 +246,7 @@ def _berry_step_s(config, berry, particle):
     """Time of a step of a grain on this machine, with a message about the minute or two of the first time."""
     from repose.config import cost
 
-    sentence = (
-        "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core"
-    )
+    sentence = "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core"
     with elapsed_seconds_shown(sentence):
         return cost.measured_berry_step_s(config, berry, particle)
 

@@ -22,15 +22,9 @@ if TYPE_CHECKING:
     options=[
         Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
         Option("--stl", help="the mesh file to build; with --axes and --mass-g", recorded=False),
-        Option(
-            "--mass-g",
-            type=float,
-            help="mass of the berry to build in g; it determines how full the shape is",
-        ),
+        Option("--mass-g", type=float, help="mass of the berry to build in g; it determines how full the shape is"),
         Option("--density", type=float, help="its density in kg/m3 (the configuration's)"),
-        Option(
-            "--taper", type=float, default=0.0, help="widening at one end, as a fraction of the width (0)"
-        ),
+        Option("--taper", type=float, default=0.0, help="widening at one end, as a fraction of the width (0)"),
         Option("--wrinkles", type=int, default=0, help="number of grooves along the berry (0)"),
         Option("--wrinkle-depth-mm", type=float, default=0.0, help="depth of the grooves in mm (0)"),
     ],
@@ -57,9 +51,7 @@ def _build(args: argparse.Namespace) -> None:
     write_bytes(args.stl, stl)
     share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
     m, k = mesh_from_axes.profile_exponents(number)
-    print(
-        f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}"
-    )
+    print(f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}")
 
 
 @verb(

@@ -28,9 +28,7 @@ SIZES = "sizes.csv"  # of a crop's folder
     config=False,
     options=[
         Option("pictures", nargs="+", help="side views of piles, one or many: PNG, JPEG, TIFF or BMP"),
-        Option(
-            "--square-mm", type=float, default=20.0, help="squares of the printed sheet, as measured (20)"
-        ),
+        Option("--square-mm", type=float, default=20.0, help="squares of the printed sheet, as measured (20)"),
         Option("--lens", nargs="+", default=[], help="photographs of the sheet alone, by the same camera"),
         Option("--mm-per-pixel", type=float, help="scale, where no sheet is in the photographs"),
         Option(
@@ -42,9 +40,7 @@ SIZES = "sizes.csv"  # of a crop's folder
         ),
         Option("--base-row", type=float, help="row of the plate in pixels from the top, without the sheet"),
         Option(
-            "--grain-mm",
-            type=float,
-            help="height of a grain, for the secant (from the sizes of --config or sizes.csv)",
+            "--grain-mm", type=float, help="height of a grain, for the secant (from the sizes of --config or sizes.csv)"
         ),
         Option(
             "--configfile",
@@ -125,9 +121,7 @@ def _measure_apparatus(args, pictures, overlays, how):
     from repose.measure.photograph_tables import as_record, write_tables
 
     if args.config is None:
-        raise InputError(
-            "command line", "--config", None, f"a study, whose section {args.bench} has the measures"
-        )
+        raise InputError("command line", "--config", None, f"a study, whose section {args.bench} has the measures")
     settings, out = SceneSettings(load(args).config), Path(args.out)
     section(settings.config, args.bench)
     results = photographs.measure_all(pictures, args.points or (), settings, args.bench, how)
@@ -135,9 +129,7 @@ def _measure_apparatus(args, pictures, overlays, how):
         write_image(overlay, photographs.stacked(seen.views))
     if all(seen.refused for seen in results):
         raise_together(
-            InputError(
-                seen.path, args.bench, seen.refused, "a bed with a surface that differs from its background"
-            )
+            InputError(seen.path, args.bench, seen.refused, "a bed with a surface that differs from its background")
             for seen in results
         )
     made = photographs.tables(results, args.bench)
@@ -246,12 +238,7 @@ def silhouette(args: argparse.Namespace, study: "Study") -> None:
     out="measured.json",
     options=[
         Option("picture", help="file of the verb silhouette"),
-        Option(
-            "--overlay",
-            default="overlay.png",
-            help="picture with the fitted lines (overlay.png)",
-            recorded=False,
-        ),
+        Option("--overlay", default="overlay.png", help="picture with the fitted lines (overlay.png)", recorded=False),
         BERRY,
     ],
 )
@@ -266,8 +253,6 @@ def measure_silhouette(args: argparse.Namespace, study: "Study") -> None:
     try:
         measured = pile.measure_image(image, how.mm_per_pixel, how)
     except pile.NoFlankError as error:
-        raise InputError(
-            args.picture, "pile", str(error), "a pile with two flanks, seen from the side"
-        ) from None
+        raise InputError(args.picture, "pile", str(error), "a pile with two flanks, seen from the side") from None
     write_image(args.overlay, drawing.overlay(image, measured))
     write_json(args.out, measured.record())

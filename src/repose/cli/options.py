@@ -7,9 +7,7 @@ from repose.cli.registry import Option
 from repose.core.errors import InputError
 
 BERRY = Option("--berry", default="results/berry/berry.json", help="file of the verb berry")
-SAMPLES = Option(
-    "--samples", default="results/design/samples.csv", help="file of the verb design", recorded=False
-)
+SAMPLES = Option("--samples", default="results/design/samples.csv", help="file of the verb design", recorded=False)
 DATASET = Option("--dataset", default="results/dataset.csv", help="file of the verb dataset")
 RUNS = Option("--runs", default="results/runs.csv", help="file of the verb dataset: single runs")
 NETWORK = Option("--network", default="results/network/network.json", help="file of the verb network")
@@ -20,8 +18,7 @@ JSON = Option("--json", action="store_true", help="print as JSON")
 def file_options(files: Mapping[str, str], prefix: str = "") -> list[Option]:
     """An option for each file: names with underscores, their default paths; `prefix` begins the help."""
     return [
-        Option(f"--{name.replace('_', '-')}", default=path, help=f"{prefix}({path})")
-        for name, path in files.items()
+        Option(f"--{name.replace('_', '-')}", default=path, help=f"{prefix}({path})") for name, path in files.items()
     ]
 
 

@@ -73,9 +73,7 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     example=f"--runs {FOLDER}/runs.csv --config own.yaml --out {FOLDER}/next.csv",
     out=f"{FOLDER}/next.csv",
     study=_study,
-    options=[
-        Option("--runs", default=f"{FOLDER}/runs.csv", help="the record; where it is missing, the start")
-    ],
+    options=[Option("--runs", default=f"{FOLDER}/runs.csv", help="the record; where it is missing, the start")],
 )
 def ask(args: argparse.Namespace, study: "Study") -> None:
     from repose.core.files import write_table

@@ -22,11 +22,7 @@ PARAMETER_SET = (
         "a parameter without --set takes the centre of its range",
     ),
     # the parameter set is written into the results themselves
-    Option(
-        "--samples",
-        help="CSV with a column sample and a column per parameter, instead of --set",
-        recorded=False,
-    ),
+    Option("--samples", help="CSV with a column sample and a column per parameter, instead of --set", recorded=False),
     Option("--sample", type=int, help="number in the column sample; the files are named by it"),
 )
 
@@ -42,12 +38,7 @@ def _purpose(word):
 
 SEED = Option("--seed", type=int, action="append", help="seed of a run (1); may be given several times")
 STUDY_SEEDS = (
-    Option(
-        "--seeds",
-        type=int,
-        metavar="N",
-        help="the study's own first N seeds of this sample, instead of --seed",
-    ),
+    Option("--seeds", type=int, metavar="N", help="the study's own first N seeds of this sample, instead of --seed"),
     Option(
         "--purpose",
         type=_purpose,

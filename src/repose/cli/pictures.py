@@ -45,9 +45,7 @@ def film(args: argparse.Namespace, study: "Study") -> None:
     config, particle = study.config, Particle.load(args.particle)
     frames = SMALL_FILM if config["small_run"] else FILM
     if args.drum:
-        film.animate_drum(
-            args.trajectory, particle, args.out, config["drum"], frames=frames, colour=config["colour"]
-        )
+        film.animate_drum(args.trajectory, particle, args.out, config["drum"], frames=frames, colour=config["colour"])
         return
     walls = scenery.funnel_walls(config["funnel"])
     film.animate_pour(args.trajectory, particle, args.out, walls, frames=frames, colour=config["colour"])
@@ -60,9 +58,7 @@ def film(args: argparse.Namespace, study: "Study") -> None:
     options=[
         Option("jobs", nargs="*", help="measured runs of the answer, one .json file for each bench test"),
         Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file of the study"),
-        Option(
-            "--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"
-        ),
+        Option("--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"),
     ],
 )
 def report(args: argparse.Namespace, study: "Study") -> None:

@@ -54,10 +54,7 @@ class _Job(NamedTuple):
 @verb(
     "compile the engine for a study's particle, so that runs that start together do not each compile it",
     example="--config config/quick.yaml",
-    options=[
-        *BERRY_AND_PARTICLE,
-        Option("--cores", type=int, default=1, help="compile on one core or on two (1)"),
-    ],
+    options=[*BERRY_AND_PARTICLE, Option("--cores", type=int, default=1, help="compile on one core or on two (1)")],
 )
 def warm_up(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import Scene, warm_up
@@ -128,9 +125,7 @@ def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> _Job:
     def progress(seed: int) -> "AbstractContextManager[Callable[[float], object]]":
         return display(0.0, end, step, label=f"seed {seed}")
 
-    name = (
-        f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus)
-    )
+    name = f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus)
     scene = Scene.of(study.config, values, berry_of, particle)
     return _Job(test, scene, name, seeds, args.out, args.trajectory, progress)
 
@@ -176,10 +171,7 @@ def measure_runs(args: argparse.Namespace, study: "Study") -> None:
     "fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement",
     example="--set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try",
     out="results/try",
-    options=[
-        *SIMULATION,
-        JSON.but(help="print the measured runs as JSON"),
-    ],
+    options=[*SIMULATION, JSON.but(help="print the measured runs as JSON")],
     runs="made",
 )
 def drum(args: argparse.Namespace, study: "Study") -> None:

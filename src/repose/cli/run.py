@@ -88,8 +88,7 @@ def snakemake_arguments(args: argparse.Namespace) -> list[str]:
     own |= {"--snakefile": [args.snakefile or str(places.root() / "Snakefile")]}
     ours = [word for option, values in own.items() if values for word in (option, *values)]
     rest = [
-        str(places.find(word)) if option in PROFILE_OPTIONS else word
-        for option, word in pairwise(["", *args.rest])
+        str(places.find(word)) if option in PROFILE_OPTIONS else word for option, word in pairwise(["", *args.rest])
     ]
     return [*ours, *rest]  # the last of ours takes one value: a target that follows is none of a list
 
@@ -177,9 +176,7 @@ def catalogue(files: list[str]) -> str:
             cost.SENTENCES, f"cost: once {incomplete} is complete; `repose check` lists the missing keys"
         )
     lines = [f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{costs[target]}" for target in cost.SENTENCES]
-    return "\n".join(
-        [f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines]
-    )
+    return "\n".join([f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines])
 
 
 def _cost_of(config):
@@ -198,6 +195,5 @@ def _cost_of(config):
 def _given(words, options):
     """Whether one of the options is among the words, alone, with =VALUE or, where it is short, with its value."""
     return any(
-        word.partition("=")[0] in options or (word[:2] in options and not word.startswith("--"))
-        for word in words
+        word.partition("=")[0] in options or (word[:2] in options and not word.startswith("--")) for word in words
     )

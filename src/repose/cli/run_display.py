@@ -86,9 +86,7 @@ class Running:
         if not self.output.endswith(POURS):
             return 0
         job = Path(self.output.removesuffix(POURS))
-        timed = (
-            job.parent / "timings" / f"{job.name}.json"
-        )  # written when all are made; then none is kept by itself
+        timed = job.parent / "timings" / f"{job.name}.json"  # written when all are made; then none is kept by itself
         if timed.is_file() and timed.stat().st_mtime >= self.began_s:
             return len(read_json(timed, ("wall_s",))["wall_s"])
         kept = (job.parent / "runs").glob(f"{job.name}_*.npz")
@@ -310,9 +308,7 @@ class LogHandler(LogHandlerBase):
             done, planned = self.progress.done, self.progress.planned
             stages = (job.rule for job in self.progress.running.values())
             stage = next(filter(_pours, stages), self.stage)
-            counts = (
-                f"{stage} {done[stage]} of {planned[stage]}, all {done.total()} of {planned.total()} jobs"
-            )
+            counts = f"{stage} {done[stage]} of {planned[stage]}, all {done.total()} of {planned.total()} jobs"
             yield Text("; ".join(filter(None, (counts, ", ".join(self._facts(now))))))
 
     def _facts(self, now_s: float) -> Iterator[str]:

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 
 @verb(
-    "measure the speed: microseconds per step and seconds per pour, "
-    "with a reference for the speed of the machine",
+    "measure the speed: microseconds per step and seconds per pour, with a reference for the speed of the machine",
     example="--json",
     options=[JSON],
 )
@@ -49,9 +48,7 @@ def verify(args: argparse.Namespace, study: "Study") -> int:
     laws = SimulationSettings.of(study.config).laws
     print("laws: " + ", ".join(laws.values()), flush=True)
     effort = verification.Effort(hits=args.hits, laws=laws)
-    results = verification.run(
-        args.case, effort, lambda name, rows: print(_case_line(name, rows), flush=True)
-    )
+    results = verification.run(args.case, effort, lambda name, rows: print(_case_line(name, rows), flush=True))
     table = Path(args.out) / "verification.csv"
     verification.write(results, table)
     print(table)

@@ -25,9 +25,7 @@ def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") 
         note_built_in_crop(args.config)
 
 
-def recorded(
-    args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
-) -> AbstractContextManager[None]:
+def recorded(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> AbstractContextManager[None]:
     """The record of a verb with its options in every file that is written meanwhile."""
     strategy = getattr(args, "strategy", None)
 

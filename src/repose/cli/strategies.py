@@ -16,10 +16,7 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
     "list the samples that a strategy simulates after the batches so far, or those of its answer, and say why",
     example=f"sequential {FOLDER}/batch_0 --out {FOLDER}/batch_1",
     out=f"{FOLDER}/batch_0",
-    options=[
-        STRATEGY,
-        Option("batches", nargs="*", help="folders of all batches so far: dataset.csv and runs.csv"),
-    ],
+    options=[STRATEGY, Option("batches", nargs="*", help="folders of all batches so far: dataset.csv and runs.csv")],
 )
 def propose(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies import batches
@@ -34,11 +31,7 @@ def propose(args: argparse.Namespace, study: "Study") -> None:
     out=FOLDER,
     options=[
         STRATEGY,
-        Option(
-            "batches",
-            nargs="+",
-            help="folders of all batches, and last of the answer, with its proposal.json",
-        ),
+        Option("batches", nargs="+", help="folders of all batches, and last of the answer, with its proposal.json"),
     ],
 )
 def conclude(args: argparse.Namespace, study: "Study") -> None:

@@ -129,9 +129,7 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
             return sentence, True
         return f"WARNING: {sentence}; poured grains take {low:g} to {high:g} deg", False
     cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
-    fits = (
-        1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR
-    )  # `repose.apparatus.reach` judges the pair itself
+    fits = 1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR  # `repose.apparatus.reach` judges the pair itself
     return f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}", fits
 
 
@@ -142,9 +140,7 @@ def needed_grains(config: Config, grain_m3: float) -> int:
         return grains
     low, high = SLOPES_DEG if angle is None else (angle, angle)
     fewest, most = (
-        math.ceil(
-            PACKING * math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(slope)) ** 2) / grain_m3
-        )
+        math.ceil(PACKING * math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(slope)) ** 2) / grain_m3)
         for slope in (high, low)
     )
     return min(max(grains, fewest), most)

@@ -35,9 +35,7 @@ def configfiles(words: Sequence[str]) -> list[str]:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--configfile", "--configfiles", nargs="+", action="extend", default=[])
     paths = parser.parse_known_args(list(words))[0].configfile
-    return [
-        path for path in paths if Path(path).suffix in (".yaml", ".yml", ".json")
-    ]  # the others are targets
+    return [path for path in paths if Path(path).suffix in (".yaml", ".yml", ".json")]  # the others are targets
 
 
 class Call:
@@ -81,9 +79,7 @@ class Call:
             results_folder.pattern_of(outputs).fullmatch, map(str, Path(folder).glob("*/batch_*/**/*.json"))
         )
         paths = [path for path in (*chain, *batches) if os.path.exists(path)]
-        outdated = stands_on.outdated(
-            study.config, (path for path in paths if os.stat(path).st_mtime < born_s)
-        )
+        outdated = stands_on.outdated(study.config, (path for path in paths if os.stat(path).st_mtime < born_s))
         if outdated and not {"--forceall", "-F"} & set(self.words):
             print_fault(
                 f"{outdated[0]} and {len(outdated) - 1} more results were made with other settings or by another"

@@ -131,9 +131,7 @@ def _duration_s(config, berry, particle):
     bulk = PACKING * berry["density_kg_m3"]
     running = 0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
     rate = min(funnel["rate_per_s"], running or math.inf)
-    section = SceneSettings(config | {"funnel": funnel | {"duration_s": AUTO}}).section(
-        "funnel", FunnelSettings
-    )
+    section = SceneSettings(config | {"funnel": funnel | {"duration_s": AUTO}}).section("funnel", FunnelSettings)
     height = max(section.funnel.inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
     fall = math.sqrt(2 * height / gravity)
     return math.ceil(10 * (funnel["berries"] / rate + fall + REST_S)) / 10

@@ -18,9 +18,7 @@ Pairs = Iterator[tuple[str, str]]
 class Rule(NamedTuple):
     """A rule between sections."""
 
-    reads: tuple[
-        str, ...
-    ]  # sections, and keys outside sections; the rule is applied if none of them has a fault
+    reads: tuple[str, ...]  # sections, and keys outside sections; the rule is applied if none of them has a fault
     faults: Callable[[Mapping[str, Any]], Pairs]  # faults(config) yields (dotted key, allowed values)
 
 
@@ -65,10 +63,7 @@ def _of_the_surrogate(config):
 def _of_the_validation(config):
     """Fewer validation samples than show the noise of all targets."""
     network, targets = config["network"], len(config["targets"])
-    if (
-        network["validation_noise"]
-        and int(network["split"][1] * config["design"]["samples"] + 1e-9) <= targets
-    ):
+    if network["validation_noise"] and int(network["split"][1] * config["design"]["samples"] + 1e-9) <= targets:
         more = f"a second share that leaves more than {targets} validation samples"
         yield "network.split", f"{more}, or network.validation_noise: false"
 
@@ -120,7 +115,4 @@ def _of_targets(config):
 
 
 # Rules that are applied before any `auto` is computed, since a time step needs the constants of the contact law.
-BEFORE_NUMBERS = (
-    Rule(("targets",), _of_targets),
-    Rule(("parameters", "simulation"), _of_the_contact_law),
-)
+BEFORE_NUMBERS = (Rule(("targets",), _of_targets), Rule(("parameters", "simulation"), _of_the_contact_law))

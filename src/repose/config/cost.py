@@ -64,12 +64,7 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
 
     steps = TIMED_S / SimulationSettings.of(config).time_step_s
     grains = max(FEWEST_TIMED, min(config["funnel"]["berries"], round(TIMED_STEPS / steps)))
-    pour = {
-        "berries": grains,
-        "rate_per_s": 4 * grains / TIMED_S,
-        "duration_s": TIMED_S + 1.0,
-        "rest_window_s": 0.5,
-    }
+    pour = {"berries": grains, "rate_per_s": 4 * grains / TIMED_S, "duration_s": TIMED_S + 1.0, "rest_window_s": 0.5}
     small = {**config, "funnel": {**config["funnel"], **pour}}
     values = ParameterSpace.of(config["parameters"]).centre
     times_s = []
@@ -83,9 +78,7 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
 
 
 def work(
-    config: Mapping[str, Any],
-    berry_step_s: float = SECONDS_A_BERRY_STEP,
-    pours: Pours | None = None,
+    config: Mapping[str, Any], berry_step_s: float = SECONDS_A_BERRY_STEP, pours: Pours | None = None
 ) -> dict[str, Any]:
     """Cost of a study: `pours` of the funnel, `pour_s` of one of them, and `total_s` of the whole study on one core.
 
@@ -100,9 +93,7 @@ def work(
 
     if pours is not None:
         total_s = sum(
-            sets * (JOB_START_S + seeds * runs_s(name))
-            for name in targets.apparatus
-            for _, sets, seeds in pours
+            sets * (JOB_START_S + seeds * runs_s(name)) for name in targets.apparatus for _, sets, seeds in pours
         )
         return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
     funnel, validation = config["funnel"], config["validation"]

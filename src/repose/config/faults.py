@@ -148,9 +148,7 @@ def _errors(config: Any, model: type[Section]) -> list[_Error]:
     try:
         model.model_validate(config)
     except ValidationError as error:
-        errors = [
-            _error(fault, _schema(model)) for fault in error.errors(include_url=False, include_input=False)
-        ]
+        errors = [_error(fault, _schema(model)) for fault in error.errors(include_url=False, include_input=False)]
         inside = {fault.path[0] for fault in errors if len(fault.path) > 1}
         # a list is also too short where all its entries have faults
         errors = [fault for fault in errors if fault.type != "too_short" or inside.isdisjoint(fault.path)]
@@ -170,17 +168,10 @@ def _error(error, whole):
     rest = place[len(path) :]
     unknown = error["type"] in UNKNOWN and len(rest) == 1
     of_the_value = bool(rest) and not unknown
-    return _Error(
-        "value" if of_the_value else error["type"],
-        path,
-        rest[0] if unknown else None,
-        error.get("ctx", {}),
-    )
+    return _Error("value" if of_the_value else error["type"], path, rest[0] if unknown else None, error.get("ctx", {}))
 
 
-def _faults(
-    errors: list[_Error], config: Any, source: str | Origin, model: type[Section]
-) -> Iterator[InputError]:
+def _faults(errors: list[_Error], config: Any, source: str | Origin, model: type[Section]) -> Iterator[InputError]:
     """The errors as faults; a missing range is no fault where a number from which it follows is wrong."""
     numbers = [error.path for error in errors if error.path[-1:] in (["value"], ["sd"], ["repetitions"])]
     meant = {".".join([*path[:-1], "range"]) for path in numbers if path[:1] == ["targets"]}

@@ -79,9 +79,7 @@ def _as_in_files(value, name, files, origin, otherwise):
     """The values that snakemake gives, as the files have them; notes in `origin` the last file of each key."""
     if isinstance(value, Mapping):
         prefix = f"{name}." if name else ""
-        inside = {
-            key: _as_in_files(one, f"{prefix}{key}", files, origin, otherwise) for key, one in value.items()
-        }
+        inside = {key: _as_in_files(one, f"{prefix}{key}", files, origin, otherwise) for key, one in value.items()}
         having = [path for path, content in files if isinstance(_at(content, name), dict)]
         origin[name] = having[-1] if having else otherwise
         return inside
@@ -102,9 +100,7 @@ def _at(content, name):
     return content
 
 
-def layers(
-    files: Sequence[str | os.PathLike], read: Read = read, *more: Mapping[str, Any]
-) -> list[str | os.PathLike]:
+def layers(files: Sequence[str | os.PathLike], read: Read = read, *more: Mapping[str, Any]) -> list[str | os.PathLike]:
     """The defaults, then the given files of a configuration, each to be read over the one before it.
 
     The built-in crop is a default only if no other file, and none of `more`, defines a crop: no crop takes numbers of

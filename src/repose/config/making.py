@@ -23,9 +23,7 @@ STEP = ("simulation", "wall", "parameters", "validation")
 Result = TypeVar("Result")
 
 
-def unstable(
-    config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]
-) -> Iterator[tuple[str, str]]:
+def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """A time step that the engine would refuse, as (key, allowed values); `mean` is the result of the verb `berry`."""
     limit = computed.longest_step(config, particle, mean)
     if SimulationSettings.of(config).time_step_s > limit.time_step_s:

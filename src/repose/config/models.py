@@ -161,10 +161,7 @@ def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
             mean, reach = given.prior.mean, PRIOR_WIDTHS * given.prior.sd
             if mean + reach < given.range[0] or mean - reach > given.range[1]:
                 low, high = mean - reach, mean + reach
-                yield (
-                    name,
-                    f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior",
-                )
+                yield (name, f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior")
 
 
 def _described(low, high):
@@ -238,9 +235,7 @@ def _of_the_law(constant):
     return Annotated[Any, _described(*ends), _Parameter(*ends)]
 
 
-_further: dict[str, Any] = {
-    name: (_of_the_law(further.constant), ABSENT) for name, further in FURTHER.items()
-}
+_further: dict[str, Any] = {name: (_of_the_law(further.constant), ABSENT) for name, further in FURTHER.items()}
 Parameters = create_model("Parameters", __base__=_SixParameters, **_further)
 
 
@@ -319,10 +314,7 @@ class Target(Section):
         if low < limits.low or high > limits.high:
             written = (low, high) != range_about(self.value, self.sd, self.repetitions)
             if not written and self.sd / math.sqrt(self.repetitions) > LEAST_RANGE * abs(self.value):
-                yield (
-                    "sd",
-                    f"so small that the mean with its standard error, {low:g} to {high:g}, lies {within}",
-                )
+                yield ("sd", f"so small that the mean with its standard error, {low:g} to {high:g}, lies {within}")
             else:
                 yield "range", f"a pair [low, high] {within}"
             return

@@ -46,9 +46,7 @@ class OwnTarget(Section):
     value: Value
     sd: Size
     repetitions: int = Field(ge=1, le=10_000)
-    range: Annotated[
-        tuple[Value, Value], Field(strict=False, description="a pair [low, high] of numbers")
-    ] = ABSENT
+    range: Annotated[tuple[Value, Value], Field(strict=False, description="a pair [low, high] of numbers")] = ABSENT
     unit: Line = ""
     definition: Line = ABSENT
     noise_sd: Annotated[float, Field(gt=0, le=LARGEST)] = ABSENT
@@ -108,9 +106,7 @@ class OwnSettings(Section):
     label: Line
     seed: int = Field(ge=0, le=2**31 - 1)
     parameters: dict[str, ParameterOfAnySize] = Field(description="a section with a range for each parameter")
-    targets: dict[str, OwnTarget] = Field(
-        description="a section with value, sd and repetitions for each response"
-    )
+    targets: dict[str, OwnTarget] = Field(description="a section with value, sd and repetitions for each response")
     strategy: StrategyName
     seeds: int = Field(ge=1, le=1000)
     surrogate: SurrogateName
@@ -143,10 +139,7 @@ def _bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Names that no column of the table of runs may have."""
     for name in names:
         if name in RESERVED or name != name.strip() or not name or not name.isprintable():
-            yield (
-                name,
-                f"another name: one line of text without spaces around it, and none of {', '.join(RESERVED)}",
-            )
+            yield (name, f"another name: one line of text without spaces around it, and none of {', '.join(RESERVED)}")
 
 
 @cache

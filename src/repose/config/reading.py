@@ -42,9 +42,7 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise InputError(
-            path, "file", error.strerror, "an existing YAML or JSON file that may be read"
-        ) from None
+        raise InputError(path, "file", error.strerror, "an existing YAML or JSON file that may be read") from None
     except UnicodeDecodeError:
         raise InputError(path, "file", "not text", "a YAML or JSON file in UTF-8") from None
     content = parse(text, str(path))

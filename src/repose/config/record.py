@@ -104,14 +104,10 @@ class Record:
             first = asked.groupby("sample")["run"].min()
             number = table.groupby("sample").cumcount()
             table = table.assign(run=number + table["sample"].map(first).fillna(1).astype(int))
-        wanted, given = (
-            pd.MultiIndex.from_frame(one[["sample", "run"]].astype(str)) for one in (asked, table)
-        )
+        wanted, given = (pd.MultiIndex.from_frame(one[["sample", "run"]].astype(str)) for one in (asked, table))
         off = sorted(set(given) - set(wanted)) or sorted(given[given.duplicated()])
         if off:
-            allowed = (
-                f"one of the {len(asked)} runs that `ask` gave, each once; a failed run has NaN as responses"
-            )
+            allowed = f"one of the {len(asked)} runs that `ask` gave, each once; a failed run has NaN as responses"
             raise InputError(SOURCE, "sample and run", list(off[0]), allowed)
         row = wanted.get_indexer(given)
         found = asked.iloc[row].reset_index(drop=True)

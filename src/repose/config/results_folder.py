@@ -35,10 +35,7 @@ CHANGED = (
     *("content", "something else"),
     "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
 )
-FOREIGN = (
-    *("file", "there already"),
-    "a file that repose wrote; a result of the study has this name: move yours away",
-)
+FOREIGN = (*("file", "there already"), "a file that repose wrote; a result of the study has this name: move yours away")
 Faults = Iterator[tuple[str, str]]
 
 
@@ -50,10 +47,7 @@ def contradictions(results_dir: str) -> Faults:
     around = {*roots, Path.home()}
     inside = any(folder.is_relative_to(own) for own in (*kept, places.PACKAGE))
     if inside or any(path.is_relative_to(folder) for path in around):
-        yield (
-            "results_dir",
-            f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}",
-        )
+        yield ("results_dir", f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}")
 
 
 def existing_results(results_dir: str) -> Faults:
@@ -92,9 +86,7 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     is_ours, is_result = pattern_of({*WITHOUT_RESULTS, *below}).fullmatch, pattern_of(outputs).fullmatch
     names = sorted(filter(is_ours, os.listdir(results_dir)))
     if names and not _is_a_study(Path(results_dir)):
-        allowed = (
-            f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
-        )
+        allowed = f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
         raise InputError("configuration", "results_dir", results_dir, allowed)
     faults: dict[str, tuple[str, str, str]] = {}
     places: list[tuple[str, Sequence[str]]] = [(results_dir, names)]

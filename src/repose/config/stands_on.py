@@ -113,17 +113,11 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
     own = [target for target in config["targets"] if apparatus in (None, target["apparatus"])]
     kept = {target["profile"]["name"]: target["profile"] for target in own if "profile" in target}
     profiles = {name: {key: profile[key] for key in profile if key != "z"} for name, profile in kept.items()}
-    return {"responses": [target["response"] for target in own]} | (
-        {"profiles": profiles} if profiles else {}
-    )
+    return {"responses": [target["response"] for target in own]} | ({"profiles": profiles} if profiles else {})
 
 
 def settings_of(
-    config: Config,
-    verb: str,
-    apparatus: str | None = None,
-    berry_is_made: bool = False,
-    name: str | None = None,
+    config: Config, verb: str, apparatus: str | None = None, berry_is_made: bool = False, name: str | None = None
 ) -> dict[str, Any]:
     """Settings that the stage of a verb reads, with the content of files in place of their paths.
 

@@ -137,9 +137,7 @@ class Study:
         return cls.own(_settings_of(file), file)
 
     @classmethod
-    def own(
-        cls, content: str | os.PathLike | Mapping[str, Any], file: str | os.PathLike | None = None
-    ) -> "Study":
+    def own(cls, content: str | os.PathLike | Mapping[str, Any], file: str | os.PathLike | None = None) -> "Study":
         """The study of a configuration with the key `simulator` (docs/own_simulator.md).
 
         Parameters
@@ -168,10 +166,7 @@ class Study:
 
     @classmethod
     def load(
-        cls,
-        *files: str | os.PathLike,
-        overrides: Mapping[str, Any] | None = None,
-        inputs: bool = False,
+        cls, *files: str | os.PathLike, overrides: Mapping[str, Any] | None = None, inputs: bool = False
     ) -> "Study":
         """A study of configuration files, with each `auto` computed, and checked.
 
@@ -308,9 +303,7 @@ class Study:
             if test.name in self.targets.apparatus
             for response in (*test.responses, *test.target_responses(self.config))
         }
-        kept = {
-            target["response"]: target["profile"] for target in self.config["targets"] if "profile" in target
-        }
+        kept = {target["response"]: target["profile"] for target in self.config["targets"] if "profile" in target}
         for name, profile in kept.items():
             found[name] |= {"profile": {key: profile[key] for key in profile if key != "z"}}
         return found
@@ -534,6 +527,4 @@ def _keep_settings(given, file):
     plain = json.loads(json_text(given))
     off = sorted(key for key in {*known, *plain} if known.get(key) != plain.get(key))
     if off:
-        raise InputError(
-            path, off[0], known.get(off[0]), f"{plain.get(off[0])}, as asked for; or another file"
-        )
+        raise InputError(path, off[0], known.get(off[0]), f"{plain.get(off[0])}, as asked for; or another file")

@@ -20,10 +20,7 @@ SIDECAR = ".provenance.json"
 PNG = b"\x89PNG\r\n\x1a\n"
 HEADER = 33  # bytes of a PNG's signature and first chunk
 # A flipped bit may turn on an archive's password or an unknown method, which is a RuntimeError.
-UNREADABLE = (
-    *(OSError, EOFError, ValueError, KeyError, RuntimeError),
-    *(zipfile.BadZipFile, zlib.error, struct.error),
-)
+UNREADABLE = (*(OSError, EOFError, ValueError, KeyError, RuntimeError), *(zipfile.BadZipFile, zlib.error, struct.error))
 
 
 def write_sidecar(path: str | PathLike, record: Mapping[str, Any]) -> None:

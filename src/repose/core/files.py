@@ -75,9 +75,7 @@ def json_text(content: Any, indent: int = 1) -> str:
     return json.dumps(content, indent=indent, default=_plain)
 
 
-def write_table(
-    path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False
-) -> None:
+def write_table(path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False) -> None:
     """Write a table as CSV, in one move; `float_format` as in ``%.6g`` (None: all digits), `index` as first column."""
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
@@ -162,9 +160,7 @@ def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file"
 
 
 def read_json(
-    path: Path_,
-    keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (),
-    what: str = "a JSON file",
+    path: Path_, keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (), what: str = "a JSON file"
 ) -> dict[str, Any]:
     """Read a JSON file that holds a mapping with at least these keys, of these types if `keys` is a mapping."""
     try:

@@ -103,9 +103,7 @@ def _lines(folder):
     lines = os.fsdecode(path.read_bytes()).split("\n")
     complete = frozenset(line for line in lines[:-1] if LINE.match(line))
     if not complete and not all(map(CUT_OFF.fullmatch, lines)):
-        raise InputError(
-            path, "content", "something else", "the list of files that repose wrote in this folder"
-        )
+        raise InputError(path, "content", "something else", "the list of files that repose wrote in this folder")
     return complete
 
 

@@ -35,9 +35,7 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
     mine = (folder / WORKFLOW).open("a+", encoding="utf-8")
     if not _locked(mine, exclusively=True):
         mine.seek(0)
-        raise InputError(
-            folder, "workflow", mine.read() or "running", "one at a time; wait until it has ended"
-        )
+        raise InputError(folder, "workflow", mine.read() or "running", "one at a time; wait until it has ended")
     with (folder / JOBS).open("a", encoding="utf-8") as jobs:
         if not _locked(jobs, exclusively=True):
             message = f"repose: {folder}: waiting until the jobs of a workflow that was killed have ended"
@@ -69,9 +67,7 @@ def exclusive(path: str | os.PathLike) -> Iterator[None]:
     """Hold a file against other processes of this program while it is read, changed and written."""
     beside = Path(path).with_name(f".{Path(path).name}.lock")
     if fcntl is None:
-        print(
-            f"repose: {path}: no locks on this system; one process at a time may add to it", file=sys.stderr
-        )
+        print(f"repose: {path}: no locks on this system; one process at a time may add to it", file=sys.stderr)
         yield
         return
     with beside.open("a+", encoding="utf-8") as file:

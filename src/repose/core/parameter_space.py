@@ -26,10 +26,7 @@ class ParameterSpace:
 
     @classmethod
     def of(
-        cls,
-        section: Mapping[str, Any],
-        source: object = "parameters",
-        names: tuple[str, ...] | None = None,
+        cls, section: Mapping[str, Any], source: object = "parameters", names: tuple[str, ...] | None = None
     ) -> "ParameterSpace":
         """From the section `parameters`; without `names` those are the six and the law's own, in their limits."""
         limits = ALLOWED if names is None else {}
@@ -89,17 +86,12 @@ class ParameterSpace:
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = iter(values.T)
         return np.column_stack(
-            [
-                np.full(len(values), self.fixed[name]) if name in self.fixed else next(columns)
-                for name in self.names
-            ]
+            [np.full(len(values), self.fixed[name]) if name in self.fixed else next(columns) for name in self.names]
         )
 
     def unit(self, values: np.ndarray) -> np.ndarray:
         """Points (n, d) in the unit cube of parameter sets (n, number of names)."""
-        values = np.atleast_2d(np.asarray(values, dtype=float))[
-            :, [self.names.index(name) for name in self.free]
-        ]
+        values = np.atleast_2d(np.asarray(values, dtype=float))[:, [self.names.index(name) for name in self.free]]
         return (values - self.low) / (self.high - self.low)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:

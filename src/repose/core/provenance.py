@@ -114,9 +114,7 @@ def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> N
         engine = record.get("engine")
         if engine and engines.setdefault(engine, path) == path and len(engines) > 1:
             other, where = next(iter(engines.items()))
-            raise InputError(
-                path, "provenance.engine", engine, f"{other}, as in {where}: results of one engine"
-            )
+            raise InputError(path, "provenance.engine", engine, f"{other}, as in {where}: results of one engine")
         if "apparatus" in record:  # runs, which are rows of one table
             kind = (record["verb"], record["apparatus"])
             origin, where = origins.setdefault(kind, (record["origin"], path))

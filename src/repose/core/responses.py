@@ -127,12 +127,8 @@ def responses_of(apparatus: str) -> tuple[Response, ...]:
     return tuple(response for response in _REGISTRY.values() if response.apparatus == apparatus)
 
 
-def require_same_definitions(
-    definitions: Definitions, path: object, expected: Definitions, source: object
-) -> None:
+def require_same_definitions(definitions: Definitions, path: object, expected: Definitions, source: object) -> None:
     """InputError if a response that both files have is defined differently; `path` and `source` are the files."""
     for name in definitions:
         if name in expected and definitions[name] != expected[name]:
-            raise InputError(
-                path, f"definition of {name}", definitions[name], f"{expected[name]}, as in {source}"
-            )
+            raise InputError(path, f"definition of {name}", definitions[name], f"{expected[name]}, as in {source}")

@@ -44,12 +44,7 @@ class Section(BaseModel):
     """A section: all keys known, no value converted; 8.0 is not an integer, true not a number; numbers are finite."""
 
     model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        strict=True,
-        allow_inf_nan=False,
-        defer_build=True,
-        protected_namespaces=(),
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True, protected_namespaces=()
     )
 
     def contradictions(self) -> Contradictions:

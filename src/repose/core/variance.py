@@ -67,9 +67,7 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     number, size, mean = _groups(values, groups)
     k, n = len(size), len(values)
     if k < 2 or n == k:
-        raise ValueError(
-            f"{n} values in {k} groups; allowed: at least two groups, one of them with two values"
-        )
+        raise ValueError(f"{n} values in {k} groups; allowed: at least two groups, one of them with two values")
     residuals = values - mean[number]
     within = float(residuals @ residuals / (n - k))  # MSW
     between_square = float(size @ (mean - values.mean()) ** 2 / (k - 1))  # MSB
@@ -104,9 +102,7 @@ def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray,
     return residuals.T @ residuals / max(freedom, 1), freedom
 
 
-def residual_correlation(
-    first: ArrayLike, second: ArrayLike, groups: ArrayLike
-) -> tuple[float, float, float, int]:
+def residual_correlation(first: ArrayLike, second: ArrayLike, groups: ArrayLike) -> tuple[float, float, float, int]:
     """Correlation of two responses (n,) within samples, its interval (Fisher's transformation), degrees of freedom."""
     from scipy import stats  # half a second at start-up
 

@@ -58,9 +58,7 @@ def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
     """Copies of two corners, the lower one below the upper one in every direction."""
     corners = vector("lower", lower), vector("upper", upper)
     if not np.all(corners[0] < corners[1]):
-        raise ValueError(
-            f"lower is {lower!r}, upper {upper!r}; allowed: lower below upper in every direction"
-        )
+        raise ValueError(f"lower is {lower!r}, upper {upper!r}; allowed: lower below upper in every direction")
     return corners
 
 

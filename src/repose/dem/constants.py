@@ -40,9 +40,7 @@ class Constant(NamedTuple):
 
 
 SURFACE_ENERGY = Constant("surface_energy_j_m2", "gamma", r"\gamma", "J/m2", "surface energy")
-COHESION_ENERGY_DENSITY = Constant(
-    "cohesion_energy_density_j_m3", "k", "k", "J/m3", "cohesion energy density"
-)
+COHESION_ENERGY_DENSITY = Constant("cohesion_energy_density_j_m3", "k", "k", "J/m3", "cohesion energy density")
 PLASTICITY_RATIO = Constant("plasticity_ratio", "plas", r"\lambda", "", "plasticity ratio", 0.0, 0.99)
 # Of the rolling laws that resist spin about the normal; without it mu_t is 3 pi / 16 mu_s.
 TWISTING = Constant("twisting_friction", "mut", r"{\mu_t}", "", "twisting friction")

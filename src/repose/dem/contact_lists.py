@@ -29,8 +29,7 @@ def new_wall_contacts(
     rows = (ct.WALL_STATE if of_clumps else st.WALL_STATE) // st.LANES + n_state
     most = n_planes * capacity + spare, capacity + spare, capacity + spare if n_meshes else 1
     flat, curved, meshed = (
-        st.new_wall_contacts(room, walls, capacity, capacity, rows)
-        for room, walls in zip(most, n_walls, strict=True)
+        st.new_wall_contacts(room, walls, capacity, capacity, rows) for room, walls in zip(most, n_walls, strict=True)
     )
     return flat, curved, meshed
 

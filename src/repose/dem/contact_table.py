@@ -32,9 +32,7 @@ def pairs_of(contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str
         if not set(pair) <= set(materials):
             raise ValueError(f"contacts has {pair!r}; allowed: pairs of {', '.join(materials)}")
         if both.get(pair, contact) != contact:
-            raise ValueError(
-                f"contacts has {pair!r} in both orders; allowed: one of them, or the same for both"
-            )
+            raise ValueError(f"contacts has {pair!r} in both orders; allowed: one of them, or the same for both")
         both[pair] = both[pair[::-1]] = contact
     return both
 

@@ -229,9 +229,7 @@ class Observables:
             np.concatenate([flat, curved, meshed]),
         )
 
-    def _beyond(
-        self, bodies: np.ndarray, normals: np.ndarray, offsets: np.ndarray, spheres: np.ndarray
-    ) -> np.ndarray:
+    def _beyond(self, bodies: np.ndarray, normals: np.ndarray, offsets: np.ndarray, spheres: np.ndarray) -> np.ndarray:
         """Measure how far bodies, or one sphere of each clump, reach (M,) beyond planes with these normals."""
         reach = self._reach(bodies, normals, spheres if self._of_clumps else None)
         return reach + np.sum(normals * self.positions[bodies], axis=1) - offsets
@@ -281,9 +279,7 @@ class Observables:
         copies = [_copy(arrays) for arrays in (self.bodies, self.flat, self.curved, self.meshed, self.clumps)]
         scratch = self._tiles[0].copy(), self._scratches[0].copy()
         physics = self.physics._replace(dt=0.0)
-        add_wall_loads(
-            *copies, walls, self.meshes, self.counts.copy(), physics, *scratch, len(self.grid.cell)
-        )
+        add_wall_loads(*copies, walls, self.meshes, self.counts.copy(), physics, *scratch, len(self.grid.cell))
         loads = {}
         for name, load in zip(names, walls.loads, strict=True):
             loads[name] = WallLoad(load[:3].copy(), load[3:] - np.cross(about, load[:3]))
@@ -339,18 +335,10 @@ class Observables:
         n = self.counts[st.N_MESHED]
         rows = st.contact_rows(self.meshed.data, n)
         wall, feature = (getattr(self.meshed, name)[:n].copy() for name in ("wall", "feature"))
-        return (
-            self._outer[self.meshed.body[:n]],
-            wall,
-            feature,
-            rows[:, :3].copy(),
-            -rows[:, st.GAP // st.LANES],
-        )
+        return (self._outer[self.meshed.body[:n]], wall, feature, rows[:, :3].copy(), -rows[:, st.GAP // st.LANES])
 
 
-def _tangent_planes(
-    walls: st.Walls, wall: np.ndarray, normals: np.ndarray, azimuths: np.ndarray
-) -> np.ndarray:
+def _tangent_planes(walls: st.Walls, wall: np.ndarray, normals: np.ndarray, azimuths: np.ndarray) -> np.ndarray:
     """Compute the offsets (M,) of the tangent planes of cones, tubes and rings where bodies touch them."""
     n_cones = len(walls.cones)
     frames = walls.frames[wall]

@@ -154,9 +154,7 @@ class Simulation(Observables):
         )
         self.threads = threads
 
-    def _choose_laws(
-        self, contact_law: str, rolling_law: str, tension: str, friction_limit: str | None
-    ) -> None:
+    def _choose_laws(self, contact_law: str, rolling_law: str, tension: str, friction_limit: str | None) -> None:
         """Keep the force laws of these names and their options, or ValueError."""
         chosen("tension", tension, TENSIONS)
         if friction_limit is None:
@@ -344,9 +342,7 @@ class Simulation(Observables):
         ValueError
             If there is no such body.
         """
-        number(
-            "body", body, f"an index below {self.n_bodies}", lambda k: 0 <= k < self.n_bodies and k == int(k)
-        )
+        number("body", body, f"an index below {self.n_bodies}", lambda k: 0 <= k < self.n_bodies and k == int(k))
         inner = self._inner[body] if self._shared else body
         row = self.bodies.rows[inner]
         row[st.VELOCITY : st.VELOCITY + 3] = row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = 0.0
@@ -410,9 +406,7 @@ class Simulation(Observables):
     def _grow(self) -> None:
         """Double the lists that are filling up; each in one move, since an interrupt could leave half a list."""
         counts, capacity = self.counts, self.capacity
-        self.pairs = contact_lists.grown_pairs(
-            self.pairs, counts, capacity, self._most_spheres, self._n_state
-        )
+        self.pairs = contact_lists.grown_pairs(self.pairs, counts, capacity, self._most_spheres, self._n_state)
         self.flat = contact_lists.grown_wall_contacts(self.flat, counts[st.N_PLANE], capacity)
         self.curved = contact_lists.grown_wall_contacts(self.curved, counts[st.N_CURVED], capacity)
         meshed = contact_lists.grown_wall_contacts(self.meshed, counts[st.N_MESHED], capacity)

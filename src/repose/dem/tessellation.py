@@ -22,9 +22,7 @@ def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarra
     is made.
     """
     polar, turn = np.meshgrid(
-        np.linspace(0, math.pi, rings + 1),
-        np.linspace(0, 2 * math.pi, sectors, endpoint=False),
-        indexing="ij",
+        np.linspace(0, math.pi, rings + 1), np.linspace(0, 2 * math.pi, sectors, endpoint=False), indexing="ij"
     )
     sphere = np.stack([np.cos(polar), np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn)], axis=-1)
     # Normals are spread evenly over the surface and not over the directions, so a slim body has well resolved tips.
@@ -164,9 +162,7 @@ def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarra
             corner = np.arange(1, max(len(points) - 1, 1))
             triangles = np.column_stack([np.zeros_like(corner), corner, corner + 1])
         elif isinstance(surface, Cone | RingEdge):
-            profile = (
-                cone_circles(surface.line) if isinstance(surface, Cone) else _edge_profile(surface)[::-1]
-            )
+            profile = cone_circles(surface.line) if isinstance(surface, Cone) else _edge_profile(surface)[::-1]
             points, triangles = _revolved(profile)
             points = in_world(simulation.walls.frames[k - len(planes)], points)
         else:
@@ -196,9 +192,7 @@ def triangulated_bodies(
     here = np.flatnonzero(simulation.present)
     turn = rotation_matrices(simulation.quaternions[here])
     made = [
-        _all_spheres(shape, rings, sectors)
-        if isinstance(shape, Clump)
-        else tessellate(shape, rings, sectors)[::2]
+        _all_spheres(shape, rings, sectors) if isinstance(shape, Clump) else tessellate(shape, rings, sectors)[::2]
         for shape in simulation.shapes.values()
     ]
     points, triangles, n = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0

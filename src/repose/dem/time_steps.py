@@ -92,9 +92,7 @@ def pressed(
     frequency = math.sqrt(2.0 * number * stiffness / mass)
     z = math.sqrt(2.0) * ratio
     spheres = f", {number:.1f} spheres at one place" if number > 1.0 else ""
-    reason = (
-        f"the stable step of a body between two of {other} (restitution {contact.restitution:g}{spheres})"
-    )
+    reason = f"the stable step of a body between two of {other} (restitution {contact.restitution:g}{spheres})"
     return Limit(2.0 / frequency / (math.sqrt(1.0 + z * z) + z), reason)
 
 

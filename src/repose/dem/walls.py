@@ -103,9 +103,7 @@ class Plane:
         """The plane for the kernels, in which its normal points into the wall."""
         if self.radius_m != math.inf:
             positive("radius_m", self.radius_m)
-        return np.concatenate(
-            [vector("point_m", self.point_m), -direction("normal", self.normal), [self.radius_m]]
-        )
+        return np.concatenate([vector("point_m", self.point_m), -direction("normal", self.normal), [self.radius_m]])
 
 
 @dataclass(frozen=True)
@@ -195,15 +193,7 @@ class Cone:
             raise ValueError("base_radius_m and top_radius_m are 0; allowed: at most one of them")
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r, e_z = (top_radius_m - base_radius_m) / length, height / length
-        line = (
-            e_z,
-            -e_r,
-            e_z * base_radius_m,
-            e_r * base_radius_m,
-            e_r * top_radius_m + e_z * height,
-            e_r,
-            e_z,
-        )
+        line = (e_z, -e_r, e_z * base_radius_m, e_r * base_radius_m, e_r * top_radius_m + e_z * height, e_r, e_z)
         return cls(line, material, base_m, axis, motion)
 
     def row(self) -> np.ndarray:
@@ -294,9 +284,7 @@ class RingEdge:
 
     def row(self) -> np.ndarray:
         """The ring for the kernels, in its own frame."""
-        return np.array(
-            [self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float
-        )
+        return np.array([self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -407,9 +395,7 @@ class Mesh:
             source: Any = path
             mesh: Any = trimesh.load(source, force="mesh")
         except Exception as error:  # trimesh's readers raise whatever their parsers do
-            raise InputError(
-                path, "file", str(error), "a mesh that trimesh can read, such as an STL"
-            ) from None
+            raise InputError(path, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
         if not len(mesh.faces):
             raise InputError(path, "triangles", 0, "at least one")
         mesh.merge_vertices()
@@ -444,9 +430,7 @@ class WallSet:
     def __post_init__(self) -> None:
         kinds = (Plane, Cone, RingEdge, Mesh)
         self.surfaces = mapping("walls", self.surfaces, kinds, "Plane, Cone, Cylinder, RingEdge or Mesh")
-        self.names = [
-            n for kind in kinds for n, surface in self.surfaces.items() if isinstance(surface, kind)
-        ]
+        self.names = [n for kind in kinds for n, surface in self.surfaces.items() if isinstance(surface, kind)]
 
     def of(self, kind: type) -> list:
         """The walls of a class, in order."""
@@ -455,9 +439,7 @@ class WallSet:
     def with_motion(self, name: str, motion: Motion) -> "WallSet":
         """The same walls, one of them with another motion; ValueError if no wall has this name."""
         if name not in self.surfaces:
-            raise ValueError(
-                f"wall is {name!r}; allowed: {', '.join(self.names) or 'none, there are no walls'}"
-            )
+            raise ValueError(f"wall is {name!r}; allowed: {', '.join(self.names) or 'none, there are no walls'}")
         return WallSet({**self.surfaces, name: replace(self.surfaces[name], motion=motion)})
 
 
@@ -500,9 +482,7 @@ def wall_arrays(
     )
 
 
-def _approach(
-    surface: "Wall", axis: np.ndarray, place: np.ndarray, motion: np.ndarray, size_m: float
-) -> float:
+def _approach(surface: "Wall", axis: np.ndarray, place: np.ndarray, motion: np.ndarray, size_m: float) -> float:
     """Bound the speed of a wall's points towards a body from above [m/s]; 0 for a wall that turns about its own axis.
 
     axis, place: normal and middle of a plane, else axis and origin of the wall's present frame.

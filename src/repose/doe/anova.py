@@ -41,8 +41,7 @@ def anova(model: Model) -> pd.DataFrame:
     inverse = np.diag(model.inverse)[first:]
     partial = model.coefficients**2 / inverse
     rows += [
-        _row(name, float(squares), 1, error, df_residual)
-        for name, squares in zip(model.labels, partial, strict=True)
+        _row(name, float(squares), 1, error, df_residual) for name, squares in zip(model.labels, partial, strict=True)
     ]
     rows.append(_row("residual", residual, df_residual))
     pure, df_pure = pure_error(model)
@@ -91,11 +90,7 @@ def effects(model: Model) -> pd.DataFrame:
     table = anova(model).set_index("source")
     errors = np.sqrt(model.variance * np.diag(model.inverse))
     estimates = pd.DataFrame(
-        {
-            "term": model.labels,
-            "coefficient": model.coefficients,
-            "standard_error": errors[1 + model.block_columns :],
-        }
+        {"term": model.labels, "coefficient": model.coefficients, "standard_error": errors[1 + model.block_columns :]}
     )
     estimates["t"] = (estimates["coefficient"] / estimates["standard_error"]).abs()
     estimates["p"] = table.loc[model.labels, "p"].to_numpy()

@@ -10,9 +10,7 @@ CENTRES = {2: 5, 3: 6, 4: 7, 5: 6, 6: 9, 7: 14}
 HALF_FROM = 5
 
 
-def central_composite(
-    factors: int, axial: str = "rotatable", centres: int | None = None
-) -> tuple[np.ndarray, float]:
+def central_composite(factors: int, axial: str = "rotatable", centres: int | None = None) -> tuple[np.ndarray, float]:
     """A central composite design (n, factors) in coded units, in standard order, and the distance of its axial runs.
 
     `factors` is 2 to 7. For `axial` "rotatable" the distance is the fourth root of the number of factorial runs, so

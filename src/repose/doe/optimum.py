@@ -31,16 +31,12 @@ def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: Ar
     predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
     aims, low, high = (np.asarray(numbers, dtype=float) for numbers in (aims, low, high))
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(
-            predicted < aims, (predicted - low) / (aims - low), (high - predicted) / (high - aims)
-        )
+        share = np.where(predicted < aims, (predicted - low) / (aims - low), (high - predicted) / (high - aims))
     share = np.where(predicted == aims, 1.0, share)
     return np.clip(share, 0.0, 1.0).prod(axis=1) ** (1.0 / len(aims))
 
 
-def optimum(
-    models: Sequence[Model], aims: ArrayLike, scale: ArrayLike, low: ArrayLike, high: ArrayLike
-) -> Optimum:
+def optimum(models: Sequence[Model], aims: ArrayLike, scale: ArrayLike, low: ArrayLike, high: ArrayLike) -> Optimum:
     """The point of the cube from -1 to 1 at which the models, one for each response, are nearest to their targets.
 
     Few targets and many factors leave a curve or surface of such points; the point nearest to the centre is taken,
@@ -59,9 +55,7 @@ def optimum(
         return float(((misses(point) / scale) ** 2).sum())
 
     starts = np.vstack([np.zeros(count), 0.5 * two_level(count), np.eye(count), -np.eye(count)])
-    ends = [
-        optimize.minimize(squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14).x for start in starts
-    ]
+    ends = [optimize.minimize(squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14).x for start in starts]
     best = min(ends, key=squared)
     if np.abs(misses(best) / scale).max() < 1e-3:
         meeting = [_nearest(point, misses, scale, bounds) for point in ends if squared(point) < 1e-6]

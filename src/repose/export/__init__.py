@@ -36,18 +36,9 @@ PROGRAMS = {
     "rocky": _written_by("tables", "rocky"),
 }
 # The laws that a deck can hold, besides Hertz and Mindlin's contact and the rolling law `budget`.
-FURTHER_LAWS = {
-    "liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"),
-    "lammps": ("epsd", "epsd2"),
-    "edem": ("jkr",),
-}
+FURTHER_LAWS = {"liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"), "lammps": ("epsd", "epsd2"), "edem": ("jkr",)}
 # Reasons why a program's law of the same name cannot be used.
-REASONS = {
-    (
-        "lammps",
-        "jkr",
-    ): "its damping coeff_restitution refuses cohesion; its other dampings are not the study's"
-}
+REASONS = {("lammps", "jkr"): "its damping coeff_restitution refuses cohesion; its other dampings are not the study's"}
 HERTZ = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
 
@@ -60,9 +51,7 @@ def check_laws(job: "Job", program: str) -> None:
         allowed = [*common, *(name for name in laws if name in FURTHER_LAWS.get(program, ()))]
         if law not in allowed:
             why = f" ({REASONS[program, law]})" if (program, law) in REASONS else ""
-            raise InputError(
-                "configuration", f"simulation.{key}", law, f"for {program} {' or '.join(allowed)}{why}"
-            )
+            raise InputError("configuration", f"simulation.{key}", law, f"for {program} {' or '.join(allowed)}{why}")
 
 
 def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:

@@ -109,13 +109,9 @@ def make(
     if one_sphere or is_sphere(particle):
         own, particle = particle, sphere_of_volume(particle)
         if not is_sphere(own):
-            notes.append(
-                f"every grain is the sphere of its volume, radius {1e3 * particle.bounding_radius_m:.4g} mm"
-            )
+            notes.append(f"every grain is the sphere of its volume, radius {1e3 * particle.bounding_radius_m:.4g} mm")
         elif not np.allclose(own.inertia_kg_m2, particle.inertia_kg_m2, rtol=0.01):
-            notes.append(
-                "the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh"
-            )
+            notes.append("the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh")
     if not particle.is_clump:
         raise InputError("particle", "kind", particle.kind, "multisphere: other programs take spheres")
     if settings.contact_law == "linear_spring":

@@ -21,10 +21,7 @@ from repose.export.template import filled
 ROLLING_DAMPING = 0.5
 # Powers, the highest first, of a restitution in the damping over sqrt(k m) of `damping tsuji` (Marshall 2009, Eq. 53).
 TSUJI = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
-SPRINGS = {
-    "hertz_mindlin": "mindlin",
-    "hertz_mindlin_rescaled": "mindlin_rescale/force",
-}
+SPRINGS = {"hertz_mindlin": "mindlin", "hertz_mindlin_rescaled": "mindlin_rescale/force"}
 
 
 def deck(job: Job) -> dict[str, str]:
@@ -100,21 +97,14 @@ def molecule(job: Job) -> str:
 
 def _on_line(cone: ConeLine, place: float) -> tuple[float, float]:
     """Return the point (r, z) at a place along the cone's line."""
-    return (
-        cone.offset * cone.normal_r + place * cone.up_r,
-        cone.offset * cone.normal_z + place * cone.up_z,
-    )
+    return (cone.offset * cone.normal_r + place * cone.up_r, cone.offset * cone.normal_z + place * cone.up_z)
 
 
 def _tube(job: Job, law: str) -> str:
     """Write the lines of a tube below the cone."""
     if job.funnel.tube_length_m == 0.0:
         return ""
-    radius, low, high = (
-        0.5 * job.funnel.outlet_diameter_m,
-        job.funnel.outlet_height_m,
-        job.funnel.neck_height_m,
-    )
+    radius, low, high = (0.5 * job.funnel.outlet_diameter_m, job.funnel.outlet_height_m, job.funnel.neck_height_m)
     return (
         f"region          tube cylinder z 0 0 {radius:.9g} {low:.9g} {high:.9g} side in open 1 open 2\n"
         f"fix             tube all wall/gran/region granular {law} region tube\n"

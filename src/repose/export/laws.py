@@ -81,9 +81,7 @@ def _head(job: Job, lines: list[str]) -> Iterator[str]:
         )
     if TWISTING.name in {**gg.constants, **gp.constants}:
         given = (pair.constants.get(TWISTING.name, "3 pi / 16 mu_s") for pair in (gg, gp))
-        yield "{}: {} between grains, {} between grain and wall; this deck has none.".format(
-            TWISTING.words, *given
-        )
+        yield "{}: {} between grains, {} between grain and wall; this deck has none.".format(TWISTING.words, *given)
     yield (
         f"Time step {job.time_step_s:g} s: {100 * job.time_step_s / job.rayleigh_s:.1f} % of the Rayleigh time of the "
         "smallest sphere."

@@ -54,9 +54,7 @@ def _cohesion(job: Job) -> str:
     if job.contact_law == "sjkr":
         gg, gp = (pair.constants[COHESION_ENERGY_DENSITY.name] for pair in (job.grains, job.on_wall))
         values = f"{gg:.8g} {gp:.8g} {gp:.8g} {gp:.8g}"
-        lines.append(
-            f"fix             cohesion all property/global cohesionEnergyDensity peratomtypepair 2 {values}"
-        )
+        lines.append(f"fix             cohesion all property/global cohesionEnergyDensity peratomtypepair 2 {values}")
     if job.rolling_law == "epsd":
         damping = "fix             rolling_damping all property/global coefficientRollingViscousDamping"
         lines.append(f"{damping} peratomtypepair 2 {' '.join(4 * [f'{ETA:g}'])}")

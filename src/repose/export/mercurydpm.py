@@ -37,9 +37,7 @@ def deck(job: Job) -> dict[str, str]:
         job,
         "// ",
         _differences(job),
-        spheres="".join(
-            "    {" + ", ".join(f"{value:.9g}" for value in sphere) + "},\n" for sphere in job.spheres_m
-        ),
+        spheres="".join("    {" + ", ".join(f"{value:.9g}" for value in sphere) + "},\n" for sphere in job.spheres_m),
         duration=float(job.duration_s),
         seed=job.seed,
         **numbers,

@@ -44,11 +44,7 @@ def triangles(funnel: Funnel) -> np.ndarray:
     line = profile(funnel)
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
     rings = np.stack(
-        [
-            line[:, :1] * np.cos(angles),
-            line[:, :1] * np.sin(angles),
-            np.broadcast_to(line[:, 1:], (len(line), AROUND)),
-        ],
+        [line[:, :1] * np.cos(angles), line[:, :1] * np.sin(angles), np.broadcast_to(line[:, 1:], (len(line), AROUND))],
         axis=-1,
     )
     upper, lower = rings[:-1], rings[1:]

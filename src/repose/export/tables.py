@@ -18,11 +18,7 @@ def edem(job: Job) -> dict[str, str]:
     rows: list[Row] = [
         *_materials(job, "Creator > Bulk Material", "Creator > Equipment Material"),
         *_pairs(job, "Creator > Interactions", "Coefficient of Rolling Friction"),
-        (
-            rolling,
-            "base model",
-            "Hertz-Mindlin with JKR" if job.contact_law == "jkr" else "Hertz-Mindlin (no slip)",
-        ),
+        (rolling, "base model", "Hertz-Mindlin with JKR" if job.contact_law == "jkr" else "Hertz-Mindlin (no slip)"),
         *_adhesion(job, "Creator > Interactions"),
         (rolling, "rolling friction model", "Standard Rolling Friction (Type A)"),
         ("Creator > Bulk Material > Particle", "spheres", "import spheres.csv: x, y, z, radius in m"),
@@ -50,9 +46,7 @@ def edem(job: Job) -> dict[str, str]:
         *([] if job.is_sphere else ["each pair of spheres is damped by itself"]),
         *job.notes,
     ]
-    spheres = "x,y,z,radius\n" + "".join(
-        ",".join(f"{v:.9g}" for v in sphere) + "\n" for sphere in job.spheres_m
-    )
+    spheres = "x,y,z,radius\n" + "".join(",".join(f"{v:.9g}" for v in sphere) + "\n" for sphere in job.spheres_m)
     return {"edem.md": _page("EDEM", job, rows, notes), "spheres.csv": spheres, "funnel.stl": stl(job.funnel)}
 
 
@@ -128,11 +122,7 @@ def _scene(job: Job, geometry: str, factory: str) -> Iterable[Row]:
     yield geometry, "funnel", "import funnel.stl, in m"
     yield geometry, "plate", f"plane z = 0, radius {job.plate_radius_m:g} m"
     yield factory, "place", f"disc of radius {job.factory_radius_m:.4g} m at z = {job.factory_height_m:.4g} m"
-    yield (
-        factory,
-        "number, rate",
-        f"{job.count} grains, {job.rate_per_s:g} a second, at rest, turned at random",
-    )
+    yield (factory, "number, rate", f"{job.count} grains, {job.rate_per_s:g} a second, at rest, turned at random")
 
 
 def _page(program: str, job: Job, rows: Iterable[Row], notes: Iterable[str]) -> str:

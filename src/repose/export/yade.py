@@ -6,13 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.export.job import Job
-from repose.export.laws import (
-    damped_alone,
-    limited_friction,
-    rolled,
-    rolling_stiffness,
-    undamped_tangent,
-)
+from repose.export.laws import damped_alone, limited_friction, rolled, rolling_stiffness, undamped_tangent
 from repose.export.surface import AROUND, profile
 from repose.export.template import filled
 
@@ -22,8 +16,7 @@ def deck(job: Job) -> dict[str, str]:
     weights, inertia = member_masses(job)
     # sqrt(5/6) beta is the damping over the critical damping
     damping = {
-        name: math.sqrt(5.0 / 6.0) * pair.damping_ratio
-        for name, pair in (("gg", job.grains), ("gp", job.on_wall))
+        name: math.sqrt(5.0 / 6.0) * pair.damping_ratio for name, pair in (("gg", job.grains), ("gp", job.on_wall))
     }
     text = filled(
         "yade.py.txt",

@@ -110,9 +110,7 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
     return fitted(distance[inside], height[inside], float(height[inside].min()), float(height[inside].max()))
 
 
-def window_correlations(
-    distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray
-) -> np.ndarray:
+def window_correlations(distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Correlation (windows,) of distance and height of points first to last - 1, by running sums; NaN for a wall."""
     x, z = distance - distance.mean(), height - height.mean()
     sums = np.concatenate([np.zeros((5, 1)), np.cumsum([x, z, x * x, z * z, x * z], axis=1)], axis=1)
@@ -124,17 +122,13 @@ def window_correlations(
     return np.where(usable, (sum_xz - sum_x * sum_z / n) / np.sqrt(product), np.nan)
 
 
-def window_slopes(
-    distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
-) -> np.ndarray:
+def window_slopes(distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> np.ndarray:
     """Slope (windows,) of the regression line in each window of heights, by running sums; NaN if too few, or a wall."""
     order = np.argsort(height, kind="stable")
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
     first = np.searchsorted(height[order], lows, side="left")
     last = np.searchsorted(height[order], highs, side="right")
-    sums = np.concatenate(
-        [np.zeros((5, 1)), np.cumsum([np.ones_like(x), x, z, x * x, x * z], axis=1)], axis=1
-    )
+    sums = np.concatenate([np.zeros((5, 1)), np.cumsum([np.ones_like(x), x, z, x * x, x * z], axis=1)], axis=1)
     n, sum_x, sum_z, sum_xx, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
     n = np.maximum(n, 1)
     spread = sum_xx - sum_x * sum_x / n

@@ -60,9 +60,7 @@ def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_sha
     z = (len(filled) - filled.argmax(axis=0)[columns]) * pixel_m - radius_m
     middle = np.abs(x - 0.5 * (x.min() + x.max())) <= 0.5 * fit_share * np.ptp(x) if len(x) else []
     if np.count_nonzero(middle) < SMALLEST_FIT:
-        raise ValueError(
-            f"the bed is {len(x)} pixels wide; allowed: {SMALLEST_FIT} in the part that is fitted"
-        )
+        raise ValueError(f"the bed is {len(x)} pixels wide; allowed: {SMALLEST_FIT} in the part that is fitted")
     slope, height = np.polyfit(x[middle], z[middle], 1)
     ends = x[middle][[0, -1]]
     line = np.column_stack([ends, slope * ends + height])
@@ -148,9 +146,7 @@ def relative_energy(
     return 0.5 * float(energy.mean())
 
 
-def find_slip(
-    bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_energy_j: float
-) -> Slip | None:
+def find_slip(bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_energy_j: float) -> Slip | None:
     """First slip in a record (T,) of the bed's angle and its energy in the drum's frame; None without a slip.
 
     The angle is that of the centre of mass: a few rolling berries change the angle of the surface by more than a

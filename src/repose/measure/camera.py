@@ -63,9 +63,7 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
     guess = np.array([[assumed, 0, size[0] / 2 - 0.5], [0, assumed, size[1] / 2 - 0.5], [0, 0, 1.0]])
     found = _focal(views, guess, long_side)
     guess = _with_focal(guess, found)
-    places = [
-        np.column_stack([view.places_mm, np.zeros(len(view.places_mm))]).astype(np.float32) for view in views
-    ]
+    places = [np.column_stack([view.places_mm, np.zeros(len(view.places_mm))]).astype(np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32) for view in views]
     shared = (
         cv2.CALIB_USE_INTRINSIC_GUESS
@@ -88,9 +86,7 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
         sane = focal_error > 1e-6 * focal and 1 / LARGEST_CHANGE < focal / found < LARGEST_CHANGE
         sure = sane and focal_error < LARGEST_FOCAL_ERROR * focal and 0.3 < focal / long_side < 10
         if sure and k1 * away**2 < LARGEST_LENS_ERROR and k2 * away**4 < LARGEST_LENS_ERROR:
-            note = (
-                "lens not corrected: the sheet is seen in too few places" if fixed & cv2.CALIB_FIX_K1 else ""
-            )
+            note = "lens not corrected: the sheet is seen in too few places" if fixed & cv2.CALIB_FIX_K1 else ""
             return Camera(matrix, lens.ravel()[:5], note)
     how = "uncertain" if found != assumed else "as the camera states it" if focal_px else FROM_AFAR
     note = f"lens not corrected, focal length {how}: the sheet is seen in too few places"
@@ -157,9 +153,7 @@ class Pose:
         square = x * x + y * y
         bend = 1 + self.camera.lens[0] * square + self.camera.lens[1] * square**2
         matrix = self.camera.matrix
-        return np.stack(
-            [matrix[0, 0] * x * bend + matrix[0, 2], matrix[1, 1] * y * bend + matrix[1, 2]], axis=-1
-        )
+        return np.stack([matrix[0, 0] * x * bend + matrix[0, 2], matrix[1, 1] * y * bend + matrix[1, 2]], axis=-1)
 
     def facing(self, axis_mm: float) -> np.ndarray:
         """Level unit vector (3,) to the right, in the plane through (axis, 0) that faces the camera."""
@@ -168,9 +162,7 @@ class Pose:
 
     def look_down_deg(self, axis_mm: float, height_mm: float) -> float:
         """Angle below the horizontal at which the camera looks at a crest; negative if it looks up."""
-        return math.degrees(
-            math.atan2(self.eye[2] - height_mm, math.hypot(self.eye[0] - axis_mm, self.eye[1]))
-        )
+        return math.degrees(math.atan2(self.eye[2] - height_mm, math.hypot(self.eye[0] - axis_mm, self.eye[1])))
 
     def tilt_deg(self, right: np.ndarray) -> float:
         """Largest of the camera's roll, pitch and yaw against the view plane; `right` comes from `facing`."""
@@ -215,9 +207,7 @@ def side_view(
     # A coarser view averages the pixels that fall into one of its own.
     if scale * fine > 1.5:
         image = cv2.GaussianBlur(image, (0, 0), 0.4 * scale * fine)
-    shown = cv2.remap(
-        image, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
+    shown = cv2.remap(image, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     width, height = pose.size
     seen = (pixels > 0).all(-1) & (pixels[..., 0] < width - 1) & (pixels[..., 1] < height - 1)
     # The sheet stands in its own plane: mark the part of the view that it hides.
@@ -226,12 +216,7 @@ def side_view(
     corners = np.array(
         [
             [x, 0, y]
-            for x, y in (
-                (-edge, -2 * edge),
-                (wide + edge, -2 * edge),
-                (wide + edge, tall + edge),
-                (-edge, tall + edge),
-            )
+            for x, y in ((-edge, -2 * edge), (wide + edge, -2 * edge), (wide + edge, tall + edge), (-edge, tall + edge))
         ]
     )
     on_view = _meet(pose.eye, corners, origin, right)
@@ -261,9 +246,7 @@ def _extent(pose: Pose, origin: np.ndarray, right: np.ndarray) -> tuple[float, f
     normal = np.cross(right, [0, 0, 1.0])
     far = (origin - pose.eye) @ normal / (rays @ normal)
     if (far <= 0).any():
-        raise NoFlankError(
-            "the camera looks past the sheet: a part of the photograph shows nothing in its plane"
-        )
+        raise NoFlankError("the camera looks past the sheet: a part of the photograph shows nothing in its plane")
     at = pose.eye + far[:, None] * rays - origin
     if at[:, 2].max() <= 0:
         raise NoFlankError("nothing above the plate is in the photograph")

@@ -51,11 +51,7 @@ def draw_line(picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thic
 
 
 def process_panels(
-    image: np.ndarray,
-    mm_per_pixel: float,
-    settings: MeasureSettings | None = None,
-    *,
-    base_row: float | None = None,
+    image: np.ndarray, mm_per_pixel: float, settings: MeasureSettings | None = None, *, base_row: float | None = None
 ) -> dict[str, np.ndarray]:
     """The pictures of the method's steps, in order: ``grey``, ``binary``, ``edge`` and ``boundary``, the overlay."""
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)

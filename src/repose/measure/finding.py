@@ -46,9 +46,7 @@ class NotPlainError(NoFlankError):
     """The colours of pile and background do not differ enough."""
 
 
-def find(
-    image: np.ndarray, hidden: np.ndarray, base_row: float, by_roughness: bool = False
-) -> tuple[np.ndarray, bool]:
+def find(image: np.ndarray, hidden: np.ndarray, base_row: float, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
     """The pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
     above = math.ceil(base_row)
     colours = _seen(image, hidden, above, SMALL_PX if by_roughness else None)
@@ -127,17 +125,12 @@ def features(image: np.ndarray) -> np.ndarray:
     gains = COLOUR_GAIN, COLOUR_GAIN, BRIGHTNESS_GAIN
     middles = 0.0, 0.0, math.log(3 * 100.0)
     return np.stack(
-        [128 + gain * (part - middle) for part, gain, middle in zip(parts, gains, middles, strict=True)],
-        axis=-1,
+        [128 + gain * (part - middle) for part, gain, middle in zip(parts, gains, middles, strict=True)], axis=-1
     )
 
 
 def _seen(
-    image: np.ndarray,
-    hidden: np.ndarray,
-    above: int,
-    grain_px: float | None = None,
-    pile: np.ndarray | None = None,
+    image: np.ndarray, hidden: np.ndarray, above: int, grain_px: float | None = None, pile: np.ndarray | None = None
 ) -> np.ndarray:
     """Compute the features above the plate; with the height of a grain, roughness in place of brightness.
 
@@ -179,9 +172,7 @@ def _background(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     width = hidden.shape[1]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
     outer = (np.abs(x) > 1 - 2 * SIDES) & ~hidden[..., None]
-    centre = np.nanmedian(
-        np.where(outer | ~outer.any(axis=1, keepdims=True), colours, np.nan), axis=1, keepdims=True
-    )
+    centre = np.nanmedian(np.where(outer | ~outer.any(axis=1, keepdims=True), colours, np.nan), axis=1, keepdims=True)
     centre = np.repeat(centre, width, axis=1)
     for _ in range(3):
         miss = np.linalg.norm(colours - centre, axis=-1, keepdims=True)
@@ -201,9 +192,7 @@ def _roughness(colours: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(cv2.blur(tone * tone, size) - cv2.blur(tone, size) ** 2, 0))
 
 
-def _first_guess(
-    difference: np.ndarray, rough: np.ndarray, hidden: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, bool]:
+def _first_guess(difference: np.ndarray, rough: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
     """Mark the largest part that stands on the plate, wider than high, and other objects, such as a ruler.
 
     Also tell whether another heap stands beside it.
@@ -211,14 +200,10 @@ def _first_guess(
     shown = np.where(hidden & ~hidden.all(axis=1, keepdims=True), np.nan, rough)
     usual = np.nanmedian(shown, axis=1, keepdims=True)  # of the row: an edge of the table is rough, too
     size = np.sqrt(
-        (difference[..., :2] ** 2).sum(-1)
-        + (0.5 * difference[..., 2]) ** 2
-        + np.maximum(rough - usual, 0) ** 2
+        (difference[..., :2] ** 2).sum(-1) + (0.5 * difference[..., 2]) ** 2 + np.maximum(rough - usual, 0) ** 2
     )
     size = np.where(hidden, 0, cv2.GaussianBlur(size, (0, 0), 1.5))
-    level, _ = cv2.threshold(
-        np.clip(size, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU
-    )
+    level, _ = cv2.threshold(np.clip(size, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     # The plate may have more of the grains' colour than the wall has: then the foot needs a lower level.
     for lower in (level, level / 2, level / 4):
         if lower < LEAST_LEVEL:
@@ -226,11 +211,7 @@ def _first_guess(
         guess = (size > lower).astype(np.uint8)
         best, others = _standing(guess)
         if best is not None:
-            return (
-                best,
-                cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0,
-                another_heap(guess),
-            )
+            return (best, cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0, another_heap(guess))
     raise NotPlainError(NOTHING)
 
 
@@ -256,9 +237,7 @@ def _grab(colours: np.ndarray, start: np.ndarray) -> np.ndarray:
     picture = np.clip(colours, 0, 255).astype(np.uint8)
     marks = start.copy()
     cv2.setRNGSeed(1)
-    cv2.grabCut(
-        picture, marks, (0, 0, 0, 0), np.zeros((1, 65)), np.zeros((1, 65)), ROUNDS, cv2.GC_INIT_WITH_MASK
-    )
+    cv2.grabCut(picture, marks, (0, 0, 0, 0), np.zeros((1, 65)), np.zeros((1, 65)), ROUNDS, cv2.GC_INIT_WITH_MASK)
     mask = ((marks == cv2.GC_FGD) | (marks == cv2.GC_PR_FGD)).astype(np.uint8)
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
 

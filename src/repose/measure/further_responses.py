@@ -29,14 +29,7 @@ from repose.measure.profile_points import outermost_crossing
 from repose.particle.particle import Particle
 
 BENCH = "funnel"
-MEASURED = (
-    "base_radius_mm",
-    "lower_deg",
-    "upper_deg",
-    "packing_percent",
-    "radius_90_mm",
-    "loose_percent",
-)
+MEASURED = ("base_radius_mm", "lower_deg", "upper_deg", "packing_percent", "radius_90_mm", "loose_percent")
 HALF, UPPER, HELD = 0.5, 0.8, 0.9
 LEVELS = 200  # heights at which the silhouette's width is taken for the volume
 
@@ -62,11 +55,7 @@ def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_
 
 
 def of_profile(
-    profiles: Sequence[np.ndarray],
-    mm_per_pixel: float,
-    height_mm: float,
-    berry_mm: float,
-    berries_mm3: float,
+    profiles: Sequence[np.ndarray], mm_per_pixel: float, height_mm: float, berry_mm: float, berries_mm3: float
 ) -> dict[str, float]:
     """The four responses of the mean silhouette by name; `berries_mm3` is the volume of all berries in the pile."""
     if not HALF * height_mm > berry_mm:

@@ -28,14 +28,10 @@ def tables(measured: Sequence[Photograph], how: MeasureSettings) -> Tables:
     """Tables of photographs, at least one of which was measured."""
     rows = []
     for photograph in measured:
-        numbers: dict[str, Any] = (
-            photograph.measurement.record() if photograph.measurement is not None else {}
-        )
+        numbers: dict[str, Any] = photograph.measurement.record() if photograph.measurement is not None else {}
         facts = {name: round(value, 5) for name, value in photograph.facts.items()}
         words = {"refused": photograph.refused, "note": photograph.remarks}
-        rows.append(
-            {"photograph": photograph.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words
-        )
+        rows.append({"photograph": photograph.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words)
     photographs = pd.DataFrame(rows)
     return Tables(photographs, mean_rows(photographs, (*MEANT, *MEAN_KEYS.values())))
 
@@ -47,15 +43,11 @@ def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame
         values = photographs[column].dropna().tolist()
         if values:
             mean, sd, number = mean_of(values)
-            means.append(
-                {"response": column, "value": round(mean, 3), "sd": round(sd, 3), "repetitions": number}
-            )
+            means.append({"response": column, "value": round(mean, 3), "sd": round(sd, 3), "repetitions": number})
     return pd.DataFrame(means)
 
 
-def write_tables(
-    made: Tables, how: MeasureSettings, out: Path, bench: str, responses: Mapping[str, str]
-) -> None:
+def write_tables(made: Tables, how: MeasureSettings, out: Path, bench: str, responses: Mapping[str, str]) -> None:
     """Write photographs.csv, summary.csv and targets.yaml into the folder `out`.
 
     `responses` has the bench test's response for each number of the summary that becomes a target.
@@ -87,9 +79,7 @@ def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[s
             f"    value: {row.value:.3f}",
             "    sd: null # one pile gives no scatter" if single else f"    sd: {row.sd:.3f}",
             f"    repetitions: {row.repetitions}",
-            "    range: [null, null] # what counts as met"
-            if single
-            else f"    range: [{low:.3f}, {high:.3f}]",
+            "    range: [null, null] # what counts as met" if single else f"    range: [{low:.3f}, {high:.3f}]",
         ]
     return "\n".join(lines) + "\n"
 

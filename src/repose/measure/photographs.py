@@ -121,9 +121,7 @@ def measure_all(
             )
             continue
         try:
-            _measure_with_sheet(
-                photograph, where, by_size[image.shape[1], image.shape[0]], how, scale.square_mm
-            )
+            _measure_with_sheet(photograph, where, by_size[image.shape[1], image.shape[0]], how, scale.square_mm)
         except NoFlankError as error:
             photograph.refused = error.reason
     return results
@@ -169,9 +167,7 @@ def _measure_seen(
     high = (coarse.base_row - rows[0]) * coarse.mm_per_pixel
     look_down = pose.look_down_deg(crest, high)
     photograph.facts["look_down_deg"] = look_down
-    reach = 1.3 * max(
-        crest - low - columns[0] * coarse.mm_per_pixel, low + columns[-1] * coarse.mm_per_pixel - crest
-    )
+    reach = 1.3 * max(crest - low - columns[0] * coarse.mm_per_pixel, low + columns[-1] * coarse.mm_per_pixel - crest)
     grain = how.berry_height_mm or high / USUAL_GRAINS
     longest = min(FINE_PX, round(ROUGH_PX * max(2 * reach, 1.6 * high) / grain)) if by_roughness else FINE_PX
     fine, left = camera.side_view(image, pose, on_paper, crest, longest, (-reach, reach, 1.6 * high))
@@ -348,9 +344,7 @@ def _levelled(image: np.ndarray, level_deg: float, base_row: float | None) -> tu
     rows, columns = image.shape[:2]
     middle = (rows - 1) / 2
     turn = cv2.getRotationMatrix2D(((columns - 1) / 2, middle), -level_deg, 1.0)
-    image = cv2.warpAffine(
-        image, turn, (columns, rows), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
+    image = cv2.warpAffine(image, turn, (columns, rows), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     if base_row is not None:
         base_row = middle + (base_row - middle) * math.cos(math.radians(level_deg))
     return image, base_row
@@ -372,9 +366,5 @@ def mean_of(values: Sequence[float]) -> tuple[float, float, int]:
     """Mean, sample standard deviation (n - 1; NaN for a single value) and number of values."""
     number = len(values)
     mean = math.fsum(values) / number
-    sd = (
-        math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (number - 1))
-        if number > 1
-        else math.nan
-    )
+    sd = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (number - 1)) if number > 1 else math.nan
     return mean, sd, number

@@ -21,25 +21,9 @@ from repose.core.errors import InputError, NoFlankError
 from repose.measure.angles import DEFINITIONS, Measured, measure_sides
 from repose.measure.profile_points import FLANK_RULES
 from repose.measure.results import Angle, Measurement, PileResult
-from repose.measure.segmentation import (
-    SMALLEST,
-    Segmentation,
-    of_silhouette,
-    require_upright,
-    segment,
-    upper_edge,
-)
+from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, require_upright, segment, upper_edge
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import (
-    BACKGROUND_TONE,
-    PILE_TONE,
-    ConvexBody,
-    frame,
-    outlines,
-    paint,
-    silhouette,
-    top_of,
-)
+from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, frame, outlines, paint, silhouette, top_of
 
 __all__ = [
     "DEFINITIONS",
@@ -62,11 +46,7 @@ LOWEST_PILE_BERRIES = 1.5  # in equivalent diameters: 20 mm for the mean berry; 
 
 
 def measure_image(
-    image: np.ndarray,
-    mm_per_pixel: float,
-    settings: MeasureSettings | None = None,
-    *,
-    base_row: float | None = None,
+    image: np.ndarray, mm_per_pixel: float, settings: MeasureSettings | None = None, *, base_row: float | None = None
 ) -> Measurement:
     """Measure the pile in a side view (section 2.3): a photograph, BGR, or a silhouette."""
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
@@ -118,13 +98,7 @@ def _sides(profile: np.ndarray, crest: int, settings: MeasureSettings) -> Measur
     """Call `measure_sides` with the settings."""
     berry = None if settings.berry_height_mm is None else settings.berry_height_mm / settings.mm_per_pixel
     return measure_sides(
-        profile,
-        crest,
-        settings.fit_from,
-        settings.fit_to,
-        berry,
-        settings.flank,
-        settings.smallest_window,
+        profile, crest, settings.fit_from, settings.fit_to, berry, settings.flank, settings.smallest_window
     )
 
 

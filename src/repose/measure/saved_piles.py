@@ -52,10 +52,7 @@ def pile_responses(
 
 
 def side_view(
-    arrays: Mapping[str, np.ndarray],
-    particle: "Particle",
-    settings: pile.MeasureSettings,
-    azimuth_deg: float = 0.0,
+    arrays: Mapping[str, np.ndarray], particle: "Particle", settings: pile.MeasureSettings, azimuth_deg: float = 0.0
 ) -> np.ndarray:
     """Silhouette (H, W) of a pour's pile, the plate at its lower border; `arrays` as in `pile_responses`."""
     kept = arrays["in_pile"] if settings.largest_pile_only else np.ones(len(arrays["position"]), bool)

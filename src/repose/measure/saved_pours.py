@@ -31,9 +31,7 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
         if not isinstance(pour.setdefault("reason", ""), str):
             raise InputError(path, "reason", pour["reason"], "text")
         for key in pour.keys() - {"status", "reason"}:
-            if pour[key] is not None and not (
-                isinstance(pour[key], int | float) and math.isfinite(pour[key])
-            ):
+            if pour[key] is not None and not (isinstance(pour[key], int | float) and math.isfinite(pour[key])):
                 raise InputError(path, key, pour[key], "a finite number, or null")
     seeds = [pour["seed"] for pour in pours]
     if len(set(seeds)) < len(seeds):

@@ -204,9 +204,7 @@ def require_upright(mask: np.ndarray) -> None:
     rows = np.flatnonzero(mask.any(axis=1))
     centroid = np.average(np.arange(len(mask)), weights=mask.sum(axis=1, dtype=float))
     if (rows[-1] - centroid) > HIGHEST_CENTROID * (rows[-1] - rows[0]):
-        raise NoFlankError(
-            "most of the pile lies in its upper half: the picture is upside down, or shows no pile"
-        )
+        raise NoFlankError("most of the pile lies in its upper half: the picture is upside down, or shows no pile")
 
 
 def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:

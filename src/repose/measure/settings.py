@@ -77,10 +77,7 @@ def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
         return "whole side, columns"
     if definition == "straightest":
         return f"straightest window, at least {section['smallest_window']:.2g} of the side, columns"
-    ends = [
-        "one grain" if section[key] == "berry" else f"{100 * section[key]:g}"
-        for key in ("fit_from", "fit_to")
-    ]
+    ends = ["one grain" if section[key] == "berry" else f"{100 * section[key]:g}" for key in ("fit_from", "fit_to")]
     band = f"{ends[0]} to {ends[1]}{' % of the height' if section['fit_to'] != 'berry' else ''}"
     part = "steepest half or more of the " if definition == "steepest" else ""
     return f"{part}flank, {band}, {section['flank']}"

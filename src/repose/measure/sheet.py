@@ -75,13 +75,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes.axis("off")
     extent = (left, left + wide, bottom, bottom + high)
     axes.imshow(
-        drawing(square_mm)[0],
-        cmap="gray",
-        vmin=0,
-        vmax=255,
-        extent=extent,
-        interpolation="none",
-        aspect="auto",
+        drawing(square_mm)[0], cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="none", aspect="auto"
     )
     axes.add_patch(_rectangle((left, bottom), wide, high))
     axes.set(xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))

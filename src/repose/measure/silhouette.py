@@ -90,9 +90,7 @@ def top_of(
     """Height in m of the highest point of bodies over z = 0; exact, from the bodies themselves."""
     up_body = rotation_matrices(quaternions)[:, 2, :]
     reach = (particle.support_point(up_body) * up_body).sum(axis=1)
-    return float(
-        (np.asarray(centres_m)[:, 2] + (1.0 if scales is None else np.asarray(scales)) * reach).max()
-    )
+    return float((np.asarray(centres_m)[:, 2] + (1.0 if scales is None else np.asarray(scales)) * reach).max())
 
 
 def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.ndarray:
@@ -106,9 +104,7 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
     width = math.ceil((right_m - left_m) / pixel_m)
     height = math.ceil(top_m / pixel_m)
     if width * height > MOST_PIXELS:
-        allowed = (
-            f"at most {MOST_PIXELS:g}: positions are in m, and a larger measure.mm_per_pixel needs fewer"
-        )
+        allowed = f"at most {MOST_PIXELS:g}: positions are in m, and a larger measure.mm_per_pixel needs fewer"
         raise InputError("picture of the pile", "pixels", f"{width:g} x {height:g}", allowed)
     image = np.full((height, width), BACKGROUND_TONE, dtype=np.uint8)
     pixels = np.empty_like(polygons_m)

@@ -57,9 +57,7 @@ def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
         tests["width_1_mm"] * 1e-3,
         tests["width_2_mm"] * 1e-3,
     ).mean()
-    poisson = poisson_ratio(
-        tests["length_1_mm"], tests["length_2_mm"], tests["width_1_mm"], tests["width_2_mm"]
-    ).mean()
+    poisson = poisson_ratio(tests["length_1_mm"], tests["length_2_mm"], tests["width_1_mm"], tests["width_2_mm"]).mean()
     return float(elastic), float(poisson), float(shear_modulus(elastic, poisson))
 
 
@@ -149,9 +147,7 @@ def of_files(
     return measured_berry(sizes, tests, published, *material, source=compression_csv)
 
 
-def of_settings(
-    section: Mapping[str, Any], table1_csv: str | PathLike | None
-) -> tuple[pd.DataFrame, dict[str, Any]]:
+def of_settings(section: Mapping[str, Any], table1_csv: str | PathLike | None) -> tuple[pd.DataFrame, dict[str, Any]]:
     """`measured_berry` of a section `berry`."""
     material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
     return of_files(section["sizes"], section["compression"], table1_csv, *material)

@@ -14,15 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
-COMPRESSION_COLUMNS = (
-    "test",
-    "force_n",
-    "length_1_mm",
-    "length_2_mm",
-    "width_1_mm",
-    "width_2_mm",
-    "breadth_mm",
-)
+COMPRESSION_COLUMNS = ("test", "force_n", "length_1_mm", "length_2_mm", "width_1_mm", "width_2_mm", "breadth_mm")
 LENGTHS_MM = (0.5, 2000.0)  # of a grain; one of 20 mm in metres or micrometres lies outside
 ALIKE = 5.0  # grains of one crop, and tested grains, differ by a smaller factor
 WRITTEN = "the file of the verb berry"
@@ -47,9 +39,7 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     for column in SIZE_COLUMNS:
         ratio = sizes[column] / middle[column]
         for row in sizes.index[(ratio > ALIKE) | (ratio < 1 / ALIKE)]:
-            allowed = (
-                f"within a factor of {ALIKE:g} of the median, {middle[column]:g}: is the row in millimetres?"
-            )
+            allowed = f"within a factor of {ALIKE:g} of the median, {middle[column]:g}: is the row in millimetres?"
             raise InputError(f"{path}, row {row}", column, float(sizes.at[row, column]), allowed)
     for larger, smaller in (("long_mm", "major_mm"), ("major_mm", "minor_mm")):
         for row in sizes.index[sizes[smaller] > sizes[larger]]:
@@ -118,17 +108,13 @@ def _read_numbers(path: str | PathLike, columns: Sequence[str]) -> "pd.DataFrame
         raise InputError(path, "header", header[0], "columns separated by commas")
     for column in columns:
         if header.count(column) != 1:
-            raise InputError(
-                path, "header", ",".join(header), f"a column {column}, once; all: {','.join(columns)}"
-            )
+            raise InputError(path, "header", ",".join(header), f"a column {column}, once; all: {','.join(columns)}")
     table = pd.DataFrame(index=range(1, len(records)), columns=list(columns), dtype=float)
     for row, cells in enumerate(records[1:], start=1):
         if len(cells) != len(header):
             raise InputError(f"{path}, row {row}", "cells", len(cells), f"{len(header)}, as in the header")
         for column in columns:
-            table.at[row, column] = _positive(
-                cells[header.index(column)].strip(), f"{path}, row {row}", column
-            )
+            table.at[row, column] = _positive(cells[header.index(column)].strip(), f"{path}, row {row}", column)
     table.attrs["reconstruction"] = any(RECONSTRUCTION_MARK in line.lower() for line in comments)
     return table
 

@@ -18,15 +18,7 @@ from repose.core.files import write_bytes, write_table
 from repose.dem.rotations import sphere_directions
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
-from repose.particle.mesh import (
-    body_of,
-    ellipsoid_mesh,
-    load_mesh,
-    mesh_of,
-    mesh_support,
-    principal_pose,
-    stl_of,
-)
+from repose.particle.mesh import body_of, ellipsoid_mesh, load_mesh, mesh_of, mesh_support, principal_pose, stl_of
 from repose.particle.particle import KINDS, MM, Body, Particle
 from repose.particle.support import support
 
@@ -210,10 +202,7 @@ def _stl(berry: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float |
 
 
 def run(
-    berry_json: str | PathLike,
-    stl: str | PathLike | None = None,
-    out_dir: str | PathLike = "results/berry",
-    **how: Any,
+    berry_json: str | PathLike, stl: str | PathLike | None = None, out_dir: str | PathLike = "results/berry", **how: Any
 ) -> Particle:
     """Write berry.stl, particle.json and particles.csv (`make` with the options `how`); return the particle."""
     import pandas as pd
@@ -250,6 +239,4 @@ def _check_fit(relative_deviation: float, volume_ratio: float, tolerance: float,
     if abs(volume_ratio - 1) > tolerance:
         low, high = 1 - tolerance, 1 + tolerance
         allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
-        raise InputError(
-            source, "volume of the particle over the mesh's", round(float(volume_ratio), 3), allowed
-        )
+        raise InputError(source, "volume of the particle over the mesh's", round(float(volume_ratio), 3), allowed)

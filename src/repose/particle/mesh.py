@@ -65,9 +65,7 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
         allowed = "a watertight surface with consistent faces; close the holes first"
         raise InputError(source, "surface", "open or inconsistent", allowed)
     if mesh.volume <= 0:
-        raise InputError(
-            source, "volume in mm3", float(mesh.volume), "positive; the faces must look outwards"
-        )
+        raise InputError(source, "volume in mm3", float(mesh.volume), "positive; the faces must look outwards")
     share = float(mesh.volume / mesh.convex_hull.volume)
     if share < CONVEX_SHARE:
         allowed = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"

@@ -26,9 +26,7 @@ GOOD_DEVIATION = 0.01  # of the body's smallest extent
 AXIS_BOUNDS = (0.05, 10.0)
 
 
-def recognise_ellipsoid(
-    vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
-) -> np.ndarray | None:
+def recognise_ellipsoid(vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray) -> np.ndarray | None:
     """Half axes (1, 3) of the ellipsoid on which all vertices (V, 3) lie; None if there is none."""
     x = vertices / radius
     if len(x) < 12:

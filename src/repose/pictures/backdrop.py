@@ -25,10 +25,7 @@ class DrumInside:
         angle = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
         outer, half = self.radius_m + self.thickness_m, 0.5 * self.length_m
         return np.concatenate(
-            [
-                np.column_stack([outer * np.cos(angle), np.full(72, y), outer * np.sin(angle)])
-                for y in (-half, half)
-            ]
+            [np.column_stack([outer * np.cos(angle), np.full(72, y), outer * np.sin(angle)]) for y in (-half, half)]
         )
 
     def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -49,11 +49,7 @@ class _Ball:
 
 
 def place_bodies(
-    centres: np.ndarray,
-    quaternions: np.ndarray,
-    shapes: Sequence[Drawable],
-    shape_ids: np.ndarray,
-    scales: np.ndarray,
+    centres: np.ndarray, quaternions: np.ndarray, shapes: Sequence[Drawable], shape_ids: np.ndarray, scales: np.ndarray
 ) -> Bodies:
     """Give the bodies at their places as triangles; each sphere of a body of spheres is a part of its own."""
     if any(_spheres(shape) is not None for shape in shapes):
@@ -68,11 +64,7 @@ def _spheres(shape: Drawable) -> np.ndarray | None:
 
 
 def _place_parts(
-    centres: np.ndarray,
-    quaternions: np.ndarray,
-    shapes: Sequence[Drawable],
-    shape_ids: np.ndarray,
-    scales: np.ndarray,
+    centres: np.ndarray, quaternions: np.ndarray, shapes: Sequence[Drawable], shape_ids: np.ndarray, scales: np.ndarray
 ) -> Bodies:
     """Give `Bodies` if a shape consists of spheres: each sphere is a part."""
     turn = rotation_matrices(quaternions)

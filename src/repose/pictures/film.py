@@ -53,9 +53,7 @@ def animate_pour(
     frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
     view = (elevation_deg, azimuth_deg, width, height, walls)
     pictures = [
-        render_pile(
-            positions[k], quaternions[k], particle, *view, frame_m=frame, scales=scales, colour=colour
-        )
+        render_pile(positions[k], quaternions[k], particle, *view, frame_m=frame, scales=scales, colour=colour)
         for k in _spread(times, frames)
     ]
     _write_within(pictures, frame_s, out_path, max_bytes)
@@ -119,12 +117,7 @@ def animate_drum(
     pictures = []
     for k in _spread(times, frames):
         inside = drum_inside(section, angles_rad[k])
-        look: dict[str, Any] = {
-            "frame_m": inside.outline(),
-            "backdrop": inside,
-            "scales": scales,
-            "colour": colour,
-        }
+        look: dict[str, Any] = {"frame_m": inside.outline(), "backdrop": inside, "scales": scales, "colour": colour}
         pictures.append(render_pile(positions[k], quaternions[k], particle, 0.0, -90.0, width, width, **look))
     _write_within(pictures, frame_s, out_path, max_bytes)
 

@@ -26,20 +26,7 @@ class Frustum:
     r_low_m: float
     z_high_m: float  # height and radius of the upper end
     r_high_m: float
-    frame: tuple[float, ...] = (
-        0,
-        0,
-        0,
-        1,
-        0,
-        0,
-        0,
-        1,
-        0,
-        0,
-        0,
-        1,
-    )  # origin in m, rotation to the world by rows
+    frame: tuple[float, ...] = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)  # origin in m, rotation to the world by rows
 
     @property
     def slope(self) -> float:
@@ -106,8 +93,7 @@ class Camera:
 def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:
     """Give the funnel's cone and, if it has one, its tube; `section` is the configuration's `funnel`."""
     funnel = Funnel(
-        **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS},
-        cone_angle_deg=section["cone_angle_deg"],
+        **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS}, cone_angle_deg=section["cone_angle_deg"]
     )
     outlet, inlet, top = funnel.outlet_diameter_m / 2, funnel.inlet_diameter_m / 2, funnel.inlet_height_m
     neck = funnel.outlet_height_m + funnel.tube_length_m
@@ -140,9 +126,7 @@ def look_at(
     return Camera(centre @ axes + distance * back, axes, focal, width, height)
 
 
-def outline(
-    centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()
-) -> np.ndarray:
+def outline(centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()) -> np.ndarray:
     """Give points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin."""
     spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
@@ -184,9 +168,7 @@ def setting_of(
     for cone, frame in zip(cones, wall_frames, strict=False):
         (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
         frusta.append(Frustum(z_low, r_low, z_high, r_high, tuple(frame)))
-    for mesh, frame in zip(
-        simulation.wall_set.of(Mesh), wall_frames[len(wall_frames) - n_meshes :], strict=True
-    ):
+    for mesh, frame in zip(simulation.wall_set.of(Mesh), wall_frames[len(wall_frames) - n_meshes :], strict=True):
         corners = in_world(np.asarray(frame, float), mesh.vertices_m)
         panels += [Panel(corners[face]) for face in mesh.faces]
     return Setting(plate, tuple(panels), tuple(frusta))

@@ -55,9 +55,7 @@ def paint(
     return picture
 
 
-def light_and_sky(
-    camera: Camera, bodies: Bodies, view: View, largest: float
-) -> tuple[np.ndarray, np.ndarray]:
+def light_and_sky(camera: Camera, bodies: Bodies, view: View, largest: float) -> tuple[np.ndarray, np.ndarray]:
     """Give the shares (H, W) of the light and of the sky that reach each visible point; 1 without a point."""
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
@@ -65,9 +63,7 @@ def light_and_sky(
     light, lens = _light_axes(camera), (camera.eye_m, camera.axes, float(camera.focal_px))
     light_map, origin, pixel_m = _light_map(bodies.vertices, bodies.triangles, light)
     softness, bias, reach = 0.35 * largest, 0.03 * largest, 1.3 * largest
-    lit = raster.lit_fraction(
-        view.depth, view.normal, lens, light_map, light, origin, pixel_m, softness, bias, 24
-    )
+    lit = raster.lit_fraction(view.depth, view.normal, lens, light_map, light, origin, pixel_m, softness, bias, 24)
     # Far from all bodies the walls see the whole sky.
     hit = view.hit
     reach_px = math.ceil(reach * camera.focal_px / view.depth[hit].min(initial=np.inf))
@@ -82,13 +78,7 @@ def _place(camera: Camera, view: View, rays: np.ndarray, where: np.ndarray) -> n
 
 
 def _paint_bodies(
-    image: np.ndarray,
-    camera: Camera,
-    view: View,
-    rays: np.ndarray,
-    lit: np.ndarray,
-    sky: np.ndarray,
-    tints: np.ndarray,
+    image: np.ndarray, camera: Camera, view: View, rays: np.ndarray, lit: np.ndarray, sky: np.ndarray, tints: np.ndarray
 ) -> None:
     """Paint the pixels that show a body."""
     hit = view.hit
@@ -99,12 +89,7 @@ def _paint_bodies(
 
 
 def _shade_bodies(
-    colour: np.ndarray,
-    normal: np.ndarray,
-    sight: np.ndarray,
-    towards: np.ndarray,
-    lit: np.ndarray,
-    sky: np.ndarray,
+    colour: np.ndarray, normal: np.ndarray, sight: np.ndarray, towards: np.ndarray, lit: np.ndarray, sky: np.ndarray
 ) -> np.ndarray:
     """Shade by Lambert, a waxy highlight and a rim of sky light; arrays (M, 3) and (M,)."""
     diffuse = np.clip(normal @ towards, 0, 1) * lit
@@ -138,9 +123,7 @@ def _paint_flat(
         image[view.plate] = BACKGROUND + fade[:, None] * (PLATE * 1.13 * tone[:, None] - BACKGROUND)
     if backdrop is not None and view.behind.any():
         there = view.behind
-        image[there] = backdrop.paint(
-            _place(camera, view, rays, there), view.normal[there], lit[there], sky[there]
-        )
+        image[there] = backdrop.paint(_place(camera, view, rays, there), view.normal[there], lit[there], sky[there])
     panels = view.panel
     steepness = 0.80 + 0.20 * np.clip(view.normal[panels][:, 2], 0, 1)
     tone = (0.52 + 0.48 * lit[panels]) * (0.35 + 0.65 * sky[panels]) * steepness

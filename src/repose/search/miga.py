@@ -32,14 +32,7 @@ from typing import Any
 import numpy as np
 
 # Keys of the configuration's section that are arguments of `MIGA`.
-OPERATORS = (
-    "islands",
-    "population",
-    "generations",
-    "tournament",
-    "mutation_probability",
-    "mutation_amplitude",
-)
+OPERATORS = ("islands", "population", "generations", "tournament", "mutation_probability", "mutation_amplitude")
 
 
 class MIGA:
@@ -108,9 +101,7 @@ class MIGA:
         self._keep_best(children, points[order[:, 0]])
         self._points = children.reshape(islands * population, dimensions)
 
-    def _migrate(
-        self, points: np.ndarray, fitness: np.ndarray, order: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _migrate(self, points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Migrate round the ring."""
         return migrate(points, fitness, order)
 

@@ -183,8 +183,6 @@ def search(
             miga.tell(fitness)
         archive.add(np.concatenate([p for p, _ in seen]), np.concatenate([f for _, f in seen]))
         mean = float(fitness.mean())
-        history.append(
-            (round_, miga.generation, miga.evaluations, miga.best_fitness, mean, int(feasible_met))
-        )
+        history.append((round_, miga.generation, miga.evaluations, miga.best_fitness, mean, int(feasible_met)))
     archive.thin()
     return archive, history, int(feasible_met)

@@ -37,9 +37,7 @@ def content(best: Answer, study: Studied) -> dict[str, Any]:
     }
 
 
-def write(
-    found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_dir: str | os.PathLike
-) -> pd.DataFrame:
+def write(found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_dir: str | os.PathLike) -> pd.DataFrame:
     """Write solutions.csv, table4.csv, representative.csv, check.csv and summary.json; return the table of check.csv.
 
     `found` is a proposal as `repose.strategies.batches` keeps it, `checked` holds the single runs of the answer.
@@ -71,10 +69,7 @@ def _check(row, errors, targets):
         simulated = row[target.response.simulated]
         own = {"response": target.name, "target": target.aim, "predicted": row[target.response.predicted]}
         own |= {"predicted_error": error, "simulated": simulated}
-        own |= {
-            "simulated_error": row[target.response.error],
-            "deviation_percent": target.off_percent(simulated),
-        }
+        own |= {"simulated_error": row[target.response.error], "deviation_percent": target.off_percent(simulated)}
         rows.append(own)
     return pd.DataFrame(rows)
 
@@ -133,8 +128,4 @@ def _simulated(runs, targets):
         row[name], row[error_of(name)] = mean, error
     trouble = runs.loc[runs["status"] != "ok", "status"].value_counts()
     reason = ", ".join(f"{number} runs {status}" for status, number in trouble.items())
-    return row | {
-        "n_seeds": min(counts),
-        "status": "ok" if min(counts) else trouble.index[0],
-        "reason": reason,
-    }
+    return row | {"n_seeds": min(counts), "status": "ok" if min(counts) else trouble.index[0], "reason": reason}

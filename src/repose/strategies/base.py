@@ -186,9 +186,7 @@ class Strategy(ABC):
         """
         proposal = self.propose(study, data)
         if isinstance(proposal, Batch):
-            allowed = (
-                f"more: strategy {self.name} asks for {len(proposal.samples)} more samples before it answers"
-            )
+            allowed = f"more: strategy {self.name} asks for {len(proposal.samples)} more samples before it answers"
             raise InputError("runs", "rows", len(data), allowed)
         return proposal
 

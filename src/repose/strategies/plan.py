@@ -50,9 +50,7 @@ def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: ob
     noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
     percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
     space = ParameterSpace.of(config["parameters"])
-    needed = {
-        tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY) for tolerance in TOLERANCES
-    }
+    needed = {tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY) for tolerance in TOLERANCES}
     return Plan(percent, runs is not None, needed, chances(len(targets), float(percent.max())))
 
 

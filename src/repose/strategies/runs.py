@@ -71,10 +71,7 @@ def read_runs(path: str | os.PathLike, study: Studied) -> pd.DataFrame:
 
 
 def checked_runs(
-    study: Studied,
-    rows: pd.DataFrame | Sequence[Mapping[str, Any]],
-    source: object = "runs",
-    enough: bool = True,
+    study: Studied, rows: pd.DataFrame | Sequence[Mapping[str, Any]], source: object = "runs", enough: bool = True
 ) -> pd.DataFrame:
     """Check a table of runs; return ``sample``, ``status``, parameters and responses.
 

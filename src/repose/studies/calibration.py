@@ -53,8 +53,7 @@ class Calibration(NamedTuple):
         space, values = self.study.parameters, self.parameters
         ends = card.ends(space, self.solutions, (self.posterior.parameters, self.posterior.draws))
         return {
-            name: {"value": values[name], **card.held(space, name, values[name], *ends[name])}
-            for name in space.names
+            name: {"value": values[name], **card.held(space, name, values[name], *ends[name])} for name in space.names
         }
 
     @property
@@ -81,9 +80,7 @@ class Calibration(NamedTuple):
     def _repr_html_(self) -> str:
         """The answer in a notebook: parameters with their intervals, predictions, probabilities."""
         parameters = pd.DataFrame(self.intervals).T.drop(columns=["at_bound", "widened"], errors="ignore")
-        chances = pd.DataFrame({"probability": self.probability}).rename(
-            index=lambda name: name.replace("_", " ")
-        )
+        chances = pd.DataFrame({"probability": self.probability}).rename(index=lambda name: name.replace("_", " "))
         tables = (parameters, self.prediction, chances)
         shown = "".join(table.to_html(float_format="{:.4g}".format, na_rep="fixed") for table in tables)
         return f"{shown}<p>{escape(self.summary['message'])}</p><p>{escape(self.why)}</p>"
@@ -243,11 +240,7 @@ def _steps(study, runs, samples, model, probability, warning):
     """The way to the answer, in sentences."""
     config, failed = study.config, int((runs["status"] != OK).sum())
     name = model.name.replace("_", " ")
-    known = (
-        " of the samples' means with their known errors"
-        if model.name == "kriging" and warning is None
-        else ""
-    )
+    known = " of the samples' means with their known errors" if model.name == "kriging" and warning is None else ""
     chances = (
         f"within 1 % with probability {probability['within_1_percent']:.2f}, "
         f"within 2 % with {probability['within_2_percent']:.2f}."

@@ -70,10 +70,7 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     models = 1 / squares if len(plausible) else 0.0
     if models < FEWEST_MODELS:
         raise InputError(
-            combinations_csv,
-            "eligible",
-            f"{models:.1f} models by their weights",
-            f"at least {FEWEST_MODELS}",
+            combinations_csv, "eligible", f"{models:.1f} models by their weights", f"at least {FEWEST_MODELS}"
         )
     values, errors = (plausible[list(of)].to_numpy(float) for of in (columns, targets.errors))
     raw = np.atleast_2d(np.cov(values.T, aweights=weight, ddof=0)) / (1 - squares)
@@ -101,10 +98,7 @@ def _checked(path: str | os.PathLike, table: pd.DataFrame, errors: Sequence[str]
 
 
 def sizes(
-    names: Sequence[str],
-    means: np.ndarray,
-    percent: Mapping[str, float] | float,
-    smallest: Mapping[str, float],
+    names: Sequence[str], means: np.ndarray, percent: Mapping[str, float] | float, smallest: Mapping[str, float]
 ) -> np.ndarray:
     """Standard deviation (k,) of each discrepancy: `percent` of the mean, no less than `smallest` of its unit."""
     discrepancies = []
@@ -116,11 +110,7 @@ def sizes(
 
 
 def covariance(
-    names: Sequence[str],
-    sd: np.ndarray,
-    means: np.ndarray,
-    correlation: float,
-    apparatus: Sequence[str] | None = None,
+    names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float, apparatus: Sequence[str] | None = None
 ) -> np.ndarray:
     """Covariance S_d (k, k) of the discrepancies; different bench tests are independent."""
     matrix = np.diag(sd**2)

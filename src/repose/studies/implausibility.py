@@ -75,10 +75,7 @@ def _bits(points: Points, space: ParameterSpace, observation: tuple) -> dict[str
     log_weight = log_likelihood(points.predicted, points.covariance, *observation)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
-    row: dict[str, Any] = {
-        "information_bits": joint_bits(weight),
-        "effective_points": 1 / float(weight @ weight),
-    }
+    row: dict[str, Any] = {"information_bits": joint_bits(weight), "effective_points": 1 / float(weight @ weight)}
     for k, name in enumerate(space.free):
         row |= _marginal(name, points, k, weight, space, row["effective_points"])
     return row
@@ -120,9 +117,7 @@ def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tu
         table["least_implausibility"], table["share"] = least, inside / np.maximum(count, 1)
         tables.append(table)
     columns = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
-    return float(kept.mean()), pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(
-        columns=columns
-    )
+    return float(kept.mean()), pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=columns)
 
 
 def joint_bits(weight: np.ndarray) -> float:

@@ -25,9 +25,7 @@ from scipy import stats
 from repose.core.targets import Targets
 
 
-def observation(
-    targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Physical means (k,) and the part S_y + S_d (k, k) of their covariance that does not depend on the parameters."""
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:

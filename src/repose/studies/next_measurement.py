@@ -59,9 +59,7 @@ def measured_runs(
 ) -> pd.DataFrame:
     """All responses of saved runs: a row for each run and response, with apparatus, sample, response and value."""
     every = [
-        {"response": response.name, "apparatus": test.name}
-        for test in bench_tests()
-        for response in test.responses
+        {"response": response.name, "apparatus": test.name} for test in bench_tests() for response in test.responses
     ]
     scene = Scene.of(dict(config) | {"targets": every}, {}, berry, particle)
     rows = []
@@ -69,12 +67,7 @@ def measured_runs(
         job = measure_job(scene, path, Path(out_dir) / path.parent.name)
         test = bench(job.get("apparatus", UNNAMED), path)
         rows += [
-            {
-                "apparatus": test.name,
-                "sample": job["sample"],
-                "response": response.name,
-                "value": response.of(run),
-            }
+            {"apparatus": test.name, "sample": job["sample"], "response": response.name, "value": response.of(run)}
             for run in job["runs"]
             for response in responses_of(test.name)
         ]

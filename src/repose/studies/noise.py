@@ -46,9 +46,7 @@ def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
     return runs[(runs["status"] == "ok") & runs[list(names)].notna().all(axis=1)]
 
 
-def within_correlation(
-    runs: pd.DataFrame, targets: Targets
-) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
+def within_correlation(runs: pd.DataFrame, targets: Targets) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
     """Correlation (k, k) of the responses from run to run of one sample, 0 between bench tests, and its pairs."""
     matrix, pairs = np.eye(len(targets)), {}
     for bench in targets.apparatus:
@@ -80,11 +78,7 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
         error, quantity = components.standard_error(seeds), target.response.quantity
         table[target.response.error] = error
         table[f"{quantity}_se_percent"] = 100 * error / target.whole
-        for label, icc in (
-            ("", components.icc),
-            ("_low", components.icc_low),
-            ("_high", components.icc_high),
-        ):
+        for label, icc in (("", components.icc), ("_low", components.icc_low), ("_high", components.icc_high)):
             table[f"{quantity}_reachable_r2{label}"] = icc / (icc + (1 - icc) / seeds)
         rows.append(_row(target, components, ok, own[own["status"] != "ok"]))
     summary = {
@@ -101,9 +95,7 @@ def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLik
     try:
         floor = noise_floor(runs, targets)
     except ValueError as error:
-        raise InputError(
-            runs_csv, "runs", str(error), "enough runs a sample for variances and correlations"
-        ) from None
+        raise InputError(runs_csv, "runs", str(error), "enough runs a sample for variances and correlations") from None
     out = Path(out_dir)
     write_table(out / "noise.csv", floor.responses)
     write_table(out / "seeds.csv", floor.seeds)
@@ -145,6 +137,4 @@ def _row(target: Target, components: Components, ok: pd.DataFrame, failed: pd.Da
         "r2_single_runs": float(components.reachable_r2(1)),
         "r2_sample_means": float(components.reachable_r2(components.harmonic_seeds)),
     }
-    return row | {
-        f"seeds_for_{p:g}_percent": components.seeds_for(p / 100 * target.whole) for p in WANTED_PERCENT
-    }
+    return row | {f"seeds_for_{p:g}_percent": components.seeds_for(p / 100 * target.whole) for p in WANTED_PERCENT}

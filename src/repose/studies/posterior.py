@@ -98,8 +98,7 @@ def infer(
         "discrepancy_of": "stated" if study is None else "shape study",
         f"{model.name}_se": [float(v) for v in np.sqrt((std**2).mean(axis=0))],
         "predicted": {
-            name: {"mean": float(Y[:, k].mean()), **_interval(Y[:, k])}
-            for k, name in enumerate(targets.names)
+            name: {"mean": float(Y[:, k].mean()), **_interval(Y[:, k])} for k, name in enumerate(targets.names)
         },
         "misfit": misfit(Y, model.covariance(X), mean, covariance),
         "information_bits": bits[0],
@@ -182,9 +181,7 @@ def _check_freedom(targets, pairs):
         for pair in combinations(names, 2):
             freedom, least = pairs[", ".join(pair)]["degrees_of_freedom"], len(names) + FREEDOM
             if freedom < least:
-                raise ValueError(
-                    f"{freedom} degrees of freedom within samples of {bench}; allowed: at least {least}"
-                )
+                raise ValueError(f"{freedom} degrees of freedom within samples of {bench}; allowed: at least {least}")
 
 
 def _further_studies(model, space, targets, settings, runs, study, out):
@@ -277,12 +274,7 @@ def _prior_interval(space: ParameterSpace) -> np.ndarray:
 
 
 def _marginal(
-    draws: np.ndarray,
-    shares: np.ndarray,
-    low: float,
-    high: float,
-    prior_width: float,
-    effective: float,
+    draws: np.ndarray, shares: np.ndarray, low: float, high: float, prior_width: float, effective: float
 ) -> dict[str, float]:
     """Mean, interval, width and information of one parameter's draws (n,) in [0, 1]; shares: of the prior below."""
     values = low + draws * (high - low)

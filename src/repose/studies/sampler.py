@@ -104,9 +104,7 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
     """R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4)."""
     chains = np.asarray(chains, dtype=float)
     if chains.ndim != 3 or chains.shape[1] < 4:
-        raise ValueError(
-            f"chains has shape {chains.shape}; allowed: (chains, steps, dimensions), 4 steps or more"
-        )
+        raise ValueError(f"chains has shape {chains.shape}; allowed: (chains, steps, dimensions), 4 steps or more")
     n = chains.shape[1] // 2
     halves = np.concatenate([chains[:, :n], chains[:, -n:]])
     within = halves.var(axis=1, ddof=1).mean(axis=0)  # W
@@ -146,9 +144,7 @@ def joint_information_bits(
     """
     points = stats.qmc.Sobol(dimensions, rng=seed).random(prior_draws)
     points = points if from_prior is None else from_prior(points)
-    prior = np.concatenate(
-        [log_likelihood(part) for part in np.array_split(points, max(1, prior_draws // 2048))]
-    )
+    prior = np.concatenate([log_likelihood(part) for part in np.array_split(points, max(1, prior_draws // 2048))])
     likelihood = np.exp(prior - prior.max())
     evidence = prior.max() + math.log(likelihood.mean())
     error = math.hypot(

@@ -94,9 +94,7 @@ def analyse(
     def respond(values):
         return model.predict(space.complete(values))
 
-    table = indices(
-        respond, space.low, space.high, settings["samples"], settings["resamples"], settings["seed"]
-    )
+    table = indices(respond, space.low, space.high, settings["samples"], settings["resamples"], settings["seed"])
     rows = [
         {"response": response, "parameter": name} | {key: value[i, k] for key, value in table.items()}
         for i, response in enumerate(targets.names)

@@ -271,9 +271,7 @@ class BayesianBP(Surrogate):
         low, high = self.scaled_range
         if not low < high:
             raise ValueError(f"scaled_range is {self.scaled_range!r}; allowed: its first below its second")
-        return TrainingSettings(
-            **{field.name: getattr(self, field.name) for field in fields(TrainingSettings)}
-        )
+        return TrainingSettings(**{field.name: getattr(self, field.name) for field in fields(TrainingSettings)})
 
     def _stretch(self) -> np.ndarray:
         """Return the size (outputs,) of one unit of a scaled output, in units of y."""
@@ -281,9 +279,7 @@ class BayesianBP(Surrogate):
         return width(self.output_min_, self.output_max_) / (high - low)
 
 
-def covariances(
-    networks: Sequence[BayesianBP], X: ArrayLike, weights: np.ndarray | None = None
-) -> np.ndarray:
+def covariances(networks: Sequence[BayesianBP], X: ArrayLike, weights: np.ndarray | None = None) -> np.ndarray:
     """`BayesianBP.covariance` of networks that share their scalings, (networks, samples, outputs, outputs).
 
     `weights` (networks, N) are theirs, if they are at hand.

@@ -54,9 +54,7 @@ class GaussianProcess(Combined, Surrogate):
         self._fit([first] * Y.shape[1])
         return self
 
-    def _take(
-        self, X: np.ndarray, Y: np.ndarray, precision: np.ndarray, noise_covariance: ArrayLike | None
-    ) -> None:
+    def _take(self, X: np.ndarray, Y: np.ndarray, precision: np.ndarray, noise_covariance: ArrayLike | None) -> None:
         """Keep the samples and the scaling that follows from them."""
         if len(Y) < 2:
             raise ValueError(f"{len(Y)} samples; allowed: at least 2")
@@ -127,9 +125,7 @@ class GaussianProcess(Combined, Surrogate):
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """The processes of a `to_dict`; their hyperparameters are not estimated again."""
         model, training = cls(), content["training"]
-        X, Y, precision = (
-            np.asarray(training[key], dtype=float) for key in ("inputs", "outputs", "precision")
-        )
+        X, Y, precision = (np.asarray(training[key], dtype=float) for key in ("inputs", "outputs", "precision"))
         model._take(X, Y, precision, content["noise_covariance"])
         model._fit(content["kernels"], fixed=True)
         model.offset_ = np.asarray(content["offset"], dtype=float)

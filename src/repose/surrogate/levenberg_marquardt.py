@@ -187,9 +187,7 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
     return state._replace(gamma=_gamma(state.at, state, data))
 
 
-def _step(
-    state: _State, mu: float, data: _Data, settings: TrainingSettings
-) -> tuple[np.ndarray | None, float]:
+def _step(state: _State, mu: float, data: _Data, settings: TrainingSettings) -> tuple[np.ndarray | None, float]:
     """Damp until F falls (HM94): the weights there, or None, and the next mu."""
     alpha, beta, at, half_gradient = state.alpha, state.beta, state.at, state.half_gradient()
     identity = np.eye(at.w.size)
@@ -238,9 +236,7 @@ def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarr
     return ((np.tanh(x @ W1.T + b1) @ W2.T + b2 - t) * root_weight).ravel()
 
 
-def linearise(
-    w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def linearise(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`residuals`, and their derivatives by the weights (samples * outputs, N)."""
     y, J = jacobian(w, x, t.shape[1])
     return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(t.size, w.size)

@@ -77,9 +77,7 @@ class NetworkEnsemble(Surrogate):
         if not return_std:
             return mean
         variance = np.diagonal(self.covariance(X), axis1=1, axis2=2)
-        return mean, np.sqrt(
-            variance + noise * np.mean([member.noise_std_**2 for member in self.members_], axis=0)
-        )
+        return mean, np.sqrt(variance + noise * np.mean([member.noise_std_**2 for member in self.members_], axis=0))
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Covariance of the mixture's means, without noise (LPB17)."""
@@ -115,9 +113,7 @@ class NetworkEnsemble(Surrogate):
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """The networks of a `to_dict`."""
         model, training = cls(BayesianBP.from_dict(content)), content["training"]
-        others = (
-            {**content, **other, "training": training | other["training"]} for other in content["others"]
-        )
+        others = ({**content, **other, "training": training | other["training"]} for other in content["others"])
         model.members_ = [*model.members_, *map(BayesianBP.from_dict, others)]
         return model
 

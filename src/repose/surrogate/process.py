@@ -22,9 +22,7 @@ LEAST_VARIANCE = 1e-12
 FIXED = ("fixed", "fixed")
 
 
-def smooth(
-    variance: float, lengths: ArrayLike, bounds: Any = FIXED, smoothness: float | None = None
-) -> ConstantKernel:
+def smooth(variance: float, lengths: ArrayLike, bounds: Any = FIXED, smoothness: float | None = None) -> ConstantKernel:
     """The variance times Matern's covariance of distances in lengths; without `smoothness` the squared exponential.
 
     `bounds` are those of the variance and of the lengths, as scikit-learn takes them.

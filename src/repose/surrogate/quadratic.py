@@ -59,9 +59,7 @@ class QuadraticSurface(Surrogate):
         if freedom < 1:
             raise ValueError(f"{len(A)} samples; allowed: at least {A.shape[1] + 1}, one more than the terms")
         # one system of equations for all responses, unless their precisions differ
-        groups = (
-            [slice(k, k + 1) for k in range(Y.shape[1])] if np.ptp(precision, axis=1).any() else [slice(None)]
-        )
+        groups = [slice(k, k + 1) for k in range(Y.shape[1])] if np.ptp(precision, axis=1).any() else [slice(None)]
         fits = [_weighted(A, Y[:, group], np.sqrt(precision[:, group][:, 0])) for group in groups]
         self.coefficients_ = np.hstack([fit[0] for fit in fits])
         residuals = np.hstack([fit[1] for fit in fits])
@@ -97,11 +95,7 @@ class QuadraticSurface(Surrogate):
     def to_dict(self) -> dict[str, Any]:
         """The samples, from which the fit is computed again, and the coefficients for a reader."""
         training = {key: value.tolist() for key, value in self.training_.items()}
-        return {
-            "coefficients": self.coefficients_.tolist(),
-            "offset": self.offset_.tolist(),
-            "training": training,
-        }
+        return {"coefficients": self.coefficients_.tolist(), "offset": self.offset_.tolist(), "training": training}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -120,9 +114,7 @@ class QuadraticSurface(Surrogate):
         return self.terms(((X - self.low_) / self.width_)[:, self.varies_])
 
 
-def _weighted(
-    A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _weighted(A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fit coefficients (terms, k), weighted residuals (n, k), and R (terms, n) with R R' = (A'WA)^-1 (A35)."""
     weighted = A * root_precision[:, None]
     coefficients, *_ = np.linalg.lstsq(weighted, Y * root_precision[:, None], rcond=None)

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-def independent_mixing(
-    noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
-) -> np.ndarray:
+def independent_mixing(noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray) -> np.ndarray:
     """Matrix (outputs, outputs) from scaled outputs to combinations with independent noises of one variance (A35).
 
     Outputs of one experiment share its noise; taken as independent, the shared part looks like a signal. `stretch`
@@ -69,10 +67,7 @@ def pure_error(
 
 
 def checked_samples(
-    X: ArrayLike,
-    y: ArrayLike,
-    sample_weight: ArrayLike | None = None,
-    precision: ArrayLike | None = None,
+    X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, precision: ArrayLike | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """X (samples, inputs), Y (samples, outputs), counts (samples,) and precision (samples, outputs), all finite."""
     X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)

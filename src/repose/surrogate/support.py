@@ -93,9 +93,7 @@ class Support:
                 ]
                 parts.append(f"at a bound: {', '.join(ends)}")
             if distance[k] > self.farthest:
-                parts.append(
-                    f"nearest sample {distance[k]:.2f} of a range away, usual up to {self.farthest:.2f}"
-                )
+                parts.append(f"nearest sample {distance[k]:.2f} of a range away, usual up to {self.farthest:.2f}")
             if leverage[k] > self.largest_leverage:
                 parts.append(f"leverage {leverage[k]:.2f}, samples' largest {self.largest_leverage:.2f}")
             texts.append("; ".join(parts))
@@ -103,9 +101,7 @@ class Support:
 
     def _unit(self, points: np.ndarray) -> np.ndarray:
         """Scale the free parameters to their ranges."""
-        return (
-            ((np.asarray(points, dtype=float) - self.low)[:, self._free]) / (self.high - self.low)[self._free]
-        )
+        return ((np.asarray(points, dtype=float) - self.low)[:, self._free]) / (self.high - self.low)[self._free]
 
     def _leverage(self, unit: np.ndarray) -> np.ndarray:
         """Compute the leverage of points in the unit cube."""

@@ -45,9 +45,7 @@ def response_function(
     return lambda points: np.tanh(points @ W1 + b1) @ W2 + b2
 
 
-def nguyen_widrow(
-    inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
-) -> np.ndarray:
+def nguyen_widrow(inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any) -> np.ndarray:
     """Random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90)."""
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)  # (NW90)

@@ -10,18 +10,7 @@ from typing import Any
 from repose.core.errors import InputError
 from repose.core.files import write_text
 
-from . import (
-    coulomb,
-    energy,
-    impacts,
-    oblique,
-    packing,
-    resting,
-    restitution,
-    rolling,
-    rotation,
-    spinning,
-)
+from . import coulomb, energy, impacts, oblique, packing, resting, restitution, rolling, rotation, spinning
 from .case import FULL, Effort, Row
 
 # Every case by name: a function of an `Effort` that returns its rows.
@@ -53,9 +42,7 @@ __all__ = ["CASES", "FULL", "Effort", "run", "write"]
 
 
 def run(
-    names: Iterable[str] | None = None,
-    effort: Effort = FULL,
-    report: Callable[[str, list[Row]], Any] | None = None,
+    names: Iterable[str] | None = None, effort: Effort = FULL, report: Callable[[str, list[Row]], Any] | None = None
 ) -> dict[str, list[Row]]:
     """Run cases of the verification suite (by default all) and `report` each; InputError for an unknown name."""
     chosen = list(names or CASES)

@@ -63,9 +63,7 @@ def within(quantity: str, unit: str, result: float, low: float, high: float, sou
     return Row(quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status)
 
 
-def reported(
-    quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = ""
-) -> Row:
+def reported(quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = "") -> Row:
     """A result that is shown and not judged; with a number as reference the row has a deviation too."""
     deviation = None
     if isinstance(reference, float) and reference != 0.0:

@@ -100,10 +100,7 @@ def loop_work(forward: bool, **laws: Any) -> float:
 def closed_loop(effort: Effort) -> list[Row]:
     """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload."""
     rows = []
-    for way, forward in (
-        ("slide, press, slide back, unload", True),
-        ("press, slide, unload, slide back", False),
-    ):
+    for way, forward in (("slide, press, slide back, unload", True), ("press, slide, unload, slide back", False)):
         gained = -1e6 * loop_work(forward, **effort.laws)
         name = f"{way}: energy gained"
         if effort.laws.get("contact_law", "hertz_mindlin") == "hertz_mindlin":

@@ -31,12 +31,7 @@ def cloud_momentum(effort: Effort) -> list[Row]:
     """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum."""
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
-        Contact(0.4, 0.5, 0.0),
-        1e-4,
-        capacity=64,
-        lower=(-0.3, -0.3, -0.3),
-        upper=(0.3, 0.3, 0.3),
-        **effort.laws,
+        Contact(0.4, 0.5, 0.0), 1e-4, capacity=64, lower=(-0.3, -0.3, -0.3), upper=(0.3, 0.3, 0.3), **effort.laws
     )
     axis = 0.03 * (np.arange(4) - 1.5)
     for x in axis:
@@ -53,9 +48,7 @@ def cloud_momentum(effort: Effort) -> list[Row]:
         return linear.sum(axis=0), angular.sum(axis=0), simulation.kinetic_energies().sum()
 
     linear, angular, energy = totals()
-    lever = (
-        mass * np.linalg.norm(simulation.positions, axis=1) * np.linalg.norm(simulation.velocities, axis=1)
-    )
+    lever = mass * np.linalg.norm(simulation.positions, axis=1) * np.linalg.norm(simulation.velocities, axis=1)
     sizes = (
         mass * np.linalg.norm(simulation.velocities, axis=1).sum(),
         (lever + np.linalg.norm(simulation.angular_momenta, axis=1)).sum(),
@@ -123,9 +116,7 @@ def pair_hits(
     return most[separated], ((energies[0::2] + energies[1::2]) / start)[separated]
 
 
-def funnel_hits(
-    rng: np.random.Generator, contact: Contact, kind: str, **laws: Any
-) -> tuple[np.ndarray, np.ndarray]:
+def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str, **laws: Any) -> tuple[np.ndarray, np.ndarray]:
     """As `pair_hits` for a berry thrown at a funnel from inside; `kind` is "cone", "rim" or "tube"."""
     funnel = TUBED if kind == "tube" else FUNNEL
     simulation = berry_simulation(
@@ -148,9 +139,7 @@ def funnel_hits(
     return _ratios(simulation, 10, 100)
 
 
-def shell_hits(
-    rng: np.random.Generator, contact: Contact, _kind: str, **laws: Any
-) -> tuple[np.ndarray, np.ndarray]:
+def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str, **laws: Any) -> tuple[np.ndarray, np.ndarray]:
     """As `funnel_hits` for 40 berries along a drum, each thrown at the shell, (40,)."""
     n, radius, spacing = 40, 0.06, 0.06
     length = n * spacing
@@ -195,9 +184,7 @@ def energy_of_hits(effort: Effort) -> list[Row]:
             ends.append(last)
         most, final = np.concatenate(peaks), np.concatenate(ends)
         note = f"largest ratio on the way, {np.count_nonzero(final < HIT)} hits"
-        rows.append(
-            at_most(f"{kind}: energy over that before, {note}", "", most.max(), 1.0 + CREATED, "no energy")
-        )
+        rows.append(at_most(f"{kind}: energy over that before, {note}", "", most.max(), 1.0 + CREATED, "no energy"))
     return rows
 
 
@@ -226,9 +213,7 @@ def elastic_impacts(effort: Effort) -> list[Row]:
                 rows.append(reported(f"{name}: {what} of energy", "%", value, ELASTIC_NOTE))
     for kind in ("cone", "rim"):
         rng = np.random.default_rng([17, len(kind)])
-        ends = np.concatenate(
-            [funnel_hits(rng, frictionless(), kind, **effort.laws)[1] for _ in range(effort.hits)]
-        )
+        ends = np.concatenate([funnel_hits(rng, frictionless(), kind, **effort.laws)[1] for _ in range(effort.hits)])
         gain, share = 100.0 * (ends.max() - 1.0), 100.0 * float(np.mean(ends > MUCH))
         rows.append(reported(f"berries at the {kind}: largest gain of energy", "%", gain, WALL_NOTE))
         rows.append(reported(f"berries at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE))

@@ -83,9 +83,7 @@ class Hertz:
             return min(state[0], pressed) if state[1] < 0.0 else 1.0
 
         leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]  # so scipy wants it
-        solution = solve_ivp(
-            parts, (0.0, 40.0), (0.0, 1.0), events=leaves, rtol=1e-9, atol=1e-12, dense_output=True
-        )
+        solution = solve_ivp(parts, (0.0, 40.0), (0.0, 1.0), events=leaves, rtol=1e-9, atol=1e-12, dense_output=True)
         time = np.linspace(0.0, solution.t[-1], count)
         overlap, speed = solution.sol(time)
         unit_s = self.overlap_m / self.speed

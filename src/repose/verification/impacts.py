@@ -59,9 +59,7 @@ def plane_history(
     solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Impact of a sphere on a rigid plane, along its normal and without friction; results as of `pair_history`."""
-    simulation, steps = sphere_over_plane(
-        solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s), **laws
-    )
+    simulation, steps = sphere_over_plane(solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s), **laws)
     step = hertz_on_plane(solid, radius_m, speed_m_s).duration_s / STEPS_PER_CONTACT
     return _history(
         simulation,
@@ -103,9 +101,7 @@ def _elastic(cases: Sequence[tuple], published: Mapping) -> list[Row]:
         exact = (hertz.force_n, hertz.overlap_m, hertz.duration_s)
         for (name, unit, scale), ours, reference in zip(QUANTITIES, result, exact, strict=True):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, scale * reference))
-        for (name, unit, scale), ours, value in zip(
-            QUANTITIES, result, published.get(solid.name, ()), strict=False
-        ):
+        for (name, unit, scale), ours, value in zip(QUANTITIES, result, published.get(solid.name, ()), strict=False):
             rows.append(close(f"{solid.name}: {name}", unit, scale * ours, value, DIGITISED))
     return rows
 

@@ -51,12 +51,7 @@ def sphere_over_plane(
         **laws,
     )
     gap = 3.5 * step * hertz.speed
-    simulation.add(
-        "sphere",
-        (0.0, 0.0, radius_m + gap),
-        velocity_m_s=velocity_m_s,
-        angular_velocity_rad_s=spin_rad_s,
-    )
+    simulation.add("sphere", (0.0, 0.0, radius_m + gap), velocity_m_s=velocity_m_s, angular_velocity_rad_s=spin_rad_s)
     return simulation, steps_of_impact(contact.restitution, laws.get("tension", "keep"))
 
 

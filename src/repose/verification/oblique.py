@@ -27,16 +27,8 @@ STEEL = Solid("steel", 208e9, 0.30, 7850.0)
 POLYETHYLENE = Solid("polyethylene", 1e9, 0.40, 1400.0)
 
 # Test 4: angle from the normal [deg]: tangential restitution, spin after the impact [rad/s].
-TEST_4 = {
-    5: (0.948, -19.3),
-    20: (0.616, -511.0),
-    30: (0.684, -617.0),
-    50: (0.845, -457.0),
-    70: (0.932, -246.0),
-}
-SPRING_NOTE = (
-    "it sticks, and the tangential spring determines the answer: the published one is near S_t delta_t"
-)
+TEST_4 = {5: (0.948, -19.3), 20: (0.616, -511.0), 30: (0.684, -617.0), 50: (0.845, -457.0), 70: (0.932, -246.0)}
+SPRING_NOTE = "it sticks, and the tangential spring determines the answer: the published one is near S_t delta_t"
 EQUATION = "equation of the spring, solved in 20,000 steps"
 ARM_NOTE = "the lever arm is R - delta / 2, not R: the contact lies in the middle of the overlap"
 LAW = "mu times the limiting force times R - delta / 2, integrated by scipy over the impact"

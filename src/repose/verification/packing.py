@@ -102,17 +102,9 @@ def poured_packing(effort: Effort) -> list[Row]:
             lift = simulation.shapes["body"].mass_kg * GRAVITY * 2.0 * BERRY_M[2]
             energy[box] = simulation.kinetic_energies().mean() / lift
         rows.append(within(f"{name}: solid fraction of the core", "", fraction.mean(), *fractions, source))
+        rows.append(within(f"{name}: coordination number of the core", "", number.mean(), *numbers, SOURCES[2]))
         rows.append(
-            within(f"{name}: coordination number of the core", "", number.mean(), *numbers, SOURCES[2])
-        )
-        rows.append(
-            at_most(
-                f"{name}: kinetic energy over m g times the thickness",
-                "",
-                energy.max(),
-                0.01,
-                "nearly at rest",
-            )
+            at_most(f"{name}: kinetic energy over m g times the thickness", "", energy.max(), 0.01, "nearly at rest")
         )
     return rows
 
@@ -155,9 +147,7 @@ def _top(simulation: Simulation) -> float:
     return float(np.sort(simulation.positions[:, 2])[-10:].mean())
 
 
-def solid_fraction_profile(
-    simulation: Simulation, side: float, points: int = 900
-) -> tuple[np.ndarray, np.ndarray]:
+def solid_fraction_profile(simulation: Simulation, side: float, points: int = 900) -> tuple[np.ndarray, np.ndarray]:
     """Middles [m] of slices 4 mm thick, and the share of random points in each that lie inside a berry."""
     rng = np.random.default_rng(31)
     heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)

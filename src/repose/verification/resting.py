@@ -49,11 +49,7 @@ def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float
 def berry_at_rest(effort: Effort) -> list[Row]:
     """A berry lies on a plate, each of its axes vertical in turn, at the overlap of its curvature."""
     quarter = math.sqrt(0.5)
-    turns = {
-        "shortest": (1, 0, 0, 0),
-        "middle": (quarter, quarter, 0, 0),
-        "longest": (quarter, 0, quarter, 0),
-    }
+    turns = {"shortest": (1, 0, 0, 0), "middle": (quarter, quarter, 0, 0), "longest": (quarter, 0, quarter, 0)}
     young, _ = effective_moduli(BERRY, PVC)
     rows = []
     for (name, turn), up in zip(turns.items(), (2, 1, 0), strict=True):

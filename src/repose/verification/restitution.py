@@ -104,9 +104,7 @@ def first_touch(
         offset_across = b[None, :, :3] + offset - a[:, None, :3]
         along = offset_across @ direction
         square = along**2 - np.sum(offset_across**2, axis=-1) + (a[:, None, 3] + b[None, :, 3]) ** 2
-        return float(
-            np.max(np.sqrt(square, where=square > 0.0, out=np.full(square.shape, -math.inf)) - along)
-        )
+        return float(np.max(np.sqrt(square, where=square > 0.0, out=np.full(square.shape, -math.inf)) - along))
 
     def distance(n: np.ndarray) -> np.ndarray:
         towards = n @ direction
@@ -135,13 +133,7 @@ def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, betwee
 
 
 def hits(
-    shape: Shape | Clump,
-    restitution: float,
-    times: float,
-    on_plane: bool,
-    count: int,
-    seed: int = 3,
-    **keywords: Any,
+    shape: Shape | Clump, restitution: float, times: float, on_plane: bool, count: int, seed: int = 3, **keywords: Any
 ) -> Hits:
     """Restitution and contacts of `count` isolated hits of two bodies, or of a body and a plane."""
     rng = np.random.default_rng(seed)
@@ -226,11 +218,7 @@ def _contacts(simulation: Simulation, count: int, on_plane: bool) -> np.ndarray:
 
 def _approach(simulation: Simulation, k: int, on_plane: bool) -> float:
     """Return the speed at which two bodies approach where they are nearest, along the normal there."""
-    shape, velocities, turning = (
-        simulation.shapes["body"],
-        simulation.velocities,
-        simulation.angular_velocities,
-    )
+    shape, velocities, turning = (simulation.shapes["body"], simulation.velocities, simulation.angular_velocities)
     if on_plane:
         down = -np.array(UP)
         turn = rotation_matrix(simulation.quaternions[k])
@@ -265,9 +253,7 @@ def _row(quantity: str, values: np.ndarray, nominal: float, judged: bool) -> Row
     """The mean restitution of hits, judged in the stiff limit, with their spread in the note."""
     low, high = np.nanpercentile(values, (5, 95))
     lost = int(np.isnan(values).sum())
-    note = f"sd {np.nanstd(values):.3f}, 5-95 % {low:.3f} to {high:.3f}" + (
-        f", {lost} not parted" if lost else ""
-    )
+    note = f"sd {np.nanstd(values):.3f}, 5-95 % {low:.3f} to {high:.3f}" + (f", {lost} not parted" if lost else "")
     mean = float(np.nanmean(values))
     if not judged:
         return reported(quantity, "", mean, f"{note}; {SOFT_NOTE}", nominal, "asked for")

@@ -39,27 +39,18 @@ def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
     rows = []
     for _ in range(steps // every):
         simulation.run_steps(every)
-        rows.append(
-            (simulation.time_s, simulation.velocities[0, 0], RADIUS * simulation.angular_velocities[0, 1])
-        )
+        rows.append((simulation.time_s, simulation.velocities[0, 0], RADIUS * simulation.angular_velocities[0, 1]))
     return np.array(rows).T
 
 
 def slip_to_roll(effort: Effort) -> list[Row]:
     """A sphere that begins sliding ends rolling with 5/7 of its speed, and a rolling one is slowed by 5/7 mu_r g."""
     start, friction = 0.5, 0.4
-    time, speed, rim = _track(
-        sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, **effort.laws), 6000, 150
-    )
+    time, speed, rim = _track(sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, **effort.laws), 6000, 150)
     rows = [
         close("speed after slipping", "m/s", speed[-1], 5.0 / 7.0 * start),
         close("R spin after slipping", "m/s", rim[-1], 5.0 / 7.0 * start),
-        close(
-            "deceleration while slipping",
-            "m/s2",
-            (speed[0] - speed[12]) / (time[12] - time[0]),
-            friction * GRAVITY,
-        ),
+        close("deceleration while slipping", "m/s2", (speed[0] - speed[12]) / (time[12] - time[0]), friction * GRAVITY),
     ]
     rolling = 0.05
     simulation = sphere_on_floor(Contact(0.3, 0.8, rolling), 0.3, 0.3 / RADIUS, **effort.laws)

@@ -11,9 +11,7 @@ from .case import Effort, Row, close
 from .machine import berry_simulation, frictionless
 
 
-def euler_solution(
-    inertia: np.ndarray, first: float, third: float, time: np.ndarray
-) -> tuple[np.ndarray, float]:
+def euler_solution(inertia: np.ndarray, first: float, third: float, time: np.ndarray) -> tuple[np.ndarray, float]:
     """Angular velocity (3, T) [rad/s] of a free body in its own frame, and the period of its motion [s].
 
     `inertia` are the principal moments, rising. The velocity at time 0 is (first, 0, third). ValueError unless the

@@ -85,9 +85,7 @@ def timed_pour(
     return longest.us_per_step, poured.wall_s
 
 
-def summary(
-    references: Sequence[float], pours: Mapping[str, Sequence[tuple[float, float]]]
-) -> dict[str, Any]:
+def summary(references: Sequence[float], pours: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, Any]:
     """Medians of all rounds, and their ratios; `references` are in us, `pours` are results of `timed_pour` by particle.
 
     The keys are `reference_us` and `particles`, a list of `name`, `us_per_step`, `job_s` (wall time of a pour), `ratio`

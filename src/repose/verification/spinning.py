@@ -29,9 +29,7 @@ def _on_sphere(
     `radius` is that of the other sphere, `factor` its stiffness and density over the first sphere's; with a factor
     above 1 it is at rest.
     """
-    other = Solid(
-        "other", factor * solid.elastic_modulus_pa, solid.poisson_ratio, factor * solid.density_kg_m3
-    )
+    other = Solid("other", factor * solid.elastic_modulus_pa, solid.poisson_ratio, factor * solid.density_kg_m3)
     gap, moves = 1e-7, 0.0 if factor > 1.0 else NORMAL
     simulation = spheres(
         (solid, other),

@@ -59,11 +59,7 @@ def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = 
     if content not in CONTENTS:
         raise ValueError(f"content is {content!r}; allowed: {', '.join(map(repr, CONTENTS))}")
     points, cells, point_data, cell_data = _CONTENT_OF[content](simulation)
-    names = (
-        {"wall_names": simulation.wall_set.surfaces}
-        if content == "walls"
-        else {"shape_names": simulation.shapes}
-    )
+    names = {"wall_names": simulation.wall_set.surfaces} if content == "walls" else {"shape_names": simulation.shapes}
     text = _poly_data(simulation.time_s, names, points, cells, point_data, cell_data)
     write_whole(path, lambda handle: handle.write(text.encode()))
 
@@ -209,9 +205,7 @@ class VtkSeries:
         """
         number, time = len(self._entries), simulation.time_s
         if not math.isfinite(time) or (self._entries and time <= self._entries[-1][0]):
-            raise ValueError(
-                f"time_s is {time!r}; allowed: later than the last one, {self._entries[-1][0]!r}"
-            )
+            raise ValueError(f"time_s is {time!r}; allowed: later than the last one, {self._entries[-1][0]!r}")
         bodies = f"{self.path.stem}/bodies_{number:06d}.vtp"
         write_vtk(self.path.parent / bodies, simulation, self.content)
         files = [bodies]

@@ -60,23 +60,14 @@ def rotated_diagonal(m, at, c, d, diagonal):
 def inverse_inertia_times(m, k, x, y, z):
     """Inverse inertia of lane k's body (world) times a vector."""
     xx, xy, xz = m[INVERSE_INERTIA + k], m[INVERSE_INERTIA + L + k], m[INVERSE_INERTIA + 2 * L + k]
-    yy, yz, zz = (
-        m[INVERSE_INERTIA + 3 * L + k],
-        m[INVERSE_INERTIA + 4 * L + k],
-        m[INVERSE_INERTIA + 5 * L + k],
-    )
+    yy, yz, zz = (m[INVERSE_INERTIA + 3 * L + k], m[INVERSE_INERTIA + 4 * L + k], m[INVERSE_INERTIA + 5 * L + k])
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
 @inlined
 def into_body(c, k, x, y, z):
     """A vector of the world in the axes of lane k's body."""
-    qw, qx, qy, qz = (
-        c[QUATERNION + k],
-        c[QUATERNION + L + k],
-        c[QUATERNION + 2 * L + k],
-        c[QUATERNION + 3 * L + k],
-    )
+    qw, qx, qy, qz = (c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k])
     # twice the vector product with the quaternion's vector
     tx, ty, tz = 2.0 * (y * qz - z * qy), 2.0 * (z * qx - x * qz), 2.0 * (x * qy - y * qx)
     return x + qw * tx + ty * qz - tz * qy, y + qw * ty + tz * qx - tx * qz, z + qw * tz + tx * qy - ty * qx
@@ -85,12 +76,7 @@ def into_body(c, k, x, y, z):
 @inlined
 def into_world(c, k, x, y, z):
     """A vector of lane k's body in the axes of the world."""
-    qw, qx, qy, qz = (
-        c[QUATERNION + k],
-        c[QUATERNION + L + k],
-        c[QUATERNION + 2 * L + k],
-        c[QUATERNION + 3 * L + k],
-    )
+    qw, qx, qy, qz = (c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k])
     tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
     return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
 
@@ -231,11 +217,7 @@ def advance_orientation(m, c, dt):
     """
     for k in range(L):
         lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
-        ox, oy, oz = (
-            m[OMEGA + k],
-            m[OMEGA + L + k],
-            m[OMEGA + 2 * L + k],
-        )
+        ox, oy, oz = (m[OMEGA + k], m[OMEGA + L + k], m[OMEGA + 2 * L + k])
         rx, ry, rz = inverse_inertia_times(m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx)
         ox = alive(ox - 0.5 * dt * rx)
         oy = alive(oy - 0.5 * dt * ry)

@@ -37,11 +37,7 @@ def rotated_vector(w, x, y, z, px, py, pz):
     ux = 2.0 * (y * pz - z * py)
     uy = 2.0 * (z * px - x * pz)
     uz = 2.0 * (x * py - y * px)
-    return (
-        px + w * ux + (y * uz - z * uy),
-        py + w * uy + (z * ux - x * uz),
-        pz + w * uz + (x * uy - y * ux),
-    )
+    return (px + w * ux + (y * uz - z * uy), py + w * uy + (z * ux - x * uz), pz + w * uz + (x * uy - y * ux))
 
 
 @inlined

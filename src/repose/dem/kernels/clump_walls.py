@@ -178,15 +178,7 @@ def place_clump(bodies, clumps, i, s):
     """Write the spheres of body i, in the world, to rows of the scratch."""
     shape = clumps.shape[i]
     place_spheres(
-        bodies.rows[i],
-        clumps.spheres[shape],
-        clumps.sizes[shape],
-        clumps.scale[i],
-        0.0,
-        0.0,
-        0.0,
-        s,
-        PLACES_A,
+        bodies.rows[i], clumps.spheres[shape], clumps.sizes[shape], clumps.scale[i], 0.0, 0.0, 0.0, s, PLACES_A
     )
 
 
@@ -207,13 +199,7 @@ def sphere_row(walls, frame, x, y, z, radius, local):
 def by_sphere(meshed, clumps):
     """The contacts with meshes, with the numbers of spheres instead of those of bodies."""
     return st.WallContacts(
-        clumps.mesh_sphere,
-        meshed.wall,
-        meshed.feature,
-        meshed.data,
-        meshed.limit,
-        meshed.ended,
-        meshed.deepest,
+        clumps.mesh_sphere, meshed.wall, meshed.feature, meshed.data, meshed.limit, meshed.ended, meshed.deepest
     )
 
 
@@ -266,9 +252,7 @@ def spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, o
         sphere_row(walls, frame, s[at], s[at + MOST_SPHERES], s[at + 2 * MOST_SPHERES], radius, local)
         before = counts[st.N_MESHED]
         number = MOST_SPHERES * i + sphere
-        nearest = min(
-            nearest, search_mesh(local, touches, counts, 1, walls, meshes, mesh, number, radius, out)
-        )
+        nearest = min(nearest, search_mesh(local, touches, counts, 1, walls, meshes, mesh, number, radius, out))
         for k in range(before, counts[st.N_MESHED]):
             meshed.body[k] = i
             write_sphere(meshed, clumps, k, i, sphere)

@@ -25,8 +25,7 @@ SLOTS = 16  # pairs of spheres that an entry watches, at most
 # which are past it. mesh_sphere: of each contact with a mesh, body * MOST_SPHERES + sphere. mesh_known (meshes, N): as
 # flat_known, written anew in every step.
 Clumps = namedtuple(
-    "Clumps",
-    "spheres sizes shape scale flat_known curved_known flat_past curved_past mesh_sphere mesh_known",
+    "Clumps", "spheres sizes shape scale flat_known curved_known flat_past curved_past mesh_sphere mesh_known"
 )
 # Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
 # has those of the ghost), near_limit, number of contacts (live), their pairs of spheres (known, a bit each), the holes
@@ -99,11 +98,7 @@ def grown_sphere_pairs(old, counts, most, ghost, n_state):
     n, m = int(counts[st.N_PAIRS]), int(counts[st.N_NEAR])
     contacts, entries = len(old.first), len(old.near_limit)
     bigger = new_sphere_pairs(
-        contacts * (2 if n * 4 > contacts * 3 else 1),
-        entries * (2 if m * 4 > entries * 3 else 1),
-        most,
-        ghost,
-        n_state,
+        contacts * (2 if n * 4 > contacts * 3 else 1), entries * (2 if m * 4 > entries * 3 else 1), most, ghost, n_state
     )
     for name in ("first", "second", "entry", "spheres"):
         getattr(bigger, name)[:n] = getattr(old, name)[:n]

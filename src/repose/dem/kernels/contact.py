@@ -58,12 +58,8 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
     for _ in range(60):
         x = y = z = xx = xy = xz = yy = yz = zz = 0.0
         for part in range(parts):
-            x, y, z, xx, xy, xz, yy, yz, zz = add_part(
-                rows[i], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
-            )
-            x, y, z, xx, xy, xz, yy, yz, zz = add_part(
-                rows[j], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
-            )
+            x, y, z, xx, xy, xz, yy, yz, zz = add_part(rows[i], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz)
+            x, y, z, xx, xy, xz, yy, yz, zz = add_part(rows[j], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz)
         x, y, z = dx - x, dy - y, dz - z
         f = nx * x + ny * y + nz * z
         if f < best - 1e-15:

@@ -38,9 +38,7 @@ def begin_step(bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts,
 
 
 @inlined
-def wall_contacts_and_forces(
-    bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost
-):
+def wall_contacts_and_forces(bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost):
     """Find the contacts with walls and add their forces."""
     out, other, local = scratch.out, scratch.other, scratch.local
     parts = physics.parts
@@ -90,6 +88,4 @@ def advance(
 def add_wall_loads(bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, numbers, ghost):
     """Fill walls.loads with the forces of the present state; the other arrays change as in a step."""
     scratch = st.scratch_of(numbers)
-    wall_contacts_and_forces(
-        bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost
-    )
+    wall_contacts_and_forces(bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost)

@@ -37,9 +37,7 @@ LEAST_CONE = 1e-7
 # Cells: box (M, 7) lower corner, upper corner, edge of a cell; cells (M, 4): how many each way and the first in
 # `begin`; items: features of each cell. seen (F,), stamp (1,): which this search has met. slide (1,): how far a body's
 # deepest point may slide when the body moves by 1.
-Meshes = namedtuple(
-    "Meshes", "kind data mesh span corners near rays normals box cells begin items seen stamp slide"
-)
+Meshes = namedtuple("Meshes", "kind data mesh span corners near rays normals box cells begin items seen stamp slide")
 Part = namedtuple("Part", "kind data span corners near rays normals box cells begin items")
 
 
@@ -252,9 +250,7 @@ def _gentle_neighbours(core, faces, group, normals):
     from scipy.sparse import coo_array
 
     n = len(faces)
-    at = coo_array(
-        (np.ones(3 * n), (np.repeat(np.arange(n), 3), faces.ravel())), shape=(n, len(core))
-    ).tocsr()
+    at = coo_array((np.ones(3 * n), (np.repeat(np.arange(n), 3), faces.ravel())), shape=(n, len(core))).tocsr()
     one, two = (at @ at.T).nonzero()
     outward = normals[group]
     apart = (group[one] != group[two]) & (np.sum(outward[one] * outward[two], axis=1) > np.cos(GENTLE))

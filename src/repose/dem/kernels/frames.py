@@ -33,9 +33,7 @@ def out_of_frame(frame, x, y, z):
 @inlined
 def rotate_to_world(frame, values, at):
     """Rotate three numbers of an array from a frame into the world, in place."""
-    values[at], values[at + 1], values[at + 2] = out_of_frame(
-        frame, values[at], values[at + 1], values[at + 2]
-    )
+    values[at], values[at + 1], values[at + 2] = out_of_frame(frame, values[at], values[at + 1], values[at + 2])
 
 
 @kernel

@@ -83,48 +83,21 @@ def face_contact(row, parts, face, out):
 def edge_terms(row, parts, edge, angle):
     """f, its slope and bend at an angle about an edge, how far along the edge the deepest point lies, and the rest."""
     cos, sin = math.cos(angle), math.sin(angle)
-    nx, ny, nz = (
-        edge[7] * cos + edge[10] * sin,
-        edge[8] * cos + edge[11] * sin,
-        edge[9] * cos + edge[12] * sin,
-    )
-    ux, uy, uz = (
-        edge[10] * cos - edge[7] * sin,
-        edge[11] * cos - edge[8] * sin,
-        edge[12] * cos - edge[9] * sin,
-    )
+    nx, ny, nz = (edge[7] * cos + edge[10] * sin, edge[8] * cos + edge[11] * sin, edge[9] * cos + edge[12] * sin)
+    ux, uy, uz = (edge[10] * cos - edge[7] * sin, edge[11] * cos - edge[8] * sin, edge[12] * cos - edge[9] * sin)
     wx, wy, wz = edge[3], edge[4], edge[5]
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     dx, dy, dz = edge[0] - row[0], edge[1] - row[1], edge[2] - row[2]
     level = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - x1
     along = x2 - (wx * dx + wy * dy + wz * dz)
-    return (
-        level - edge[RADIUS_COLUMN],
-        slope,
-        -(level + q11),
-        along,
-        nx,
-        ny,
-        nz,
-        ux,
-        uy,
-        uz,
-        h,
-        x1,
-        x2,
-        q11,
-        q12,
-        q22,
-    )
+    return (level - edge[RADIUS_COLUMN], slope, -(level + q11), along, nx, ny, nz, ux, uy, uz, h, x1, x2, q11, q12, q22)
 
 
 @kernel
 def edge_contact(row, parts, edge, angle, out):
     """Contact with an edge at an angle (already a maximum of f): fills `out`; returns how far along it lies [m]."""
-    gap, _slope, _bend, along, nx, ny, nz, ux, uy, uz, h, x1, x2, q11, q12, q22 = edge_terms(
-        row, parts, edge, angle
-    )
+    gap, _slope, _bend, along, nx, ny, nz, ux, uy, uz, h, x1, x2, q11, q12, q22 = edge_terms(row, parts, edge, angle)
     bent = curvature(min(angle, edge[13] - angle), edge[RADIUS_COLUMN])
     radius = effective_radius(q11, q12, q22, bent, 0.0)
     write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, edge[3], edge[4], edge[5])
@@ -241,12 +214,7 @@ def solve_vertex(row, parts, meshes, feature, out):
     best = x * bx + y * by + z * bz - extent(row, parts, bx, by, bz)
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
         normal = meshes.normals[k]
-        value = (
-            x * normal[0]
-            + y * normal[1]
-            + z * normal[2]
-            - extent(row, parts, normal[0], normal[1], normal[2])
-        )
+        value = x * normal[0] + y * normal[1] + z * normal[2] - extent(row, parts, normal[0], normal[1], normal[2])
         if value > best:
             best = value
             bx, by, bz = normal[0], normal[1], normal[2]

@@ -66,9 +66,7 @@ def away_from_box(row, parts, meshes, mesh):
     """Lower bound of the distance of a body from the box of a mesh."""
     away = 0.0
     for axis in range(3):
-        reach = extent(
-            row, parts, 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0
-        )
+        reach = extent(row, parts, 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
         away = max(away, meshes.box[mesh, axis] - row[axis] - reach)
         away = max(away, row[axis] - reach - meshes.box[mesh, 3 + axis])
     return away
@@ -120,9 +118,7 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ou
                         meshes.seen[feature] = stamp
                         free = min(
                             free,
-                            look_at_feature(
-                                row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, out
-                            ),
+                            look_at_feature(row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, out),
                         )
     return free
 

@@ -180,9 +180,7 @@ def advance_shared(
         for share in range(thread, SHARES, threads):
             begin, end = share_of(counts[st.N_NEAR], share, st.BLOCK)
             begins[share] = begin
-            numbers[share] = look_at_share(
-                bodies, pairs, grid, physics.parts, begin, end, shared.due, scratch.normal
-            )
+            numbers[share] = look_at_share(bodies, pairs, grid, physics.parts, begin, end, shared.due, scratch.normal)
         wait_for_all(shared.counters, threads)
         if lead:
             update_near_shares(pairs, counts, grid, shared.due, numbers, begins)
@@ -210,9 +208,7 @@ def advance_shared(
         wait_for_all(shared.counters, threads)
         if lead:
             for share in range(SHARES):
-                act_on_events(
-                    bodies, grid, counts, begins[share], numbers[share], counts[st.STEPS] * physics.dt
-                )
+                act_on_events(bodies, grid, counts, begins[share], numbers[share], counts[st.STEPS] * physics.dt)
             note_paths(bodies, counts, grid)
     return steps
 

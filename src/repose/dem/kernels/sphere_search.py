@@ -14,15 +14,7 @@ import numpy as np
 
 from . import clump_tile as ct
 from . import state as st
-from .clumps import (
-    SLOTS,
-    add_entry,
-    add_sphere_contact,
-    drop_entry,
-    drop_sphere_contact,
-    is_set,
-    most_spheres,
-)
+from .clumps import SLOTS, add_entry, add_sphere_contact, drop_entry, drop_sphere_contact, is_set, most_spheres
 from .jit import inlined, kernel
 from .neighbours import bounding_radius, next_due
 from .state import MOST_SPHERES
@@ -118,11 +110,7 @@ def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
         s[GAPS + k] = skin
     for p in range(n_a):
         rest = s[GAPS + WATCHED]
-        dx, dy, dz = (
-            s[PLACES_A + p] - x,
-            s[PLACES_A + MOST_SPHERES + p] - y,
-            s[PLACES_A + 2 * MOST_SPHERES + p] - z,
-        )
+        dx, dy, dz = (s[PLACES_A + p] - x, s[PLACES_A + MOST_SPHERES + p] - y, s[PLACES_A + 2 * MOST_SPHERES + p] - z)
         radius = s[PLACES_A + 3 * MOST_SPHERES + p]
         far = radius + radius_b + rest
         if dx * dx + dy * dy + dz * dz >= far * far or measure_sphere(s, p, n_b, rest) == 0:

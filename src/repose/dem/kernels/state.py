@@ -70,13 +70,11 @@ Bodies = namedtuple(
     "longest wall_margin",
 )
 Grid = namedtuple(
-    "Grid",
-    "cell following preceding head moved moved_list chain mark touching near shape origin lengths paths",
+    "Grid", "cell following preceding head moved moved_list chain mark touching near shape origin lengths paths"
 )
 Pairs = namedtuple(
     "Pairs",
-    "first second data near_first near_second near_limit near_normal near_check near_groups ended gap "
-    "partner link",
+    "first second data near_first near_second near_limit near_normal near_check near_groups ended gap partner link",
 )
 # deepest (walls, N): largest overlap with which a contact of a smooth body may begin; infinite unless it is past the
 # wall.
@@ -120,12 +118,7 @@ def alive(x):
 def scratch_of(numbers):
     """The parts of a `Scratch` in an array of SCRATCH numbers."""
     return Scratch(
-        numbers[0:3],
-        numbers[8:16],
-        numbers[16:24],
-        numbers[24:64],
-        numbers[64 : 64 + STARTS],
-        numbers[96:SCRATCH],
+        numbers[0:3], numbers[8:16], numbers[16:24], numbers[24:64], numbers[64 : 64 + STARTS], numbers[96:SCRATCH]
     )
 
 
@@ -156,9 +149,7 @@ def new_bodies(n, parts, shares=1):
     """
     padded = LANES * (n // LANES + 1)
     rows = zeros(padded, CACHE_LINE * -(-row_end(parts) // CACHE_LINE))
-    rows[:, [SPHERE_RADIUS] if parts == SPHERES else [SHAPE, SHAPE + 3, SHAPE + 5]] = (
-        1e-3 if parts == SPHERES else 1e-6
-    )
+    rows[:, [SPHERE_RADIUS] if parts == SPHERES else [SHAPE, SHAPE + 3, SHAPE + 5]] = 1e-3 if parts == SPHERES else 1e-6
     rows[:, share_column(parts)] = 1.0
     motion = zeros(padded // LANES, MOTION_ROWS * LANES)
     motion[:, :LANES] = 1.0

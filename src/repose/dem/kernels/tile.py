@@ -20,10 +20,7 @@ N = NORMAL  # row of the contact's own tile (see `state`)
 
 _rows = Rows()
 MOST_COLUMNS = 40
-A, B = (
-    _rows.take(MOST_COLUMNS),
-    _rows.take(MOST_COLUMNS),
-)  # columns of the bodies (see `state`), B only of pairs
+A, B = (_rows.take(MOST_COLUMNS), _rows.take(MOST_COLUMNS))  # columns of the bodies (see `state`), B only of pairs
 # The support point of A; the vector between the centres less the support points; curvature matrices of A and of both.
 SUPPORT, BETWEEN = _rows.take(3), _rows.take(3)
 CURVED, BOTH = _rows.take(6), _rows.take(6)

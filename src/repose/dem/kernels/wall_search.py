@@ -28,17 +28,7 @@ def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, readin
     """Find new contacts of body i with a cone, tube or ring; returns how far it may move before the next search."""
     if len(clumps) == 0:
         return search_curved(
-            bodies,
-            curved,
-            walls,
-            counts,
-            parts,
-            wall,
-            i,
-            reading,
-            scratch.profile,
-            scratch.out,
-            scratch.local,
+            bodies, curved, walls, counts, parts, wall, i, reading, scratch.profile, scratch.out, scratch.local
         )
     return spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
 
@@ -107,9 +97,7 @@ def find_on_mesh(bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, 
     out, other, local = scratch.out, scratch.other, scratch.local
     if len(clumps) == 0:
         return body_at_mesh(bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local)
-    return spheres_at_mesh(
-        bodies, meshed, clumps, walls, meshes, counts, mesh, i, scratch.spheres, out, other, local
-    )
+    return spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, scratch.spheres, out, other, local)
 
 
 @kernel

@@ -167,9 +167,7 @@ def search_cone(row, contacts, counts, parts, walls, wall, i, radius, deepest, m
     step = 2.0 * math.pi / st.STARTS
     for s in range(st.STARTS):
         nx, ny = cone[0] * COSINES[s], cone[0] * SINES[s]
-        profile[s] = (
-            nx * row[0] + ny * row[1] + cone[1] * row[2] + extent(row, parts, nx, ny, cone[1]) - cone[2]
-        )
+        profile[s] = nx * row[0] + ny * row[1] + cone[1] * row[2] + extent(row, parts, nx, ny, cone[1]) - cone[2]
     nearest = 1e300
     for s in range(st.STARTS):
         here = profile[s]

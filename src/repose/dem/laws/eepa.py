@@ -71,11 +71,7 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
     plasticity, gamma = (contact.constants[of.name] for of in (PLASTICITY_RATIO, SURFACE_ENERGY))
     values = np.zeros(hertz_mindlin.LAW.n_rows + 3)
     values[: hertz_mindlin.LAW.n_constants] = hertz_mindlin.constants(a, b, contact, tension)
-    values[-3:] = (
-        plasticity ** (2.0 / 3.0),
-        1.0 / (1.0 - plasticity),
-        3.0 * math.pi * gamma * math.sqrt(2.0),
-    )
+    values[-3:] = (plasticity ** (2.0 / 3.0), 1.0 / (1.0 - plasticity), 3.0 * math.pi * gamma * math.sqrt(2.0))
     return values
 
 
@@ -96,9 +92,7 @@ def restitution(plasticity: float) -> float:
     return math.sqrt(max(released, 0.0) / (1.0 - plasticity))
 
 
-def contact_time(
-    a: Material, b: Material, contact: Contact, mass: float, radius: float, speed: float
-) -> float:
+def contact_time(a: Material, b: Material, contact: Contact, mass: float, radius: float, speed: float) -> float:
     """That of `hertz_mindlin` times sqrt(1 - L), for unloading is faster; arguments as there."""
     faster = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
     return faster * hertz_mindlin.contact_time(a, b, contact, mass, radius, speed)

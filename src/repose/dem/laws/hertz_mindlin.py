@@ -121,9 +121,7 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
     )
 
 
-def contact_time(
-    a: Material, b: Material, _contact: Contact, mass: float, radius: float, speed: float
-) -> float:
+def contact_time(a: Material, b: Material, _contact: Contact, mass: float, radius: float, speed: float) -> float:
     """Duration of an elastic head-on impact.
 
     Parameters

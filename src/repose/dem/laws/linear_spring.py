@@ -59,14 +59,10 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
     """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * damping_ratio(contact.restitution, tension)
-    return np.array(
-        [4.0 / 3.0 * young * math.sqrt(SECANT), 4.0 * shear / young, damping, contact.static_friction]
-    )
+    return np.array([4.0 / 3.0 * young * math.sqrt(SECANT), 4.0 * shear / young, damping, contact.static_friction])
 
 
-def contact_time(
-    a: Material, b: Material, _contact: Contact, mass: float, radius: float, _speed: float
-) -> float:
+def contact_time(a: Material, b: Material, _contact: Contact, mass: float, radius: float, _speed: float) -> float:
     """Duration of an elastic head-on impact; it is the same at any speed.
 
     Parameters
@@ -134,9 +130,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     slip(t, c, spring, dt)
     for k in range(L):
         gap = t[tl.GAP + k]
-        touching, overlap = (
-            (1.0, -gap) if gap < 0.0 else (0.0, 0.0)
-        )  # beyond a disc's edge the gap is infinite
+        touching, overlap = (1.0, -gap) if gap < 0.0 else (0.0, 0.0)  # beyond a disc's edge the gap is infinite
         t[tl.CIRCLE + k] = math.sqrt(t[tl.RADIUS + k] * overlap)
         stiffness = touching * t[STIFFNESS + k] * t[tl.RADIUS + k]
         viscous = math.sqrt(stiffness) * rsqrt(t[tl.INVERSE_MASS + k])

@@ -29,9 +29,7 @@ from .registry import FIGURES, Config, Drawn, Inputs
 ENDINGS = tuple(f".{kind}" for kind in style.UNDATED)
 
 
-def draw(
-    name: str, inputs: Inputs, out_path: str | Path, config: Config, known: Mapping[str, Drawn] = FIGURES
-) -> None:
+def draw(name: str, inputs: Inputs, out_path: str | Path, config: Config, known: Mapping[str, Drawn] = FIGURES) -> None:
     """Draw a figure of `known` from `inputs`, paths by name; a PNG also gets the other formats of the configuration."""
     from repose.config.models import Figures
 

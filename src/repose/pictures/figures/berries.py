@@ -30,11 +30,7 @@ AXES = (
 RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measurements."
 
 
-@figure(
-    "figure02",
-    "Figure 2",
-    inputs={"sizes": "{config[berry][sizes]}"},
-)
+@figure("figure02", "Figure 2", inputs={"sizes": "{config[berry][sizes]}"})
 def sizes_and_sphericity(inputs: Inputs, config: Config) -> Figure:
     """Draw histograms of the axes and of the sphericity (Eq. 1 and Table 1 of the paper), with normal curves.
 
@@ -95,11 +91,7 @@ def particle_and_mesh(inputs: Inputs, config: Config) -> Figure:
     mesh = build.load_mesh(inputs["stl"])
     in_m = mesh.copy().apply_scale(1e-3)
     width = style.pixels(config, PICTURE_PIXELS)
-    camera: dict[str, Any] = {
-        "width": width,
-        "height": round(0.78 * width),
-        "field_of_view_deg": style.TELEPHOTO_DEG,
-    }
+    camera: dict[str, Any] = {"width": width, "height": round(0.78 * width), "field_of_view_deg": style.TELEPHOTO_DEG}
     camera |= {"elevation_deg": 22.0, "azimuth_deg": -58.0}
     frame_m = 1.05 * np.asarray(in_m.vertices)
     view = camera | {"frame_m": frame_m, "supersample": 3, "colour": config["colour"]}

@@ -34,9 +34,7 @@ def validation(inputs: Inputs, config: Config) -> Figure:
     targets = style.targets_of(config)
     simulated = [target.response.simulated for target in targets]
     solutions = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
-    of_publication = (
-        read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
-    )
+    of_publication = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
     published = published_responses(of_publication.columns, targets.responses)
     sides = 2 if published else 1
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
@@ -59,12 +57,7 @@ def validation(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-@figure(
-    "published",
-    "Published solutions here",
-    inputs={"published": "{stored}"},
-    reads=("targets",),
-)
+@figure("published", "Published solutions here", inputs={"published": "{stored}"}, reads=("targets",))
 def published_solutions(inputs: Inputs, config: Config) -> Figure:
     """Draw the published responses of the published solutions beside the ones simulated here.
 
@@ -112,9 +105,7 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
 def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """Draw one response of each solution, with the prediction's error in percent of the simulated value."""
     response = target.response
-    predicted, simulated = (
-        table[column].to_numpy(float) for column in (response.predicted, response.simulated)
-    )
+    predicted, simulated = (table[column].to_numpy(float) for column in (response.predicted, response.simulated))
     error = table.get(response.error)
     x = np.arange(len(table))
     _band(panel, target)

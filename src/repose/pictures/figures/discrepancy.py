@@ -10,13 +10,7 @@ from repose.core.parameter_space import ParameterSpace
 from . import style
 from .registry import Config, Inputs, figure
 
-COLUMNS = (
-    "discrepancy_percent",
-    "discrepancy_correlation",
-    "evidence",
-    "information_bits",
-    "effective_points",
-)
+COLUMNS = ("discrepancy_percent", "discrepancy_correlation", "evidence", "information_bits", "effective_points")
 BITS = ("discrepancy_percent", "information_bits")
 FEW = 400  # effective points, below which a row is a rough estimate
 

@@ -15,20 +15,14 @@ from repose.particle.particle import Particle
 from . import style
 from .registry import Config, Inputs, figure, has_pile
 
-COLOURS = dict(
-    zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE, style.ORANGE), strict=True)
-)
+COLOURS = dict(zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE, style.ORANGE), strict=True))
 STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True))
 
 
 @figure(
     "definitions",
     "Definitions of the angle",
-    inputs={
-        "heap": "validation/heaps/001.npz",
-        "particle": "berry/particle.json",
-        "berry": "berry/berry.json",
-    },
+    inputs={"heap": "validation/heaps/001.npz", "particle": "berry/particle.json", "berry": "berry/berry.json"},
     reads=("measure",),
     when=has_pile,
 )
@@ -54,9 +48,7 @@ def definitions(inputs: Inputs, config: Config) -> Figure:
 def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pile.Measurement:
     """Draw the silhouette in mm about its crest with both lines of each definition, and give its measurement."""
     scale = settings.mm_per_pixel
-    measured = pile.measure_segmented(
-        pile.segment(image, settings.largest_pile_only, image.shape[0] - 0.5), settings
-    )
+    measured = pile.measure_segmented(pile.segment(image, settings.largest_pile_only, image.shape[0] - 0.5), settings)
     height, width = image.shape
     crest = measured.top[0]
     extent = ((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale)

@@ -81,9 +81,7 @@ def _targets(panel: Axes, across: Target, up: Target) -> None:
     label = f"measured, mean of {across.repetitions} repetitions"
     panel.errorbar(across.value, up.value, **errors, **look, label=label)
     for name, response in (("xlabel", across.response), ("ylabel", up.response)):
-        words = (
-            response.label if response.label == response.symbol else f"{response.label}, {response.symbol}"
-        )
+        words = response.label if response.label == response.symbol else f"{response.label}, {response.symbol}"
         panel.set(**{name: f"{words} ({response.unit or '–'})"})
 
 

@@ -36,9 +36,7 @@ def profiles(inputs: Inputs, config: Config) -> Figure:
     smooth profiles of the scores.
     """
     targets = style.targets_of(config)
-    names = {
-        name: [one for one in targets if one.profile == profile] for name, profile in targets.profiles.items()
-    }
+    names = {name: [one for one in targets if one.profile == profile] for name, profile in targets.profiles.items()}
     columns = [column for own in names.values() for one in own for column in columns_of(one.response)]
     table = read_table(inputs["table4"], ("role", *columns))
     answer = table[table["role"] == "representative"].iloc[0]

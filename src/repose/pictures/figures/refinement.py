@@ -39,9 +39,7 @@ def approach(inputs: Inputs, config: Config) -> Figure:
     rounds = read_table(inputs["batches"], ("round", "n_seeds", "outcome", *columns))
     section, rows = config["refine"], style.grid_rows(len(responses))
     figure = style.new_figure(style.PAGE, 3.9 * rows)
-    panels = figure.subplots(
-        2 * rows, min(2, len(responses)), sharex=True, height_ratios=HEIGHTS * rows, squeeze=False
-    )
+    panels = figure.subplots(2 * rows, min(2, len(responses)), sharex=True, height_ratios=HEIGHTS * rows, squeeze=False)
     for k, response in enumerate(responses):
         upper, lower = panels[k // 2 * 2 : k // 2 * 2 + 2, k % 2]
         values = {what: rounds[derived(response.name, what)].to_numpy(float) for what in COLUMNS}
@@ -71,16 +69,10 @@ def _deviations(
 ) -> None:
     """Draw one response: its tolerance as a band, hollow diamonds as predicted, means as simulated with errors."""
     place = rounds["round"].to_numpy(float)
-    simulated, predicted = (
-        100 * (values[what] / values["target"] - 1) for what in ("simulated", "predicted")
-    )
-    panel.axhspan(
-        -tolerance, tolerance, color=style.GREEN, alpha=0.15, lw=0, label=f"near enough, ±{tolerance:g} %"
-    )
+    simulated, predicted = (100 * (values[what] / values["target"] - 1) for what in ("simulated", "predicted"))
+    panel.axhspan(-tolerance, tolerance, color=style.GREEN, alpha=0.15, lw=0, label=f"near enough, ±{tolerance:g} %")
     panel.axhline(0, color=style.GREY, lw=0.7)
-    panel.plot(
-        place - 0.06, predicted, "D", ms=4.5, mfc="white", mec=style.BLACK, ls="", label="predicted", zorder=3
-    )
+    panel.plot(place - 0.06, predicted, "D", ms=4.5, mfc="white", mec=style.BLACK, ls="", label="predicted", zorder=3)
     look = {"marker": "o", "ms": 4.5, "lw": 0.9, "elinewidth": 1.1, "capsize": 2.5, "color": colour}
     error = 100 * values["se"] / values["target"]
     panel.errorbar(place + 0.06, simulated, error, label="simulated ± standard error", **look)

@@ -23,9 +23,7 @@ class Drawn(NamedTuple):
     optional: Mapping[str, str] = {}  # a study may lack them
     if_there: Mapping[str, str] = {}  # shown where they exist, and never made for the figure
     title: str = ""  # in Snakemake's report
-    reads: tuple[
-        str, ...
-    ] = ()  # sections or dotted keys of the configuration, besides `figures` and `small_run`
+    reads: tuple[str, ...] = ()  # sections or dotted keys of the configuration, besides `figures` and `small_run`
     caption: Caption = ""
     when: "Callable[[Study], bool]" = lambda study: True  # whether a study has the figure
     folder: str = "figures"
@@ -44,9 +42,7 @@ class Drawn(NamedTuple):
 FIGURES: dict[str, Drawn] = {}
 
 
-def figure(
-    name: str, title: str, *, inputs: Inputs, caption: Caption = "", **details: Any
-) -> Callable[[Draw], Draw]:
+def figure(name: str, title: str, *, inputs: Inputs, caption: Caption = "", **details: Any) -> Callable[[Draw], Draw]:
     """Register the decorated function as a figure; the last paragraph of its docstring is the caption by default.
 
     `details` are further fields of `Drawn`.

@@ -18,11 +18,7 @@ from . import style
 from .registry import Config, Inputs, figure
 
 GRID = 60
-SURFACE: dict[str, Any] = {
-    "reads": ("targets",),
-    "folder": "response_surface",
-    "category": "Response surface",
-}
+SURFACE: dict[str, Any] = {"reads": ("targets",), "folder": "response_surface", "category": "Response surface"}
 FITTED = {"samples": "response_surface/surface.csv", "dataset": "response_surface/dataset.csv"}
 
 
@@ -63,12 +59,7 @@ def pareto(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-@figure(
-    "perturbation",
-    "Perturbation plot",
-    inputs=FITTED,
-    **SURFACE,
-)
+@figure("perturbation", "Perturbation plot", inputs=FITTED, **SURFACE)
 def perturbation(inputs: Inputs, config: Config) -> Figure:
     """Draw each response over one factor after the other.
 
@@ -89,12 +80,7 @@ def perturbation(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-@figure(
-    "contours",
-    "Contours of the surface",
-    inputs=FITTED | {"optimum": "response_surface/optimum.json"},
-    **SURFACE,
-)
+@figure("contours", "Contours of the surface", inputs=FITTED | {"optimum": "response_surface/optimum.json"}, **SURFACE)
 def contours(inputs: Inputs, config: Config) -> Figure:
     """Draw each response over every pair of factors.
 

@@ -63,12 +63,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     panel.invert_yaxis()
 
 
-@figure(
-    "dataset",
-    "Responses",
-    inputs={"dataset": "dataset.csv"},
-    reads=("parameters", "targets"),
-)
+@figure("dataset", "Responses", inputs={"dataset": "dataset.csv"}, reads=("parameters", "targets"))
 def responses_over_parameters(inputs: Inputs, config: Config) -> Figure:
     """Draw each response over each open parameter; samples that failed are marked below.
 

@@ -62,10 +62,7 @@ def _title(figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping
         if shown < len(solutions):
             text += f" and the {len(solutions) - shown} nearest others"
     else:
-        text, colour = (
-            f"no set is predicted inside all ranges: the {len(solutions)} nearest are shown",
-            style.RED,
-        )
+        text, colour = (f"no set is predicted inside all ranges: the {len(solutions)} nearest are shown", style.RED)
     left.set_title(f"a   {text}", fontweight="bold", color=colour)
     if not summary["feasible"] and summary.get("message"):
         words = re.sub("|".join(SYMBOLS), lambda name: SYMBOLS[name[0]], summary["message"])
@@ -113,9 +110,7 @@ def _parameter_strips(
     panel.set(xlim=(-0.02, 1.13), ylim=(-1.15, len(names) - 0.4))
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
     panel.set_xlabel("place in the parameter's range (dimensionless)")
-    panel.legend(
-        loc="lower center", ncols=3, handletextpad=0.3, columnspacing=1.4, bbox_to_anchor=(0.45, -0.02)
-    )
+    panel.legend(loc="lower center", ncols=3, handletextpad=0.3, columnspacing=1.4, bbox_to_anchor=(0.45, -0.02))
     panel.spines["left"].set_visible(False)
     panel.tick_params(axis="y", length=0)
 
@@ -150,12 +145,7 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
     panel.set_title(words, loc="right", fontsize=6.8, color=style.GREEN)
 
 
-@figure(
-    "convergence",
-    "Convergence of the search",
-    inputs={"history": "miga/history.csv"},
-    reads=("miga",),
-)
+@figure("convergence", "Convergence of the search", inputs={"history": "miga/history.csv"}, reads=("miga",))
 def convergence(inputs: Inputs, config: Config) -> Figure:
     """Draw the objective of the best and the mean individual, and feasible solutions met, over the generations.
 

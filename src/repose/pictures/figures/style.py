@@ -176,9 +176,7 @@ def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[
             panel.set_ylabel(parameter_label(down), fontsize=8.5)
 
 
-def save(
-    figure: Figure, out_path: str | Path, small_run: bool, further: Sequence[str] = (), dpi: int = DPI
-) -> None:
+def save(figure: Figure, out_path: str | Path, small_run: bool, further: Sequence[str] = (), dpi: int = DPI) -> None:
     """Write a figure in the format of its path and in `further` ones, a small run marked; the same bytes each time."""
     if small_run:
         width, height = figure.get_size_inches()

@@ -87,9 +87,7 @@ def network_structure(inputs: Inputs, config: Config) -> Figure:
         panel.text(x, 1.13, f"influence on\n{symbol}", ha="center", va="bottom", fontsize=6.8)
         for (_, y), share, way in zip(places[0], shares[k], ways[k], strict=True):
             words = f"{100 * share:.0f} % {'↗' if way > 0 else '↘'}" if way else "none"
-            panel.text(
-                x, y, words, ha="center", va="center", fontsize=7.5, alpha=0.45 + 0.55 * min(share, 1.0)
-            )
+            panel.text(x, y, words, ha="center", va="center", fontsize=7.5, alpha=0.45 + 0.55 * min(share, 1.0))
     longest = max(len(symbol) for symbol in symbols)
     left = -0.5 - width * counts[2]
     panel.set(xlim=(left, 2.45 + 0.055 * max(0, longest - 6)), ylim=(-1.1, 1.38))
@@ -170,9 +168,7 @@ def predicted_against_simulated(inputs: Inputs, config: Config) -> Figure:
     panels = style.grid(figure, count)
     for panel, shown in zip(panels, targets.responses, strict=True):
         _scatter_by_split(panel, table, shown)
-        panel.set(
-            xlabel=style.response_label(shown, "simulated"), ylabel=style.response_label(shown, "predicted")
-        )
+        panel.set(xlabel=style.response_label(shown, "simulated"), ylabel=style.response_label(shown, "predicted"))
     style.name_panels(panels)
     panels[-1].legend(loc="lower right", handletextpad=0.2)
     words = textwrap.wrap(BELOW, int(20 * figure.get_figwidth()))

@@ -67,11 +67,7 @@ def simulated_pile(inputs: Inputs, config: Config) -> Figure:
 @figure(
     "figure06",
     "Figure 6",
-    inputs={
-        "heap": "validation/heaps/001.npz",
-        "particle": "berry/particle.json",
-        "berry": "berry/berry.json",
-    },
+    inputs={"heap": "validation/heaps/001.npz", "particle": "berry/particle.json", "berry": "berry/berry.json"},
     reads=("measure",),
     when=has_pile,
 )
@@ -99,9 +95,7 @@ def measurement(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-def _name_lines(
-    panel: Axes, measured: pile.Measurement, settings: pile.MeasureSettings, top_mm: float
-) -> None:
+def _name_lines(panel: Axes, measured: pile.Measurement, settings: pile.MeasureSettings, top_mm: float) -> None:
     """Draw the angle of each side beside its line, and above them their mean with the line in words."""
     angle = measured.angles[settings.response]
     sides = (("left", angle.left_deg, drawing.RED, -1), ("right", angle.right_deg, drawing.GREEN, 1))
@@ -213,12 +207,8 @@ def _grains(panel: Axes, inputs: Inputs, colour: str) -> None:
     here = np.isfinite(centres).all(axis=1)
     order = np.flatnonzero(here)[np.argsort(-centres[here, 1])]
     # Seen along y, x points right.
-    outline = outlines(
-        centres[order].astype(float), quaternions[order], particle, [0.0], scales=scales[order]
-    )[0]
-    collection = PolyCollection(
-        1e3 * outline, facecolors=colour, edgecolors=style.BLACK, linewidths=0.25, zorder=2.5
-    )
+    outline = outlines(centres[order].astype(float), quaternions[order], particle, [0.0], scales=scales[order])[0]
+    collection = PolyCollection(1e3 * outline, facecolors=colour, edgecolors=style.BLACK, linewidths=0.25, zorder=2.5)
     panel.add_collection(collection)
     words = f"simulated pour at {time_s:.3g} s, {here.sum()} of {len(here)} grains; lengths in mm"
     panel.set_title(words, fontsize=7)

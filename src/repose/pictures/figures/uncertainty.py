@@ -40,19 +40,14 @@ def noise_floor(inputs: Inputs, config: Config) -> Figure:
     ``noise.json`` has the correlation of the responses within samples.
     """
     targets = style.targets_of(config)
-    runs, seeds = (
-        read_table(inputs["runs"], ("sample", "status", *targets.names)),
-        read_table(inputs["seeds"]),
-    )
+    runs, seeds = (read_table(inputs["runs"], ("sample", "status", *targets.names)), read_table(inputs["seeds"]))
     rows = read_json(inputs["noise"], ("responses",))["responses"]
     figure = style.new_figure(style.PAGE, 2.15 + 2.45 * style.grid_rows(len(targets)))
     above, below = _noise_panels(figure, len(targets))
     for k, (panel, target) in enumerate(zip(above, targets, strict=True)):
         ok = runs[(runs["status"] == "ok") & runs[target.name].notna()]
         _runs_by_mean(panel, ok, target.name, style.series(k)["color"])
-        panel.set(
-            xlabel="samples, in order of their mean (line)", ylabel=style.response_label(target.response)
-        )
+        panel.set(xlabel="samples, in order of their mean (line)", ylabel=style.response_label(target.response))
         panel.set_title(style.letter(k), fontweight="bold")
         _variances(panel, target, rows[target.name])
     for k, target in enumerate(targets):
@@ -182,9 +177,7 @@ def _prior_density(space: ParameterSpace, name: str) -> tuple[np.ndarray, np.nda
     return value, np.gradient(space.prior_cdf(unit)[:, k], value)
 
 
-def _pair(
-    panel: Axes, draws: pd.DataFrame, across: str, down: str, ranges: Mapping[str, tuple[float, float]]
-) -> None:
+def _pair(panel: Axes, draws: pd.DataFrame, across: str, down: str, ranges: Mapping[str, tuple[float, float]]) -> None:
     """Draw the smoothed counts of two parameters' draws, filled down to each credible share."""
     counts, x, y = np.histogram2d(draws[across], draws[down], bins=25, range=(ranges[across], ranges[down]))
     counts = _smoothed(_smoothed(counts).T).T
@@ -208,9 +201,7 @@ def _smoothed(counts: np.ndarray) -> np.ndarray:
 
 def _published_box(table: pd.DataFrame, across: str, down: str) -> Rectangle:
     """Give the published intervals of two parameters."""
-    (x0, x1), (y0, y1) = (
-        table.loc[name, ["published_low", "published_high"]].astype(float) for name in (across, down)
-    )
+    (x0, x1), (y0, y1) = (table.loc[name, ["published_low", "published_high"]].astype(float) for name in (across, down))
     return Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=style.BLACK, lw=1.1, zorder=5)
 
 
@@ -271,12 +262,8 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
         panel.text(1.03, y, text, fontsize=6.8, va="center")
         for end, value in ((0, row["low"]), (1, row["high"])):
             panel.text(end, y - 0.47, f"{value:g}", fontsize=6, ha="center", va="center", color=style.GREY)
-    panel.text(
-        1.03, len(table) - 0.45, "width / prior's,\ninformation", fontsize=6.3, va="bottom", color=style.GREY
-    )
-    panel.set_yticks(
-        range(len(table)), [SYMBOLS[name] for name in reversed(list(table["parameter"]))], fontsize=9
-    )
+    panel.text(1.03, len(table) - 0.45, "width / prior's,\ninformation", fontsize=6.3, va="bottom", color=style.GREY)
+    panel.set_yticks(range(len(table)), [SYMBOLS[name] for name in reversed(list(table["parameter"]))], fontsize=9)
     panel.set(xlim=(-0.03, 1.17), ylim=(-1.2, len(table) - 0.35))
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
     panel.set_xlabel("place in the parameter's range (dimensionless)")
@@ -286,13 +273,7 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-@figure(
-    "sobol",
-    "Sobol indices",
-    inputs={"sobol": "sensitivity/sobol.csv"},
-    folder="sensitivity",
-    **UNCERTAINTY,
-)
+@figure("sobol", "Sobol indices", inputs={"sobol": "sensitivity/sobol.csv"}, folder="sensitivity", **UNCERTAINTY)
 def sobol_indices(inputs: Inputs, config: Config) -> Figure:
     """Draw a pair of bars for each parameter.
 
@@ -332,11 +313,7 @@ def _bars(panel: Axes, rows: pd.DataFrame) -> None:
 @figure(
     "main_effects",
     "Main effects",
-    inputs={
-        "effects": "sensitivity/main_effects.csv",
-        "sobol": "sensitivity/sobol.csv",
-        "dataset": "dataset.csv",
-    },
+    inputs={"effects": "sensitivity/main_effects.csv", "sobol": "sensitivity/sobol.csv", "dataset": "dataset.csv"},
     folder="sensitivity",
     **UNCERTAINTY,
 )
@@ -367,8 +344,7 @@ def main_effects(inputs: Inputs, config: Config) -> Figure:
     for panel, name in zip(panels[-1], names, strict=True):
         panel.set_xlabel(style.parameter_label(name), fontsize=8.5)
     text = (
-        "points: samples; line: mean of the surrogate over the other parameters; "
-        "%: first-order share of the variance"
+        "points: samples; line: mean of the surrogate over the other parameters; %: first-order share of the variance"
     )
     figure.supxlabel(text, fontsize=6.8)
     return figure

@@ -30,13 +30,9 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts
     """Write a table that scrolls sideways on a narrow screen; the class ``sorts`` makes it sortable."""
     cells = "".join(f"<th{_kind(title)}>{html.escape(title)}</th>" for title in head)
     body = "".join(
-        "<tr>" + "".join(_cell(name, value) for name, value in zip(head, row, strict=True)) + "</tr>"
-        for row in rows
+        "<tr>" + "".join(_cell(name, value) for name, value in zip(head, row, strict=True)) + "</tr>" for row in rows
     )
-    return (
-        f'<div class="wide"><table class="{kind}"><thead><tr>{cells}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-    )
+    return f'<div class="wide"><table class="{kind}"><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def _kind(name: str) -> str:

@@ -47,9 +47,7 @@ def content(study: Study) -> dict[str, Any]:
         "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
         "targets": [_target(study, target) for target in study.targets],
         "copy": for_copy(study),
-        "model": (
-            prediction.for_page(study.surrogate, study.space, study.answer) if study.surrogate else None
-        ),
+        "model": (prediction.for_page(study.surrogate, study.space, study.answer) if study.surrogate else None),
         "pour": None,
     }
     if "trajectory" in study.files:

@@ -25,9 +25,7 @@ ABSENT, STEPS = 65535, 65534
 MAX_TRIANGLES = 600_000  # of all bodies together, for a phone
 
 
-def for_page(
-    trajectory: str | os.PathLike[str], particle: Particle, section: Mapping[str, Any]
-) -> dict[str, Any]:
+def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: Mapping[str, Any]) -> dict[str, Any]:
     """Give a pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
 
     Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`, `turns`,
@@ -105,8 +103,4 @@ def _spheres(spheres: np.ndarray, ball: trimesh.Trimesh) -> tuple[np.ndarray, np
 
 def _packed_body(points: np.ndarray, normals: np.ndarray, triangles: np.ndarray) -> dict[str, str]:
     """Give points, normals and triangles as text."""
-    return {
-        "points": packed(points, "<f4"),
-        "normals": packed(normals, "<f4"),
-        "triangles": packed(triangles, "<u4"),
-    }
+    return {"points": packed(points, "<f4"), "normals": packed(normals, "<f4"), "triangles": packed(triangles, "<u4")}

@@ -48,9 +48,7 @@ def answer(study: Study) -> str:
             f'<p class="verdict {kind}"><b>{first}.</b> {others}</p>',
             *impossible(study.files),
             _origin(study),
-            f"<p>{html.escape(nearness(_named(study)).replace('+-', '±'))}</p>"
-            if study.number("n_seeds")
-            else "",
+            f"<p>{html.escape(nearness(_named(study)).replace('+-', '±'))}</p>" if study.number("n_seeds") else "",
             table(head, rows, "answer"),
             '<p class="buttons screen"><button id="copy" class="act" type="button">Copy the parameters</button></p>',
             _how_well_known(study),
@@ -224,9 +222,7 @@ def _table4(study: Study) -> str:
     for _, row in study.table4.iterrows():
         cells = [row.get(key) for key in ("solution", "role", "n_seeds")]
         for predicted, simulated, error in columns:
-            shown = (
-                f"{row[simulated]:.4g} ± {row[error]:.2g}" if pd.notna(row.get(simulated)) else "no result"
-            )
+            shown = f"{row[simulated]:.4g} ± {row[error]:.2g}" if pd.notna(row.get(simulated)) else "no result"
             cells += [row[predicted], shown]
         rows.append(cells)
     return f"<h3>Table 4: sets simulated again, mean ± standard error</h3>\n{table(head, rows, 'sets')}"
@@ -302,9 +298,7 @@ def other_parameters(study: Study) -> str:
 def how_found(study: Study) -> str:
     """Write the steps with their numbers and figures."""
     steps = "".join(f"<li>{html.escape(step)}</li>" for step in _steps(study))
-    pictures = "".join(
-        picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
-    )
+    pictures = "".join(picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files)
     hint = '<p class="note">A click on a figure opens it large.</p>'
     shown = f'{hint}<div class="pictures">{pictures}</div>' if pictures else ""
     return f'<div class="screen"><h2>How it was found</h2>\n<ol class="steps">{steps}</ol>\n{shown}</div>'

@@ -53,9 +53,7 @@ class Study:
     answer: np.ndarray  # (6,), the representative parameter set
     row: pd.Series  # its row in table4.csv
     chance: dict[str, float | None]  # from `chance_of_meeting`
-    within: dict[
-        float, float | None
-    ]  # probability that all responses lie within so many percent of their targets
+    within: dict[float, float | None]  # probability that all responses lie within so many percent of their targets
     posterior: pd.DataFrame | None  # posterior.csv by parameter
     surrogate: Predictor | None  # None without a model of the whole ranges
     feasible: pd.DataFrame
@@ -100,9 +98,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         answer=rows.iloc[0][list(space.names)].to_numpy(float),
         row=rows.iloc[0],
         chance=chance_of_meeting(_runs(jobs, targets), targets),
-        within={
-            percent: chance_of_meeting(_runs(jobs, targets), targets, percent)["all"] for percent in PERCENT
-        },
+        within={percent: chance_of_meeting(_runs(jobs, targets), targets, percent)["all"] for percent in PERCENT},
         posterior=posterior,
         surrogate=_surrogate(files, targets, space),
         feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
@@ -110,9 +106,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         dataset=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
         summary=summary,
         metrics=read_json(files["metrics"]) if "metrics" in files else {},
-        dataset_summary=(
-            read_json(files["dataset_summary"], {"text": str}) if "dataset_summary" in files else {}
-        ),
+        dataset_summary=(read_json(files["dataset_summary"], {"text": str}) if "dataset_summary" in files else {}),
         # the day of the answer's file: the page stays the same until the results are made anew
         date=date.fromtimestamp(os.path.getmtime(files["table4"])).isoformat(),
         record=attached.read(files["table4"]) or provenance.machine(),

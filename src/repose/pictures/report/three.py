@@ -12,9 +12,7 @@ from repose.core.errors import InputError
 
 VIEWER, PAGE = "templates/viewer.zip", "viewer.html.template"  # of trimesh
 # The library begins with its licence and ends as Rollup ends a module; TrackballControls and the viewer follow.
-LIBRARY = re.compile(
-    r'/\*\*\s*\* @license\s[^/]*Three\.js Authors.*?"__esModule",\{value:!0\}\)\}\)\);', re.DOTALL
-)
+LIBRARY = re.compile(r'/\*\*\s*\* @license\s[^/]*Three\.js Authors.*?"__esModule",\{value:!0\}\)\}\)\);', re.DOTALL)
 ALLOWED = "a version of trimesh whose viewer holds all that the 3-D view uses, as 4.8.3 to 5.2.0 do"
 
 

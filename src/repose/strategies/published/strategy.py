@@ -20,9 +20,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """One batch, then the answer."""
     if data.empty:
         section = study.config["design"]
-        unit = design.points(
-            section["samples"], study.parameters.dimensions, section["method"], section["seed"]
-        )
+        unit = design.points(section["samples"], study.parameters.dimensions, section["method"], section["seed"])
         return Batch(samples_of(study.parameters, unit, seeds_of(study)))
     samples = samples_of_runs(data, study.parameters, study.targets)
     model, support = fitted(study, samples, data).model, support_of(study, samples)
@@ -77,7 +75,6 @@ def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Any) -> di
     """Probability that mean responses (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
     reach = targets.whole / 100
     ends = {
-        column: (targets.aim - percent * reach, targets.aim + percent * reach)
-        for percent, column in WITHIN.items()
+        column: (targets.aim - percent * reach, targets.aim + percent * reach) for percent, column in WITHIN.items()
     } | {"inside": (targets.low, targets.high)}
     return {name: float(within(mean, covariance, *pair)[0]) for name, pair in ends.items()}

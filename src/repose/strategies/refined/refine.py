@@ -32,9 +32,7 @@ def search_box(space: ParameterSpace, centre: Mapping[str, float], reach: float)
     """The ranges narrowed to a box about `centre`; `reach` is half the width of the box, in ranges."""
     middle = np.array([float(centre[name]) for name in space.free])
     step = reach * (space.high - space.low)
-    return replace(
-        space, low=np.maximum(space.low, middle - step), high=np.minimum(space.high, middle + step)
-    )
+    return replace(space, low=np.maximum(space.low, middle - step), high=np.minimum(space.high, middle + step))
 
 
 def propose(

@@ -85,9 +85,7 @@ def judge(
     return row
 
 
-def objective_of(
-    jobs_of_round: Sequence[tuple[int, str, int]], runs: pd.DataFrame, targets: Targets
-) -> float:
+def objective_of(jobs_of_round: Sequence[tuple[int, str, int]], runs: pd.DataFrame, targets: Targets) -> float:
     """`objective` of a round with these `jobs`."""
     proposed = [sample for sample, role, _ in jobs_of_round if role == PROPOSAL]
     return _objective(_summary(runs[runs["sample"].isin(proposed)], targets), targets)
@@ -112,9 +110,7 @@ def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     return summary
 
 
-def _numbers(
-    response: Response, wanted: float, predicted: float, mean: float, error: float
-) -> dict[str, float]:
+def _numbers(response: Response, wanted: float, predicted: float, mean: float, error: float) -> dict[str, float]:
     """Columns of one response in a round's row."""
     name, quantity = response.name, response.quantity
     return {

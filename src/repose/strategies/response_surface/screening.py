@@ -18,14 +18,7 @@ from repose.doe.anova import anova, effects, limits, statistics
 from repose.doe.model import Model, fit
 from repose.doe.plackett_burman import plackett_burman
 from repose.strategies.response_surface import fewest_factors
-from repose.strategies.response_surface.steps import (
-    CODED,
-    aims_of,
-    factors_of,
-    samples,
-    scale_of,
-    usable,
-)
+from repose.strategies.response_surface.steps import CODED, aims_of, factors_of, samples, scale_of, usable
 
 
 class Analysis(NamedTuple):

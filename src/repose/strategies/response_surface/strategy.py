@@ -58,10 +58,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         others,
         predicted,
         notes=notes
-        | {
-            "check": surface.checked(notes["predictions"], poured),
-            "summary": {"surfaces_meet_targets": best.met},
-        }
+        | {"check": surface.checked(notes["predictions"], poured), "summary": {"surfaces_meet_targets": best.met}}
         | {"steps": _steps(found.kept, len(table), section)},
         simulated=tuple(check["sample"]),
     )

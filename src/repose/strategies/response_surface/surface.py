@@ -74,11 +74,7 @@ def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace)
 
 
 def alternatives(
-    models: list[Model],
-    table: pd.DataFrame,
-    space: ParameterSpace,
-    targets: Targets,
-    config: Mapping[str, Any],
+    models: list[Model], table: pd.DataFrame, space: ParameterSpace, targets: Targets, config: Mapping[str, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Parameter sets (n, p) of the design's cube and predictions (n, k), all inside the ranges, the best first."""
     from scipy.stats import qmc
@@ -131,10 +127,7 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
     rows = []
     for target, model in zip(targets, models, strict=True):
         df = model.df
-        mean, error = (
-            float(model.predict(best.coded[None])[0]),
-            float(model.standard_error(best.coded[None])[0]),
-        )
+        mean, error = (float(model.predict(best.coded[None])[0]), float(model.standard_error(best.coded[None])[0]))
         t = float(stats.t.ppf((1 + LEVEL) / 2, df)) if df else np.nan
         whole = np.sqrt(error**2 + model.variance / runs)
         rows.append(

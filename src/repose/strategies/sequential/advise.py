@@ -88,9 +88,7 @@ def advise(
     return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed, attainable)
 
 
-def nearest(
-    model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray
-) -> np.ndarray:
+def nearest(model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray) -> np.ndarray:
     """The point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without prior knowledge."""
     random = np.random.default_rng(1)
 

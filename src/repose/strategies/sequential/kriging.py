@@ -28,9 +28,7 @@ LENGTH_LOG_MEAN = math.sqrt(2) - 3  # and half the logarithm of the number of in
 LENGTH_LOG_SD = math.sqrt(3)  # (H24)
 VARIANCE_LOG_SD = 1.0  # of the process's variance about the variance of the means without noise
 LEAST_SIGNAL = 0.1  # of the means' variance, where noise seems to explain all of it
-SMOOTHNESS = (
-    2.5  # of Matern's covariance: twice differentiable; smoother ones claim too much between few samples
-)
+SMOOTHNESS = 2.5  # of Matern's covariance: twice differentiable; smoother ones claim too much between few samples
 DRAWS = 8  # of variance and lengths
 # Prior of the factor on the variance of each draw: median and standard deviation of its logarithm.
 # From campaigns for other hidden sets than those of docs/sequential.md: the draws' variances are too large as a rule.

@@ -18,9 +18,7 @@ from repose.strategies.sequential.kriging import BOUNDS, SMOOTHNESS, Observed
 
 REPLICATES, GIVEN, ESTIMATED = "replicates", "noise_sd", "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
-SHARES = np.geomspace(
-    1e-4, 1.0, 9
-)  # of the variance over the runs that may be noise, all equally probable a priori
+SHARES = np.geomspace(1e-4, 1.0, 9)  # of the variance over the runs that may be noise, all equally probable a priori
 LENGTHS = (0.3, 30.0)  # of the surface, in ranges of a parameter: shorter waves look like noise
 
 
@@ -35,9 +33,7 @@ class Noise(NamedTuple):
         """Warning for too few replicates; None if there are enough."""
         deviations = [
             f"{name} {sd:.2g} ({source})"
-            for (name, source), sd in zip(
-                self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True
-            )
+            for (name, source), sd in zip(self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True)
         ]
         if REPLICATES in self.sources.values():
             return None
@@ -49,9 +45,7 @@ class Noise(NamedTuple):
         )
 
 
-def noise_of(
-    observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float], source: object = "runs"
-) -> Noise:
+def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float], source: object = "runs") -> Noise:
     """The noise of a single run, from replicates or from the given standard deviations `noise_sd` and an estimate.
 
     Replicates that are all alike, of a simulator without random numbers or of rounded results, count as one run.

@@ -71,10 +71,7 @@ def answer(study: Studied, data: pd.DataFrame) -> Answer:
     others, predicted = alternatives(points, scores, model, targets, study.config["miga"])
     nowhere = np.empty(0)
     best = Answer(
-        *(nowhere, nowhere, nowhere, {}, data, SO_FAR),
-        space.values(others),
-        predicted,
-        SpaceKriging(model, space),
+        *(nowhere, nowhere, nowhere, {}, data, SO_FAR), space.values(others), predicted, SpaceKriging(model, space)
     )
     return _at(points[scores.argmax()], best, study, data)
 
@@ -165,10 +162,7 @@ def _end(notes, study, data):
         f"Model: kriging of the samples' means with their known errors. The answer lies within "
         f"{tolerance:g} % of all targets with probability {notes['probability']:.2f}.",
     )
-    end = {
-        "summary": {name: notes[name] for name in kept} | {"tolerance_percent": tolerance},
-        "steps": steps,
-    }
+    end = {"summary": {name: notes[name] for name in kept} | {"tolerance_percent": tolerance}, "steps": steps}
     return end | ({"note": _out_of_reach(notes, study.targets)} if notes["stop"] == "out_of_reach" else {})
 
 
