@@ -23,7 +23,7 @@ from repose.config import making
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.dem.constants import OF_LAWS
-from repose.dem.laws import CONTACT_LAWS
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.particle import berry as berries
 from repose.particle import build
 
@@ -34,6 +34,7 @@ PARTICLES = {
     "spheres": {"particle": "multisphere", "spheres": 14},
     "spheres_fewest": {"particle": "multisphere", "spheres": "fewest"},
     "rough": {"particle": "multisphere", "spheres": 16, "surface": "rough"},
+    "sphere": {"particle": "ellipsoid", "mass_g": None},  # all of its axes are alike
 }
 HIGHEST = {"mus_gg": 1.0, "mur_gg": 0.5, "mus_gp": 1.0, "mur_gp": 0.5}  # of friction
 MOST_STEPS = 40_000  # most pours; MANY_SHARE of them have MANY berries and as many steps as they need
@@ -42,7 +43,17 @@ MANY, MANY_SHARE = 300, 0.01
 LONGEST_S = 60.0
 COLUMNS = [
     *("number", "apparatus", "particle", "berries", "long_mm", "shear_modulus_pa", "e_gg", "e_gp"),
-    *("contact_law", "tension", "gravity_m_s2", "time_step_s", "share_of_limit", "steps", "status", "cpu_s"),
+    *(
+        "contact_law",
+        "rolling_law",
+        "tension",
+        "gravity_m_s2",
+        "time_step_s",
+        "share_of_limit",
+        "steps",
+        "status",
+        "cpu_s",
+    ),
     *("energy_over_given", "speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent", "reason"),
 ]
 
@@ -113,11 +124,14 @@ def drawn(number, default, mean, particles):
     long_mm = float(10 ** rng.uniform(math.log10(0.5), math.log10(50.0)))
     factor = long_mm / mean["long_mm"]
     berry = dict(mean) | {key: factor * mean[key] for key in ("long_mm", "major_mm", "minor_mm")}
+    if name == "sphere":
+        berry |= dict.fromkeys(("major_mm", "minor_mm"), long_mm)
     berry["shear_modulus_pa"] = float(10 ** rng.uniform(4.0, 9.0))
     parameters = {key: float(rng.uniform(0.0, HIGHEST.get(key, 1.0))) for key in PARAMETERS}
     parameters |= {key: float(rng.uniform(0.05, 0.95)) for key in ("e_gg", "e_gp")}
     config["simulation"]["tension"] = str(rng.choice(["keep", "release"]))
     config["simulation"]["contact_law"] = str(rng.choice(list(CONTACT_LAWS)))
+    config["simulation"]["rolling_law"] = str(rng.choice(list(ROLLING_LAWS)))
     config["berry"]["size_distribution"] = PARTICLES[name].get("size_distribution", "none")
     particle = sized(particles[name], factor)
     parameters |= cohesion(rng, config["simulation"]["contact_law"], berry, particle.mass_kg)
@@ -328,6 +342,7 @@ def poured(number, default, mean, particles, seen):
         "e_gg": f"{parameters['e_gg']:.2f}",
         "e_gp": f"{parameters['e_gp']:.2f}",
         "contact_law": config["simulation"]["contact_law"],
+        "rolling_law": config["simulation"]["rolling_law"],
         "tension": config["simulation"]["tension"],
         "gravity_m_s2": f"{config['simulation']['gravity_m_s2']:.3g}",
         "time_step_s": f"{config['simulation']['time_step_s']:.3g}",
@@ -349,7 +364,7 @@ def poured(number, default, mean, particles, seen):
     began = time.process_time()
     try:
         run = test.run(scene)
-        record = test.measure(run.record, run.arrays, scene)
+        record = test.result(run.record, run.arrays, scene)
         status, reason = record["status"], record["reason"]
     except TooLong:
         status, reason = "HANG", ""
@@ -424,7 +439,9 @@ def main():
     section = config["berry"]
     table1 = "resources/published/table1.csv"
     mean = berries.of_files(section["sizes"], section["compression"], table1, section["density_kg_m3"])[1]
-    particles = {name: build.of_settings(mean, section | own) for name, own in PARTICLES.items()}
+    ball = mean | dict.fromkeys(("major_mm", "minor_mm"), mean["long_mm"])
+    means = {name: ball if name == "sphere" else mean for name in PARTICLES}
+    particles = {name: build.of_settings(means[name], section | own) for name, own in PARTICLES.items()}
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
     seen = [Seen()]
     Bounded.look = noting(seen)
