@@ -1,6 +1,7 @@
 """Photographs that show no whole pile are refused, and none is ever written over."""
 
 import json
+import zlib
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ from repose.cli import main
 from repose.config.study import Study
 from repose.core import files
 from repose.core.errors import InputError
+from repose.measure import pile
 
 ROOT = Path(__file__).parents[2]
 PILE = [(60, 299), (300, 140), (540, 299)]
@@ -194,3 +196,31 @@ def test_a_picture_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
     with pytest.raises(InputError, match="suffix"):
         files.write_image(tmp_path / "a.png", np.zeros((4, 4), np.uint8))
+
+
+def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, capsys):
+    photograph(tmp_path / "raw.png")
+    tiny, heic, text = (tmp_path / name for name in ("tiny.png", "phone.heic", "notes.jpg"))
+    files.write_image(tiny, np.zeros((3, 3, 3), np.uint8))
+    heic.write_bytes(b"\0\0\0\x18ftypheic" + bytes(40))
+    text.write_text("no picture")
+    words = ("--mm-per-pixel", 0.3, "--out", tmp_path / "out")
+    status, message = measure(capsys, tmp_path / "raw.png", tiny, heic, text, *words)
+    assert status == 0
+    for name, words_of in (("tiny.png", "3 x 3 pixels"), ("phone.heic", "PNG or JPEG"), ("notes.jpg", "not a picture")):
+        assert any(name in line and words_of in line for line in message.splitlines()), name
+    status, message = measure(capsys, tiny, heic, *words)
+    assert status == 2
+    assert "tiny.png" in message
+    assert "phone.heic" in message
+
+
+def test_a_picture_of_too_many_pixels_is_refused_by_its_header(tmp_path):
+    huge = np.zeros((8, 30_000), np.uint8)
+    header = bytearray(cv2.imencode(".png", huge)[1].tobytes())
+    header[20:24] = (30_000).to_bytes(4, "big")  # as if it had as many rows
+    crc = zlib.crc32(bytes(header[12:29])).to_bytes(4, "big")
+    header[29:33] = crc
+    (tmp_path / "huge.png").write_bytes(bytes(header))
+    with pytest.raises(InputError, match=r"huge.png: size is .*at most 200 million"):
+        pile.read_image(tmp_path / "huge.png")

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +84,11 @@ def measure(args: argparse.Namespace) -> None:
             raise InputError("command line", option, value, f"nothing with --bench {args.bench}")
     pictures = [Path(name) for name in args.pictures]
     out = Path(args.out)
+    pictures, faults = photographs.readable(pictures)
+    if not pictures:
+        raise_together(faults)
+    for fault in faults:
+        print(f"repose: left out: {fault}", file=sys.stderr)
     overlays = [out / f"{path.stem}.png" for path in pictures]
     for path, overlay in zip(pictures, overlays, strict=True):
         if overlays.count(overlay) > 1:

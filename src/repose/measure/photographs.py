@@ -83,6 +83,18 @@ def load(path: Path) -> tuple[np.ndarray, float]:
     return image, times
 
 
+def readable(paths: Sequence[Path]) -> tuple[list[Path], list[InputError]]:
+    """Split photographs into those that can be read, and the faults of the others."""
+    good, faults = [], []
+    for path in paths:
+        try:
+            read_image(path)
+            good.append(path)
+        except InputError as fault:
+            faults.append(fault)
+    return good, faults
+
+
 def cameras(
     paths: Sequence[Path], square_mm: float
 ) -> tuple[dict[Path, sheet.Seen | None], dict[tuple[int, int], camera.Camera]]:

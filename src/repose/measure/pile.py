@@ -9,6 +9,7 @@ every pile (`repose.measure.angles`), and the configuration names the response. 
 docs/measurement.md.
 """
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from os import PathLike
@@ -24,6 +25,9 @@ from repose.measure.results import Angle, Measurement, PileResult
 from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, require_upright, segment, upper_edge
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, frame, outlines, paint, silhouette, top_of
+
+HEIC = (b"ftypheic", b"ftypheix", b"ftyphevc", b"ftypmif1")
+FEWEST_PIXELS, MOST_PIXELS = 20, 200_000_000  # on a side; in all
 
 __all__ = [
     "DEFINITIONS",
@@ -107,6 +111,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "picture", "no such file", "an existing picture file (PNG, JPEG, TIFF, BMP)")
+    _check_header(path)
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     if content.size == 0:
         raise InputError(path, "picture", "an empty file", "a picture file (PNG, JPEG, TIFF, BMP)")
@@ -117,6 +122,27 @@ def read_image(path: str | PathLike) -> np.ndarray:
     if image is None:
         raise InputError(path, "picture", "not a picture", "a picture file (PNG, JPEG, TIFF, BMP)")
     return image
+
+
+def _check_header(path: Path) -> None:
+    """Refuse a picture by what its first bytes say, before it is decoded: a phone's HEIC, too few pixels, too many."""
+    from PIL import Image, UnidentifiedImageError  # not by the processes that pour
+
+    with path.open("rb") as file:
+        if file.read(12)[4:] in HEIC:
+            raise InputError(path, "picture", "HEIC", "PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)")
+    allowed = f"at least {FEWEST_PIXELS} pixels each way, at most {MOST_PIXELS / 1e6:g} million in all"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow's own limit
+            with Image.open(path) as picture:
+                width, height = picture.size
+    except Image.DecompressionBombError:
+        raise InputError(path, "size", "far too many pixels", allowed) from None
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
+        return  # OpenCV says whether it is a picture
+    if min(width, height) < FEWEST_PIXELS or width * height > MOST_PIXELS:
+        raise InputError(path, "size", f"{width} x {height} pixels", allowed)
 
 
 # --- a simulated pile -----------------------------------------------------------------------------
