@@ -76,7 +76,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of all verbs, and of the stages below the verb `stage`."""
+    """Make the parser of all verbs, and of the stages below the verb `stage`."""
     top = argparse.ArgumentParser(
         prog=PROGRAM,
         description="Calibrates the contact parameters of a discrete element model from a pile of grains.",
@@ -112,7 +112,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _unknown(words):
+def _unknown(words: list[str]) -> str | None:
     """Say in a sentence that a verb or stage does not exist, with the nearest name; None if it exists."""
     place, known = ("stage", STAGES) if words[:1] == [STAGE] else ("verb", (*TYPED, STAGE))
     name = words[1:2] if place == "stage" else words[:1]
@@ -124,8 +124,8 @@ def _unknown(words):
     return f"unknown {place} {name[0]!r}: expected one of those that `{listed}` lists{hint}"
 
 
-def _verbs_in_groups():
-    """Every verb that a person types, by groups, and an example."""
+def _verbs_in_groups() -> str:
+    """List every verb that a person types, by groups, and an example."""
     lines = []
     for title, names in GROUPS.items():
         lines += [f"{title}:", *map(_listed, names), ""]
@@ -136,6 +136,6 @@ def _verbs_in_groups():
     return "\n".join(lines)
 
 
-def _listed(name):
-    """A verb and the beginning of its summary in one line."""
+def _listed(name: str) -> str:
+    """Write a verb and the beginning of its summary in one line."""
     return f"  {name:20} {textwrap.shorten(VERBS[name].summary.split(';')[0], 76, placeholder=' ...')}"

@@ -19,7 +19,7 @@ BERRY_AND_PARTICLE = (
 def berry_and_particle(
     study: "Study", berry_json: str | PathLike | None = None, particle_json: str | PathLike | None = None
 ) -> "tuple[dict[str, Any], Particle]":
-    """The berry as in berry.json and its particle, each from its file or else from the study."""
+    """Return the berry as in berry.json and its particle, each from its file or else from the study."""
     from repose.particle import berry_files
     from repose.particle.particle import Particle
 
@@ -35,7 +35,7 @@ def berry_and_particle(
 
 
 def write_berry(study: "Study", out_dir: str | PathLike) -> None:
-    """Write sizes and moduli of the study's berry, beside the published values, if there are any."""
+    """Write sizes and moduli of the study's berry, with the published values if there are any."""
     from repose.particle import berry
 
     berry.run(study.config["berry"], study.published("table1.csv"), out_dir)
@@ -45,15 +45,6 @@ def write_particle(config: Mapping[str, Any], berry_json: str | PathLike, out_di
     """Write the configuration's particle; `berry_json` is a file of `write_berry`."""
     from repose.particle import build
 
-    return build.run(berry_json, config["berry"]["stl"], out_dir, **_how(config))
-
-
-def _how(config):
-    """Options of `build.make`."""
     section = config["berry"]
-    return {
-        "kind": section["particle"],
-        "mass_g": section["mass_g"],
-        "spheres": section["spheres"],
-        "surface": section["surface"],
-    }
+    how = {name: section[name] for name in ("mass_g", "spheres", "surface")}
+    return build.run(berry_json, section["stl"], out_dir, kind=section["particle"], **how)

@@ -11,6 +11,7 @@ from repose.core.parameter_sets import job_files
 
 if TYPE_CHECKING:
     from repose.config.study import Study
+    from repose.surrogate.support import Support
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
 
@@ -113,8 +114,8 @@ def published_sets(args: argparse.Namespace, study: "Study") -> None:
     validate.write_published_sets(published, args.jobs, study.targets, names, by, out)
 
 
-def _published(args, study):
-    """The table of published solutions; InputError without one."""
+def _published(args: argparse.Namespace, study: "Study") -> str:
+    """Return the table of published solutions; InputError without one."""
     published = study.config["validation"]["published"]
     if published is None:
         raise InputError(args.config, "validation.published", None, "a table of published solutions")
@@ -144,8 +145,8 @@ def validate(args: argparse.Namespace, study: "Study") -> None:
     validate.run(args.solutions, args.jobs, targets, measure, published, args.out, support)
 
 
-def _support(args, study):
-    """The samples for a warning of extrapolation; None without a dataset. InputError for other definitions."""
+def _support(args: argparse.Namespace, study: "Study") -> "Support | None":
+    """Return the samples for a warning of extrapolation; None without a dataset. InputError for other definitions."""
     if not args.dataset:
         return None
     from repose.chain.dataset import read_definitions

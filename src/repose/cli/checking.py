@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from repose.cli.registry import Option, load_with_inputs, verb
+from repose.cli.registry import Option, load, verb
 from repose.core.errors import InputError, InputErrors
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ FAR = 1.5  # a time step that could be longer by this factor is worth a hint
 
 
 def _load_or_propose(args: argparse.Namespace) -> "Study":
-    """The study of --config; with too many grains for any study a smaller scene is printed before the error."""
+    """Load the study of --config; with too many grains for any study print a smaller scene before the error."""
     try:
-        return load_with_inputs(args)
+        return load(args, inputs=True)
     except InputError as error:
         grains = error.value
         if error.key == "funnel.berries" and isinstance(grains, int) and not isinstance(error, InputErrors):
@@ -43,7 +43,7 @@ def _load_or_propose(args: argparse.Namespace) -> "Study":
 def _propose(path: str, grains: int) -> None:
     """Print a smaller scene for more grains than a study may have, if nothing else is wrong with it."""
     from repose.apparatus import scene_size
-    from repose.config import advice
+    from repose.config import advice, computed
     from repose.config.study import Study
     from repose.core.section import MOST_BERRIES
 
@@ -53,7 +53,7 @@ def _propose(path: str, grains: int) -> None:
     with contextlib.suppress(InputError):
         study = Study.load(path, overrides={"funnel": most}, inputs=True)
         height_mm = 1e3 * advice.height_m(study.config, study.grain)
-        print(*scene_size.advice(study.config, advice.diameter_mm(study.grain), height_mm, grains), sep="\n")
+        print(*scene_size.advice(study.config, computed.diameter_mm(study.grain), height_mm, grains), sep="\n")
 
 
 @verb(
@@ -69,14 +69,14 @@ def check(args: argparse.Namespace, study: "Study") -> None:
     from repose.config.keys import get
     from repose.strategies import cost as strategies
 
-    config, berry, particle = study.config, study.grain, study.particle
+    config = study.config
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     written, _ = loader.read_layers([args.config])
     numbers = [f"{setting.key} {get(config, setting.key)}" for setting in computed.to_compute(written)]
     if numbers:
         print(f"computed, since they are auto or not given: {', '.join(numbers)}")
     print(*_about(study), *_about_the_targets(config), sep="\n")
-    measured = _berry_step_s(config, berry, particle)
+    measured = _berry_step_s(study)
     print(*_trials(study, measured), sep="\n")
     work = cost.work(config, measured, strategies.pours(config))
     for purpose, sets, seeds in work["pours"]:
@@ -89,7 +89,7 @@ def check(args: argparse.Namespace, study: "Study") -> None:
 
 
 def _about(study: "Study") -> Iterator[str]:
-    """Tell whether piles can have the targets, time step and particle, and hints of the bench tests."""
+    """Say whether piles can have the targets, then time step and particle, and hints of the bench tests."""
     from repose.apparatus import reach
     from repose.apparatus.settings import SimulationSettings
     from repose.config import advice, computed, stands_on
@@ -118,7 +118,7 @@ def _about(study: "Study") -> Iterator[str]:
 
 
 def _trials(study: "Study", berry_step_s: float) -> Iterator[str]:
-    """One run of each bench test of the targets in three places of the ranges, and the targets beyond all of them."""
+    """Run each bench test of the targets in three places of the ranges; name the targets beyond all of the runs."""
     import numpy as np
 
     from repose.apparatus import bench
@@ -154,7 +154,7 @@ def _trials(study: "Study", berry_step_s: float) -> Iterator[str]:
 
 
 def about_step(step_s: float, limit: "Limit") -> str:
-    """A sentence on the longest time step, with the time saved if it is longer than `step_s`."""
+    """Describe the longest time step, with the time saved if it is longer than `step_s`."""
     from repose.config import computed
 
     advised = computed.advised_step_s(limit.time_step_s)
@@ -163,7 +163,7 @@ def about_step(step_s: float, limit: "Limit") -> str:
 
 
 def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
-    """Warnings of measurements whose scatter is unknown."""
+    """Warn of measurements whose scatter is unknown."""
     for target in config["targets"]:
         name, piles = target["response"], target["repetitions"]
         if piles < FEWEST_PILES:
@@ -210,12 +210,12 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
         chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
         print(f"{row['pours']:>7} {chances}")
     print("by simulated calibrations with known answers and six free parameters: `repose docs sequential`", flush=True)
-    measured = _berry_step_s(config, study.grain, study.particle)
+    measured = _berry_step_s(study)
     print(*_costs(config, result.budgets["pours"], measured), sep="\n")
 
 
 def _costs(config: Mapping[str, Any], budgets: Iterable[int], berry_step_s: float) -> Iterator[str]:
-    """A table of the cost of each strategy, the configured one marked."""
+    """Tabulate the cost of each strategy, the configured one marked."""
     from repose.config import cost
     from repose.strategies import cost as strategies
     from repose.strategies import plan
@@ -242,13 +242,13 @@ def _costs(config: Mapping[str, Any], budgets: Iterable[int], berry_step_s: floa
     yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"
 
 
-def _berry_step_s(config, berry, particle):
-    """Time of a step of a grain on this machine, with a message about the minute or two of the first time."""
+def _berry_step_s(study: "Study") -> float:
+    """Time a step of a grain on this machine, with a message about the minute or two of the first time."""
     from repose.config import cost
 
     sentence = "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core"
     with elapsed_seconds_shown(sentence):
-        return cost.measured_berry_step_s(config, berry, particle)
+        return cost.measured_berry_step_s(study.config, study.grain, study.particle)
 
 
 @contextlib.contextmanager
@@ -257,7 +257,7 @@ def elapsed_seconds_shown(sentence: str) -> Iterator[None]:
     terminal = sys.stderr.isatty()
     done = threading.Event()
 
-    def tick():
+    def tick() -> None:
         began = time.monotonic()
         while not done.wait(TICK_S):
             print(f"\r{sentence}; {time.monotonic() - began:.0f} s", end="", file=sys.stderr, flush=True)

@@ -41,7 +41,7 @@ def docs(args: argparse.Namespace) -> None:
 
 
 def pages() -> dict[str, Path]:
-    """Every page by its name, in the order of their names; an index has the name of its folder."""
+    """Return every page by its name, in the order of their names; an index has the name of its folder."""
     folder = places.root() / "docs"
     found = [path for pattern in ("*.md", "[!_]*/*.md") for path in folder.glob(pattern)]
     names = {path.parent.name if path.stem == "index" else path.stem: path for path in found}
@@ -51,6 +51,6 @@ def pages() -> dict[str, Path]:
 
 
 def title_of(path: Path) -> str:
-    """The first heading of a page."""
+    """Return the first heading of a page."""
     lines = path.read_text(encoding="utf-8").splitlines()
     return next((line.removeprefix("# ") for line in lines if line.startswith("# ")), "")

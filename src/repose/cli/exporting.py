@@ -78,7 +78,7 @@ def export(args: argparse.Namespace) -> None:
 
 
 def _check_source(args: argparse.Namespace) -> None:
-    """One source of the six parameters: a card, or the options that name them."""
+    """Require one source of the six parameters: a card, or the options that name them."""
     sets = bool(args.set) or args.samples is not None
     if (args.card is not None) == sets:
         allowed = "one source of the parameters: --card, --set or --samples"

@@ -37,7 +37,7 @@ def berry(args: argparse.Namespace) -> None:
 
 
 def _build(args: argparse.Namespace) -> None:
-    """Mesh of a berry from a few numbers."""
+    """Build the mesh of a berry from a few numbers."""
     from repose.particle import mesh_from_axes
 
     if not (args.axes and args.stl and args.mass_g):

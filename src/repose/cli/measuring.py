@@ -118,7 +118,9 @@ def measure(args: argparse.Namespace) -> None:
     print(json_text(as_record(made)) if args.json else describe(results, made, how, out))
 
 
-def _measure_apparatus(args, pictures, overlays, how):
+def _measure_apparatus(
+    args: argparse.Namespace, pictures: list[Path], overlays: list[Path], how: "MeasureSettings"
+) -> None:
     """Measure photographs of a drum or of a box."""
     from repose.apparatus import photographs
     from repose.apparatus.settings import SceneSettings
@@ -147,7 +149,7 @@ def _measure_apparatus(args, pictures, overlays, how):
 
 
 def _scale(args: argparse.Namespace) -> "Scale":
-    """The scale from the command line."""
+    """Read the scale from the command line."""
     from repose.measure.photographs import LEAST_PX, MOST_LEVEL_DEG, Scale, level_length
 
     def number(option: str, value: float, low: float, high: float) -> None:
@@ -178,7 +180,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
 
 
 def _settings(args: argparse.Namespace) -> "MeasureSettings":
-    """Settings of the measurement; outside a study the line runs from foot to crest, and the grain is the folder's."""
+    """Make settings of the measurement; outside a study a line from foot to crest, and the folder's grain."""
     from repose.measure.settings import MeasureSettings, mean_axes_mm
 
     if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:

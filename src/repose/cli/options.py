@@ -16,19 +16,19 @@ JSON = Option("--json", action="store_true", help="print as JSON")
 
 
 def file_options(files: Mapping[str, str], prefix: str = "") -> list[Option]:
-    """An option for each file: names with underscores, their default paths; `prefix` begins the help."""
+    """Make an option for each file: names with underscores, their default paths; `prefix` begins the help."""
     return [
         Option(f"--{name.replace('_', '-')}", default=path, help=f"{prefix}({path})") for name, path in files.items()
     ]
 
 
 def chosen_files(args: argparse.Namespace, files: Iterable[str]) -> dict[str, str]:
-    """Paths of the options of `file_options`, by the same names."""
+    """Return the paths of the options of `file_options`, by the same names."""
     return {name: getattr(args, name) for name in files}
 
 
 def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
-    """Values by name of the NAME=VALUE entries of an option; InputError for a bad entry or a name given twice."""
+    """Split the NAME=VALUE entries of an option; InputError for a bad entry or a name given twice."""
     values: dict[str, str] = {}
     for entry in entries:
         name, equals, value = entry.partition("=")

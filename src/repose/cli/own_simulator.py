@@ -16,7 +16,7 @@ FOLDER = "own"
 
 
 def _study(args: argparse.Namespace) -> "Study":
-    """The study of --config, for a simulator of the user's own; for the verb `ask` with the runs so far."""
+    """Load the study of --config, for a simulator of the user's own; for the verb `ask` with the runs so far."""
     from repose.config.own import is_own
     from repose.config.study import Study
 
@@ -27,14 +27,14 @@ def _study(args: argparse.Namespace) -> "Study":
 
 
 def of_either(args: argparse.Namespace) -> "Study":
-    """The study of --config, for our simulator or for one of the user's own."""
+    """Load the study of --config, for our simulator or for one of the user's own."""
     from repose.config.own import is_own
 
     return _study(args) if is_own(places.find(args.config)) else load(args)
 
 
 def is_one(study: "Study") -> bool:
-    """Whether a study is for a simulator of the user's own."""
+    """Return whether a study is for a simulator of the user's own."""
     return "simulator" in study.config
 
 

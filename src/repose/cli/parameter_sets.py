@@ -27,7 +27,7 @@ PARAMETER_SET = (
 )
 
 
-def _purpose(word):
+def _purpose(word: str) -> str | int:
     """Read a purpose, by its name or by the number of a stream that another program uses."""
     if word in streams.PURPOSES:
         return word
@@ -52,7 +52,7 @@ STUDY_SEEDS = (
 def parameters(
     entries: Sequence[str], samples: str | None, sample: int | None, section: Mapping[str, Any]
 ) -> dict[str, float]:
-    """The parameters by name, from --set or a row of --samples; one that is not set has the centre of its range."""
+    """Read the parameters by name from --set or a row of --samples; one not set has the centre of its range."""
     chosen = pairs(entries, "--set")
     if samples:
         if chosen or sample is None:
@@ -71,7 +71,7 @@ def parameters(
 
 
 def run_seeds(seeds: list[int] | None) -> list[int]:
-    """Seeds from --seed, without it seed 1; InputError unless they are distinct whole numbers from 0."""
+    """Return the seeds of --seed, without it seed 1; InputError unless they are distinct whole numbers from 0."""
     seeds = seeds or [1]
     if min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise InputError("command line", "--seed", seeds, "distinct whole numbers from 0")
@@ -79,7 +79,7 @@ def run_seeds(seeds: list[int] | None) -> list[int]:
 
 
 def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED) -> list[int]:
-    """Seeds from --seed, or the study's own from --seeds, for the purpose and sample of `args`."""
+    """Return the seeds of --seed, or the study's own by --seeds, for the purpose and sample of `args`."""
     if args.seeds is None:
         return run_seeds(args.seed)
     if args.seed or not 1 <= args.seeds <= MOST_SEEDS:

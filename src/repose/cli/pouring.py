@@ -108,7 +108,7 @@ def heap(args: argparse.Namespace, study: "Study") -> None:
 
 
 def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> _Job:
-    """The job of the options."""
+    """Make the job of the options."""
     from repose.apparatus import Scene, bench
     from repose.apparatus.settings import SceneSettings, SimulationSettings
     from repose.dem.io.progress import display
@@ -130,8 +130,8 @@ def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> _Job:
     return _Job(test, scene, name, seeds, args.out, args.trajectory, progress)
 
 
-def _flat(result):
-    """Result of a job with one seed as one record."""
+def _flat(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Make one record of the result of a job with one seed."""
     shared = {key: result[key] for key in ("parameters", "time_step_s")}
     return shared | result["runs"][0]
 
@@ -205,7 +205,7 @@ def drum_tables(args: argparse.Namespace, study: "Study") -> None:
 
 
 def describe(run: Mapping[str, Any], template: str) -> str:
-    """A measured run as text by the bench test's `template`; a failed run with its reason."""
+    """Describe a measured run by the bench test's `template`, a failed run by its reason."""
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:

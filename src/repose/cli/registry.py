@@ -29,7 +29,7 @@ class Option:
         return self.keywords.get("dest") or self.names[0].lstrip("-").replace("-", "_")
 
     def but(self, **changes: Any) -> "Option":
-        """The same option with some keywords changed."""
+        """Copy the option with some keywords changed."""
         return Option(*self.names, recorded=self.recorded, **(self.keywords | changes))
 
 
@@ -59,7 +59,7 @@ class Verb(NamedTuple):
         return self.run.__name__
 
     def __call__(self, args: argparse.Namespace) -> int | None:
-        """Do the step; its exit status, None for 0."""
+        """Do the step; return its exit status, None for 0."""
         status: int | None = self.run(args) if self.study is None else self.run(args, self.study(args))
         return status
 
@@ -76,18 +76,11 @@ class Verb(NamedTuple):
             parser.add_argument(*option.names, **option.keywords)
 
 
-def load(args: argparse.Namespace) -> "Study":
-    """The study of --config."""
+def load(args: argparse.Namespace, inputs: bool = False) -> "Study":
+    """Load the study of --config; with `inputs` check the files that it names."""
     from repose.config.study import Study
 
-    return Study.load(args.config)
-
-
-def load_with_inputs(args: argparse.Namespace) -> "Study":
-    """The study of --config, with the files that it names checked."""
-    from repose.config.study import Study
-
-    return Study.load(args.config, inputs=True)
+    return Study.load(args.config, inputs=inputs)
 
 
 VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported
@@ -104,7 +97,7 @@ def verb(
     passes_on: bool = False,
     runs: Literal["", "made", "measured"] = "",
 ) -> Callable[[Callable], Callable]:
-    """Decorator that makes a function the verb of the same name.
+    """Make a function the verb of the same name, as a decorator.
 
     `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
     call. `out` is the default of --out (None: no such option). `study` makes from the options the study that the
@@ -116,7 +109,7 @@ def verb(
         kind = "file" if Path(out).suffix else "folder"
         shared.append(Option("--out", default=out, help=f"{kind} to write ({out})", recorded=False))
 
-    def add(run):
+    def add(run: Callable) -> Callable:
         made = Verb(run, summary, example, (*shared, *options), study if config else None, passes_on, runs)
         if VERBS.setdefault(made.name, made) is not made:
             raise ValueError(f"verb {made.name!r} is registered already")

@@ -7,8 +7,10 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
+from types import FrameType
+from typing import Any
 
 from repose.cli.registry import Option, verb
 from repose.cli.stages import note_built_in_crop
@@ -81,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def snakemake_arguments(args: argparse.Namespace) -> list[str]:
-    """The command line of snakemake: this program's workflow and profile, and all cores where no option says it."""
+    """Make snakemake's command line: this program's workflow and profile, all cores where no option says it."""
     own = {"--configfile": args.configfile, "--config": args.config}
     if args.cores or not _given(args.rest, JOBS_OPTIONS):
         own |= {"--cores": [args.cores or "all"]}
@@ -97,7 +99,7 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], again: 
     """Run snakemake's `main`; where Ctrl-C or a signal ends it, print in one sentence how to go on."""
     ended_by: list[int] = []
 
-    def stop(number, _frame):
+    def stop(number: int, _frame: FrameType | None) -> None:
         # only once: the next Ctrl-C kills at once, and snakemake's cleanup after its jobs is not interrupted
         signal.signal(number, signal.SIG_DFL)
         ended_by.append(number)
@@ -128,7 +130,7 @@ def _as_interrupts(ended_by: list[int]) -> Iterator[None]:
     read, write = os.pipe()
     os.set_blocking(write, False)
 
-    def forward():
+    def forward() -> None:
         while number := int.from_bytes(os.read(read, 1), "big"):
             if number in ends and not ended_by:
                 ended_by.append(number)
@@ -160,7 +162,7 @@ def _interrupt_jobs() -> None:
 
 
 def catalogue(files: list[str]) -> str:
-    """The studies, each with a sentence and its cost in the configurations, over the default."""
+    """List the studies, each with a sentence and its cost in the configurations, over the default."""
     from repose.config import cost, loader
     from repose.config.study import Study
     from repose.strategies import cost as strategies
@@ -179,8 +181,8 @@ def catalogue(files: list[str]) -> str:
     return "\n".join([f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines])
 
 
-def _cost_of(config):
-    """The cost of a configuration's strategy as text, or the reason why the configuration cannot take it."""
+def _cost_of(config: Mapping[str, Any]) -> str:
+    """Say what a configuration's strategy costs, or why the configuration cannot take it."""
     from repose.config import cost
     from repose.strategies import cost as strategies
 
@@ -192,8 +194,8 @@ def _cost_of(config):
     return f"at most {number} pours, about {minutes:.0f} min on one core, by itself"
 
 
-def _given(words, options):
-    """Whether one of the options is among the words, alone, with =VALUE or, where it is short, with its value."""
+def _given(words: Iterable[str], options: Iterable[str]) -> bool:
+    """Return whether one of the options is among the words, alone, with =VALUE or, if it is short, with its value."""
     return any(
         word.partition("=")[0] in options or (word[:2] in options and not word.startswith("--")) for word in words
     )

@@ -14,6 +14,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from rich.console import Console, Group, RenderableType
@@ -24,6 +25,7 @@ from rich.text import Text
 from snakemake.logging import ColorizingTextHandler, DefaultFilter, DefaultFormatter
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
+from snakemake_interface_logger_plugins.settings import OutputSettingsLoggerInterface
 
 from repose.core.errors import InputError
 from repose.core.files import read_json
@@ -82,7 +84,7 @@ class Running:
         return _pours(self.rule)
 
     def made(self) -> int:
-        """Runs of a bench test made so far, without the runs of an earlier job."""
+        """Count the runs of a bench test made so far, without the runs of an earlier job."""
         if not self.output.endswith(POURS):
             return 0
         job = Path(self.output.removesuffix(POURS))
@@ -93,8 +95,8 @@ class Running:
         return sum(path.stat().st_mtime >= self.began_s for path in kept)
 
 
-def _pours(rule):
-    """Whether the jobs of a rule simulate, by its name."""
+def _pours(rule: str) -> bool:
+    """Return whether the jobs of a rule simulate, by its name."""
     return rule.endswith("pour")
 
 
@@ -113,7 +115,7 @@ class RunProgress:
     _first_pour_s: float | None = None
 
     def start(self, number: int, job: Running) -> None:
-        """A job begins; after a checkpoint its rule may have more jobs than were planned."""
+        """Note that a job begins; after a checkpoint its rule may have more jobs than were planned."""
         self.failed.pop(number, None)
         self.running[number] = job
         busy = sum(other.rule == job.rule for other in self.running.values())
@@ -123,7 +125,7 @@ class RunProgress:
             self._first_pour_s = job.began_s
 
     def finish(self, number: int, now_s: float) -> None:
-        """A job has ended well."""
+        """Note that a job has ended well."""
         job = self.running.pop(number, None)
         if job is not None:
             self._made += job.made()
@@ -131,7 +133,7 @@ class RunProgress:
             self.done[job.rule] += 1
 
     def fail(self, number: int) -> Running | None:
-        """A job has failed; None if that is known already."""
+        """Note that a job has failed, and return it; None if that is known already."""
         job = self.running.pop(number, None)
         if job is not None:
             self.failed[number] = job
@@ -143,14 +145,14 @@ class RunProgress:
         return self._made + sum(job.made() for job in self.running.values())
 
     def pours_a_minute(self, now_s: float) -> float | None:
-        """Rate since the first pour began; None before the first is made."""
+        """Compute the rate since the first pour began; None before the first is made."""
         done = self.pours_done
         if not done or self._first_pour_s is None or now_s - self._first_pour_s < SHORTEST_RATE_S:
             return None
         return 60 * done / (now_s - self._first_pour_s)
 
     def left_s(self, now_s: float) -> float | None:
-        """Time that the planned jobs still take, as many at once as so far; None before it can be estimated."""
+        """Estimate how long the planned jobs still take, as many at once as so far; None before that is possible."""
         pouring = [rule for rule in self.planned if _pours(rule)]
         if not self.done or self._began_s is None or now_s - self._began_s < SHORTEST_RATE_S:
             return None
@@ -162,8 +164,8 @@ class RunProgress:
         left_s -= sum(min(s, self._mean_s(rule)) for rule, s in elapsed)
         return left_s * (now_s - self._began_s) / busy_s
 
-    def _mean_s(self, rule):
-        """Mean time of a job of a rule, from its finished jobs or else from those of its kind, pouring or not."""
+    def _mean_s(self, rule: str) -> float:
+        """Average the times of a rule's finished jobs, or else of the jobs of its kind, pouring or not."""
         alike = [other for other in self.done if _pours(other) == _pours(rule)]
         rules = [rule] if self.done[rule] else alike
         return sum(self._took_s[one] for one in rules) / max(1, sum(self.done[one] for one in rules))
@@ -196,9 +198,10 @@ class LogHandler(LogHandlerBase):
             if callable(self.act_on_ctrl_c) and threading.current_thread() is threading.main_thread():
                 signal.signal(signal.SIGINT, self._interrupt)
 
-    def _interrupt(self, number, frame):
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
         """Note a Ctrl-C before the program acts on it: the jobs that it ends have not failed."""
         self.interrupted.set()
+        assert callable(self.act_on_ctrl_c)
         self.act_on_ctrl_c(number, frame)
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -240,7 +243,7 @@ class LogHandler(LogHandlerBase):
         super().close()
 
     def _lines_of(self, record: logging.LogRecord) -> Iterator[Text]:
-        """Take an event; yields the lines to print."""
+        """Take an event; yield the lines to print."""
         event, fields = getattr(record, "event", None), record.__dict__
         if event == LogEvent.RUN_INFO:
             self.progress.planned.update({k: n for k, n in fields["stats"].items() if k != "total"})
@@ -264,7 +267,7 @@ class LogHandler(LogHandlerBase):
             yield Text(record.getMessage(), style="yellow" if record.levelno > logging.INFO else "")
 
     def _started(self, fields: Mapping[str, Any]) -> Iterator[Text]:
-        """A job begins; without bars the first of a stage is printed."""
+        """Note that a job begins; without bars print the first of a stage."""
         rule = fields["rule_name"]
         if not fields["output"]:  # a target, which makes nothing
             del self.progress.planned[rule]
@@ -278,7 +281,7 @@ class LogHandler(LogHandlerBase):
         self.stages_printed.add(rule)
 
     def _failed(self, fields: Mapping[str, Any]) -> Iterator[Text]:
-        """A job has failed: print it, and the end of its log."""
+        """Note that a job has failed: print it, and the end of its log."""
         if self.interrupted.wait(INTERRUPT_S):
             return
         job = self.progress.fail(fields["jobid"])
@@ -288,7 +291,7 @@ class LogHandler(LogHandlerBase):
         for log in fields["log"]:
             yield from (Text(f"    {line}") for line in last_lines(Path(log)))
 
-    def _begin(self):
+    def _begin(self) -> None:
         """Show the bars, where there is a terminal."""
         if self.console.is_terminal and self.live is None and self.progress.planned:
             self.live = Live(
@@ -301,7 +304,7 @@ class LogHandler(LogHandlerBase):
             self.live.start()
 
     def _line(self) -> Iterator[Text]:
-        """Progress of the run, now and then where there are no bars."""
+        """Report the progress of the run, now and then where there are no bars."""
         now = time.time()
         if self.live is None and self.progress.planned and now - self.last_line_s >= LINE_EVERY_S:
             self.last_line_s = now
@@ -312,7 +315,7 @@ class LogHandler(LogHandlerBase):
             yield Text("; ".join(filter(None, (counts, ", ".join(self._facts(now))))))
 
     def _facts(self, now_s: float) -> Iterator[str]:
-        """Pours a minute, time left and failures, as text."""
+        """Say how many pours a minute there are, the time left and the failures."""
         rate, left_s = self.progress.pours_a_minute(now_s), self.progress.left_s(now_s)
         if rate is not None:
             yield f"{rate:.2g} pours a minute"
@@ -324,7 +327,7 @@ class LogHandler(LogHandlerBase):
             yield f"{len(self.progress.failed)} failed"
 
     def _drawn(self) -> RenderableType:
-        """The bars of the stages at work and of all, the facts, and the running jobs."""
+        """Draw the bars of the stages at work and of all, the facts, and the running jobs."""
         with self.changing:
             now = time.time()
             planned, done = self.progress.planned, self.progress.done
@@ -343,8 +346,8 @@ class LogHandler(LogHandlerBase):
             )
 
 
-def _snakemakes_own(settings):
-    """Snakemake's own output, if an option asks for it; else None."""
+def _snakemakes_own(settings: OutputSettingsLoggerInterface) -> logging.Handler | None:
+    """Return snakemake's own output if an option asks for it; else None."""
     asked = ("dryrun", "quiet", "verbose", "printshellcmds", "debug_dag", "stdout")
     if not any(getattr(settings, name, None) for name in asked):
         return None
@@ -357,17 +360,17 @@ def _snakemakes_own(settings):
     )
 
 
-def _log_of(job):
+def _log_of(job: Running) -> str:
     return f"; its log: {job.log}" if job.log else ""
 
 
-def _refused(job):
-    """Whether a job ended with a fault of its input."""
+def _refused(job: Running) -> bool:
+    """Return whether a job ended with a fault of its input."""
     return job.log != "" and last_lines(Path(job.log))[-1].startswith(f"{REFUSED}: ")
 
 
 def rough_time(seconds: float) -> str:
-    """A rough time as text."""
+    """Write a rough time as text."""
     minutes = round(seconds / 60)
     if minutes < 1:
         return "less than a minute"
@@ -377,7 +380,7 @@ def rough_time(seconds: float) -> str:
 
 
 def last_lines(path: Path) -> list[str]:
-    """The last lines of a log, or a line that reports a missing or empty one."""
+    """Return the last lines of a log, or a line that reports a missing or empty one."""
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

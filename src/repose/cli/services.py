@@ -56,7 +56,7 @@ def verify(args: argparse.Namespace, study: "Study") -> int:
 
 
 def _case_line(name: str, rows: "list[Row]") -> str:
-    """A case as a line of text."""
+    """Write a case as a line of text."""
     missed = [row for row in rows if not row.passed]
     words = f"{len(missed)} of {len(rows)} numbers miss" if missed else f"{len(rows)} numbers, good"
     return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])

@@ -26,7 +26,7 @@ def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") 
 
 
 def recorded(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> AbstractContextManager[None]:
-    """The record of a verb with its options in every file that is written meanwhile."""
+    """Record a verb with its options in every file that is written meanwhile."""
     strategy = getattr(args, "strategy", None)
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
@@ -53,7 +53,7 @@ def note_built_in_crop(*files: str) -> None:
 
 
 def files_of(args: argparse.Namespace) -> Iterator[Path]:
-    """Files that the recorded options of a verb name; of a folder its dataset, if it has one."""
+    """Yield the files that the recorded options of a verb name; of a folder its dataset, if it has one."""
     for option in (option.attribute for option in VERBS[args.verb].options if option.recorded):
         value = getattr(args, option)
         if (args.verb, option) in FOLDERS:

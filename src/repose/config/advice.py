@@ -1,18 +1,16 @@
 """Hints on the scene of the funnel before a study pours: stiffness, volume and number of its grains."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 from repose.apparatus import scene_size
 from repose.apparatus.funnel import NAME, PACKING, FunnelSettings
 from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
+from repose.config.computed import Config, Grain, diameter_mm
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
-
-Config = Mapping[str, Any]
-Grain = Mapping[str, Any]
 
 # A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
 LARGEST_SINKING = 0.005
@@ -43,7 +41,7 @@ def of_funnel(
 
 
 def _softer(config: Config, berry: Grain, longest_step_s: Callable[[Grain], float]) -> str:
-    """The allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
+    """Describe the allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
     step, modulus = SceneSettings(config).simulation.time_step_s, berry["shear_modulus_pa"]
     sinking, softest = softening(config, berry)
     now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
@@ -65,7 +63,7 @@ class Softening(NamedTuple):
 
 
 def softening(config: Config, berry: Grain) -> Softening:
-    """Sinking of a pile under its own weight, and the softest grain whose pile hardly sinks.
+    """Compute how far a pile sinks under its own weight, and the softest grain whose pile hardly sinks.
 
     A grain of diameter d at depth z carries the weight above its own area, F = p rho g z d^2, with p the packing.
     By Hertz two such grains approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean of this over the depth
@@ -81,18 +79,13 @@ def softening(config: Config, berry: Grain) -> Softening:
     return Softening(sinking, berry["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
 
 
-def diameter_mm(berry: Grain) -> float:
-    """Equivalent diameter of the mean grain, the geometric mean of its axes."""
-    return math.prod(berry[key] for key in ("long_mm", "major_mm", "minor_mm")) ** (1 / 3)
-
-
 def poured_volume_m3(config: Config, grain_m3: float) -> float:
-    """Volume of the grains of a pour, the gaps between them included."""
+    """Return the volume of the grains of a pour, the gaps between them included."""
     return _funnel(config).berries * grain_m3 / PACKING
 
 
 def height_m(config: Config, berry: Grain) -> float:
-    """Height of the pile: the target; else that of the cone of the angle; else half the outlet's height."""
+    """Return the expected pile height: the target, else from the angle, else half the outlet's height."""
     height_mm, angle_deg = _target(config, "height_mm"), _target(config, "aor_deg")
     if height_mm is not None:
         return 1e-3 * height_mm
@@ -103,12 +96,12 @@ def height_m(config: Config, berry: Grain) -> float:
 
 
 def _cone_height_m(volume_m3: float, angle_deg: float) -> float:
-    """Height of a cone of a volume and a slope."""
+    """Return the height of a cone with a volume and a slope."""
     return (3 * volume_m3 * math.tan(math.radians(angle_deg)) ** 2 / math.pi) ** (1 / 3)
 
 
 def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
-    """A sentence on whether the grains of a pour fill the pile of the targets, and whether they do."""
+    """Say in a sentence whether the grains of a pour fill the pile of the targets, and return whether they do."""
     poured, height, angle = (
         poured_volume_m3(config, grain_m3),
         _target(config, "height_mm"),
@@ -134,7 +127,7 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
 
 
 def needed_grains(config: Config, grain_m3: float) -> int:
-    """Number of grains that the targets need, nearest to that of the pour; that of the pour without a Height."""
+    """Count the grains implied by the targets, clipped towards the configured count, which holds without a Height."""
     grains, height, angle = _funnel(config).berries, _target(config, "height_mm"), _target(config, "aor_deg")
     if height is None:
         return grains
@@ -158,5 +151,5 @@ def _target(config: Config, response: str) -> float | None:
 
 
 def _litres(volume_m3: float) -> str:
-    """A volume as text."""
+    """Write a volume as text."""
     return f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"

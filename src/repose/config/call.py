@@ -31,7 +31,7 @@ BORN = Path(".snakemake/of_repose")  # made with snakemake's records: no result 
 
 
 def configfiles(words: Sequence[str]) -> list[str]:
-    """Files of configurations on a command line of snakemake."""
+    """Return the files of configurations on a command line of snakemake."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--configfile", "--configfiles", nargs="+", action="extend", default=[])
     paths = parser.parse_known_args(list(words))[0].configfile
@@ -95,12 +95,12 @@ class Call:
             atexit.register(self._tell, folder)
 
     def made(self, path: str, folder: str) -> bool:
-        """Whether a job of this call made a file."""
+        """Return whether a job of this call made a file."""
         if not usage.since(folder, self.began_s) or not os.path.exists(path):  # files are only touched
             return False
         return os.stat(path).st_mtime >= self.began_s
 
-    def _tell(self, folder):
+    def _tell(self, folder: str) -> None:
         """Print the times of this call, if a job ran, and add them to the table of all calls."""
         import pandas as pd
 
@@ -132,7 +132,7 @@ class Call:
         write_table(path, calls)
 
 
-def _as_typed(path):
-    """A path as one would type it: relative where it lies below the working directory."""
+def _as_typed(path: str) -> str:
+    """Write a path as one would type it: relative if it is below the working directory."""
     here, absolute = os.getcwd(), os.path.abspath(path)
     return os.path.relpath(absolute, here) if os.path.commonpath([absolute, here]) == here else absolute

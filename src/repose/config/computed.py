@@ -25,6 +25,7 @@ REST_S = 1.5  # from the last grain on the pile until the pile rests
 SPLIT_OF_NETWORK, SPLIT = (0.70, 0.15, 0.15), (0.85, 0.0, 0.15)
 
 Config = Mapping[str, Any]
+Grain = Mapping[str, Any]  # result of the verb `berry`
 
 
 class Computed(NamedTuple):
@@ -51,20 +52,20 @@ class Computed(NamedTuple):
 
 
 def to_compute(config: Config) -> list[Computed]:
-    """Settings that are `auto` or missing, in the order of their computation; the configuration may have faults."""
+    """List settings that are `auto` or missing, in the order of computation; the configuration may have faults."""
     return [setting for setting in COMPUTED if _value(config, setting.key) == AUTO]
 
 
 def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
-    """A copy of a configuration with a number in place of the `auto` of a dotted key."""
+    """Copy a configuration, with a number in place of the `auto` of a dotted key."""
     copied = copy.deepcopy(dict(config))
     section, name = key.split(".")
     copied[section][name] = value
     return copied
 
 
-def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
-    """The longest time step that the engine takes for all sets of parameters of a study; `mean` is the mean grain."""
+def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
+    """Find the longest time step that the engine takes for all parameter sets of a study; `mean` is the mean grain."""
     from repose.apparatus import Scene
     from repose.apparatus.scene import longest_time_step
 
@@ -78,47 +79,47 @@ def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) 
 
 
 def advised_step_s(longest_s: float) -> float:
-    """The recommended time step: `STEP_SHARE` of the longest one, two digits, rounded down."""
+    """Recommend a time step: `STEP_SHARE` of the longest one, two digits, rounded down."""
     unit = 10.0 ** (math.floor(math.log10(STEP_SHARE * longest_s)) - 1)
     return float(f"{math.floor(STEP_SHARE * longest_s / unit) * unit:.2g}")
 
 
-def axes_mm(berry: Mapping[str, Any]) -> Sequence[float]:
-    """Axes of the mean grain, the longest first, from the result of the verb `berry`."""
+def axes_mm(berry: Grain) -> Sequence[float]:
+    """Return the axes of the mean grain, the longest first, from the result of the verb `berry`."""
     return [berry[name] for name in ("long_mm", "major_mm", "minor_mm")]
 
 
-def _value(config, key):
-    """Value of a key; `auto` if only the key is missing, None without its section."""
+def diameter_mm(berry: Grain) -> float:
+    """Compute the equivalent diameter of the mean grain, the geometric mean of its axes (Eq. 1)."""
+    return math.prod(axes_mm(berry)) ** (1 / 3)
+
+
+def _value(config: Config, key: str) -> Any:
+    """Return the value of a key; `auto` if only the key is missing, None without its section."""
     section, name = key.split(".")
     values = config.get(section)
     return values.get(name, AUTO) if isinstance(values, Mapping) else None
 
 
-def _diameter_mm(berry):
-    """Equivalent diameter of the mean grain (Eq. 1)."""
-    return math.prod(axes_mm(berry)) ** (1 / 3)
-
-
-def _mm_per_pixel(_config, berry, _particle):
-    """So small that a grain is round in the picture."""
+def _mm_per_pixel(_config: Config, berry: Grain, _particle: "Particle") -> float:
+    """Choose pixels so small that a grain is round in the picture."""
     low, high = PIXELS_MM
-    return min(max(float(f"{_diameter_mm(berry) / PIXELS_A_GRAIN:.2g}"), low), high)
+    return min(max(float(f"{diameter_mm(berry) / PIXELS_A_GRAIN:.2g}"), low), high)
 
 
-def _factory_height_mm(_config, berry, _particle):
-    """A grain's width above the funnel."""
-    return float(f"{_diameter_mm(berry):.2g}")
+def _factory_height_mm(_config: Config, berry: Grain, _particle: "Particle") -> float:
+    """Choose a grain's width above the funnel."""
+    return float(f"{diameter_mm(berry):.2g}")
 
 
-def _factory_diameter_mm(config, berry, _particle):
-    """The inlet's disc less half a grain all around."""
+def _factory_diameter_mm(config: Config, berry: Grain, _particle: "Particle") -> float:
+    """Choose the inlet's disc less half a grain all around."""
     inlet = config["funnel"]["inlet_diameter_mm"]
     return float(f"{max(inlet - max(axes_mm(berry)), 0.5 * inlet):.3g}")
 
 
-def _duration_s(config, berry, particle):
-    """Until all grains are poured, have run out, have fallen and rest.
+def _duration_s(config: Config, berry: Grain, particle: "Particle") -> float:
+    """Estimate the time until all grains are poured, have run out, have fallen and rest.
 
     Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo). A pour that is faster than
     this lasts as long as the discharge. Where the opening is too narrow for this law the rate of pouring counts.
@@ -127,28 +128,28 @@ def _duration_s(config, berry, particle):
     from repose.apparatus.settings import SceneSettings
 
     funnel, gravity = config["funnel"], config["simulation"]["gravity_m_s2"]
-    opening = 1e-3 * (funnel["outlet_diameter_mm"] - 1.4 * _diameter_mm(berry))
+    opening = 1e-3 * (funnel["outlet_diameter_mm"] - 1.4 * diameter_mm(berry))
     bulk = PACKING * berry["density_kg_m3"]
     running = 0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
     rate = min(funnel["rate_per_s"], running or math.inf)
-    section = SceneSettings(config | {"funnel": funnel | {"duration_s": AUTO}}).section("funnel", FunnelSettings)
+    section = SceneSettings({**config, "funnel": {**funnel, "duration_s": AUTO}}).section("funnel", FunnelSettings)
     height = max(section.funnel.inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
     fall = math.sqrt(2 * height / gravity)
     return math.ceil(10 * (funnel["berries"] / rate + fall + REST_S)) / 10
 
 
-def _time_step_s(config, berry, particle):
-    """The longest time step that the engine takes, less a margin."""
+def _time_step_s(config: Config, berry: Grain, particle: "Particle") -> float:
+    """Return the longest time step that the engine takes, less a margin."""
     return advised_step_s(longest_step(config, particle, berry).time_step_s)
 
 
 def split(config: Config, _berry: Any = None, _particle: Any = None) -> list[float]:
-    """The shares for the configured surrogate."""
+    """Return the shares for the configured surrogate."""
     return split_of(config["surrogate"])
 
 
 def split_of(surrogate: str) -> list[float]:
-    """The shares for a surrogate."""
+    """Return the shares for a surrogate."""
     from repose.surrogate import kind_of
 
     return list(SPLIT_OF_NETWORK if kind_of(surrogate).is_network else SPLIT)

@@ -23,32 +23,31 @@ class Rule(NamedTuple):
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
-    """The rules for a configuration whose `auto` are numbers, bench tests included."""
-    from repose import strategies
+    """List the rules for a configuration whose `auto` are numbers, bench tests included."""
+    from repose.strategies import cost
 
     used = used_tests(config)
-    sections = [name for name in strategies.names() if strategies.strategy(name).settings is not None]
     return [
         *(Rule((test.name, "simulation"), _of_the_bench_test(test)) for test in used),
         Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
         Rule(("surrogate", "network", "design", "targets"), _of_the_validation),
         Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
-        Rule(("strategy", *sections, "targets", "parameters"), _of_the_strategy),
+        Rule(("strategy", *cost.others(), "targets", "parameters"), _of_the_strategy),
     ]
 
 
 def _of_the_bench_test(test: BenchTest[Any]) -> Callable[[Mapping[str, Any]], Pairs]:
-    """The rules of a bench test."""
+    """Return the rules of a bench test."""
     return lambda config: test.contradictions(SceneSettings(config))
 
 
 def used_tests(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
-    """Bench tests whose section is in the configuration."""
+    """Return the bench tests whose section is in the configuration."""
     return [test for test in bench_tests() if test.name in config]
 
 
-def _of_the_surrogate(config):
-    """Fewer samples for training than the surrogate needs."""
+def _of_the_surrogate(config: Mapping[str, Any]) -> Pairs:
+    """Refuse fewer samples for training than the surrogate needs."""
     from repose.surrogate import kind_of
     from repose.surrogate import names as surrogates
 
@@ -60,16 +59,16 @@ def _of_the_surrogate(config):
         yield "surrogate", f"{fitting} where design.samples times the first of network.split is below {least}"
 
 
-def _of_the_validation(config):
-    """Fewer validation samples than show the noise of all targets."""
+def _of_the_validation(config: Mapping[str, Any]) -> Pairs:
+    """Refuse fewer validation samples than show the noise of all targets."""
     network, targets = config["network"], len(config["targets"])
     if network["validation_noise"] and int(network["split"][1] * config["design"]["samples"] + 1e-9) <= targets:
         more = f"a second share that leaves more than {targets} validation samples"
         yield "network.split", f"{more}, or network.validation_noise: false"
 
 
-def _of_the_contact_law(config):
-    """Parameters that the force laws lack, or that are of another law."""
+def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
+    """Refuse force laws that lack parameters, and parameters of another law."""
     simulation = config["simulation"]
     fields = SimulationSettings.model_fields
     law = simulation.get("contact_law", fields["contact_law"].default)
@@ -86,15 +85,15 @@ def _of_the_contact_law(config):
             yield f"parameters.{name}", f"absent: it belongs to simulation.{key} {belongs}, not {own}"
 
 
-def _of_the_strategy(config):
-    """A strategy that cannot run with this configuration."""
+def _of_the_strategy(config: Mapping[str, Any]) -> Pairs:
+    """Refuse a strategy that cannot run with this configuration."""
     from repose import strategies
 
     return strategies.strategy(config["strategy"]).contradictions(config)
 
 
-def _of_seeds(config):
-    """Too few runs of a sample to compare them, in a bench test of the targets."""
+def _of_seeds(config: Mapping[str, Any]) -> Pairs:
+    """Refuse too few runs of a sample to compare them, in a bench test of the targets."""
     network = config["network"]
     targets = {target["apparatus"] for target in config["targets"]}
     for name in (test.name for test in used_tests(config) if test.name in targets):
@@ -103,8 +102,8 @@ def _of_seeds(config):
             yield f"{name}.seeds", "at least 2, or network.replicates: false, since single runs show no noise"
 
 
-def _of_targets(config):
-    """Targets of a bench test that the configuration lacks, and responses that are given twice."""
+def _of_targets(config: Mapping[str, Any]) -> Pairs:
+    """Refuse targets of a bench test that the configuration lacks, and responses that are given twice."""
     seen = set()
     for k, target in enumerate(config["targets"]):
         if target["apparatus"] not in config:

@@ -31,7 +31,7 @@ Pours = Sequence[tuple[str, int, int]]
 
 
 def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
-    """Wall time of a run of a bench test on one core, without its measurement.
+    """Estimate the wall time of a run of a bench test on one core, without its measurement.
 
     `berry_step_s` is the cost of a step of one berry, as of `measured_berry_step_s`.
     """
@@ -43,7 +43,7 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
 
 
 def longest_job_s(config: Mapping[str, Any]) -> float:
-    """Wall time of the longest job of the funnel, the drum and the bench tests of the targets.
+    """Estimate the wall time of the longest job of the funnel, the drum and the bench tests of the targets.
 
     A job is one parameter set with the most seeds of any section.
     """
@@ -54,7 +54,7 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
 
 
 def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> float:
-    """Time [s] of a step of one grain in a pile on a core of this machine, from small pours of about a second.
+    """Measure the time [s] of a step of one grain in a pile on a core of this machine, by pours of about a second.
 
     The time of other programs is left out. `berry` is the result of the verb `berry`. The first call on a machine
     compiles the engine.
@@ -80,7 +80,7 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
 def work(
     config: Mapping[str, Any], berry_step_s: float = SECONDS_A_BERRY_STEP, pours: Pours | None = None
 ) -> dict[str, Any]:
-    """Cost of a study: `pours` of the funnel, `pour_s` of one of them, and `total_s` of the whole study on one core.
+    """Estimate the cost of a study: `pours` of the funnel, `pour_s` of one of them, `total_s` of the whole on one core.
 
     `pours` belong to another strategy than the published one; each set runs as often in every bench test of the
     targets, which `total_s` includes. `berry_step_s` as in `run_s`.
@@ -113,7 +113,7 @@ def work(
 
 
 def job_s(config: Mapping[str, Any], name: str, runs: int) -> float:
-    """Wall time of a job of the workflow on one core, to compare jobs; without `runs` it only computes."""
+    """Estimate the wall time of a job of the workflow on one core, to compare jobs; without `runs` it only computes."""
     return JOB_START_S + (runs * run_s(config, name) if runs else 0.0)
 
 
@@ -129,7 +129,7 @@ SENTENCES = {
 
 
 def costs(config: Mapping[str, Any]) -> dict[str, str]:
-    """Cost of each study besides the calibration and the strategies, in words: pours, and their time on one core.
+    """Say what each study besides the calibration and the strategies costs: pours, and their time on one core.
 
     Work with the surrogate alone, seconds to minutes, is left out.
     """

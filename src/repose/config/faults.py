@@ -1,11 +1,12 @@
 """Faults of a configuration as messages: the file, the key, the value and the allowed values."""
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from repose.config.keys import Origin, origin_of, owner_of
 from repose.config.models import settings_type
@@ -40,7 +41,7 @@ class _Error(NamedTuple):
 
 
 def check(config: Any, source: str | Origin = "configuration", model: type[Section] | None = None) -> Checked:
-    """The faults of single keys and of keys of one section; `source` names the file in them.
+    """Find the faults of single keys and of keys of one section; `source` names the file in them.
 
     A mistyped key is also a missing key: only the mistyping is reported.
     """
@@ -51,7 +52,7 @@ def check(config: Any, source: str | Origin = "configuration", model: type[Secti
 
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
-    """Whether a configuration lacks any key; it may hold values that are not allowed."""
+    """Return whether a configuration lacks any key; it may hold values that are not allowed."""
     try:
         settings_type().model_validate(config)
     except ValidationError as error:
@@ -60,8 +61,8 @@ def lacks_keys(config: Mapping[str, Any]) -> bool:
     return False
 
 
-def _is_a_section(config, place):
-    """Whether a path of keys leads to a section: the path in an error may also name a type of the value."""
+def _is_a_section(config: Any, place: Iterable[int | str]) -> bool:
+    """Return whether a path of keys leads to a section: the path in an error may also name a type of the value."""
     try:
         for step in place:
             config = config[step]
@@ -71,28 +72,28 @@ def _is_a_section(config, place):
 
 
 def is_valid(key: str, value: Any) -> bool:
-    """Whether a key outside sections may have a value."""
+    """Return whether a key outside sections may have a value."""
     return all(error.path != [key] for error in _errors({key: value}, settings_type()))
 
 
 def allowed(key: str) -> str:
-    """The allowed values of a dotted key, as text."""
+    """Describe the allowed values of a dotted key."""
     return allowed_by(subschema(key.split(".")))
 
 
 @cache
 def _schema(model: type[Section]) -> dict[str, Any]:
-    """The JSON schema of a model."""
+    """Return the JSON schema of a model."""
     return model.model_json_schema()
 
 
 def schema() -> dict[str, Any]:
-    """JSON schema of a configuration."""
+    """Return the JSON schema of a configuration."""
     return _schema(settings_type())
 
 
 def subschema(path: Sequence[str], model: type[Section] | None = None) -> dict[str, Any]:
-    """The schema of a key, given by its parts, with references followed."""
+    """Return the schema of a key, given by its parts, with references followed."""
     whole = _schema(model or settings_type())
     node = whole
     for step in path:
@@ -101,7 +102,7 @@ def subschema(path: Sequence[str], model: type[Section] | None = None) -> dict[s
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
-    """The allowed values of a schema, as text."""
+    """Describe the allowed values of a schema."""
     if "description" in schema and "properties" not in schema:
         return schema["description"]
     if "const" in schema:
@@ -124,13 +125,13 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
     return text
 
 
-def _plain(number):
-    """A bound as a reader would write it."""
+def _plain(number: float) -> str:
+    """Write a bound as a reader would."""
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 
-def _inside(found, step, whole):
-    """The schema of a key, or of an entry of a list of sections or of a section with free names; None otherwise."""
+def _inside(found: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]) -> Any:
+    """Return the schema of a key, of an entry of a list of sections, or of a section with free names; else None."""
     entries = found.get("items", {})
     if "$ref" in entries:
         inner = entries if str(step).isdigit() else None
@@ -144,7 +145,7 @@ def _inside(found, step, whole):
 
 
 def _errors(config: Any, model: type[Section]) -> list[_Error]:
-    """The errors of a model, unknown keys first; an error inside a value counts as an error of the whole value."""
+    """Find the errors of a model, unknown keys first; an error inside a value counts as one of the whole value."""
     try:
         model.model_validate(config)
     except ValidationError as error:
@@ -156,9 +157,10 @@ def _errors(config: Any, model: type[Section]) -> list[_Error]:
     return []
 
 
-def _error(error, whole):
-    """An error of pydantic at its key; pydantic's path may go on with a type of the value."""
-    found, path, place = whole, [], error["loc"]
+def _error(error: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
+    """Place an error of pydantic at its key; pydantic's path may go on with a type of the value."""
+    path: list[str] = []
+    found, place = whole, error["loc"]
     for step in place:
         inner = _inside(found, step, whole)
         if inner is None:
@@ -172,7 +174,7 @@ def _error(error, whole):
 
 
 def _faults(errors: list[_Error], config: Any, source: str | Origin, model: type[Section]) -> Iterator[InputError]:
-    """The errors as faults; a missing range is no fault where a number from which it follows is wrong."""
+    """Yield the errors as faults; a missing range is none where a number from which it follows is wrong."""
     numbers = [error.path for error in errors if error.path[-1:] in (["value"], ["sd"], ["repetitions"])]
     meant = {".".join([*path[:-1], "range"]) for path in numbers if path[:1] == ["targets"]}
     for error in errors:
@@ -199,8 +201,8 @@ def _faults(errors: list[_Error], config: Any, source: str | Origin, model: type
             yield YamlError(origin_of(source, key), key, _at(config, error.path), words)
 
 
-def _at(config, path):
-    """The value at the steps of a key, any of which may contain a dot; None if its section leaves it out."""
+def _at(config: Any, path: Iterable[str]) -> Any:
+    """Return the value at the steps of a key, any of which may contain a dot; None if its section leaves it out."""
     for step in path:
         config = config[int(step)] if isinstance(config, list) else config.get(step)
     return config

@@ -17,6 +17,7 @@ from repose.core.parameters import FURTHER, PARAMETERS
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
 WORKFLOW = "configuration"  # that a workflow around this one gives
+Contents = Sequence[tuple[str, Mapping[str, Any]]]  # of files
 Read = Callable[[str | os.PathLike], dict[str, Any]]
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 RESOLVED = "config.json"  # in the folder of results
@@ -25,7 +26,7 @@ WHOLE = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
 
 
 def read(path: str | os.PathLike) -> dict[str, Any]:
-    """As `repose.config.reading.read`; a job, which reads no YAML, does not load it."""
+    """Call `repose.config.reading.read`; a job, which reads no YAML, does not load it."""
     from repose.config import reading
 
     return reading.read(path)
@@ -34,7 +35,7 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
 def read_layers(
     files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], Origin]:
-    """The configuration of files over the defaults, and the file of each key; `overrides`, texts as YAML, lie over all.
+    """Read files over the defaults, and note the file of each key; `overrides`, texts as YAML, lie over all.
 
     Values are not checked, and `auto` stays; a complete file needs no default.
     """
@@ -75,8 +76,8 @@ def over_defaults(
     return _with_files_resolved(config), Origin(origin | own, default, str(method))
 
 
-def _as_in_files(value, name, files, origin, otherwise):
-    """The values that snakemake gives, as the files have them; notes in `origin` the last file of each key."""
+def _as_in_files(value: Any, name: str, files: Contents, origin: dict[str, str], otherwise: str) -> Any:
+    """Return the values that snakemake gives as the files have them; note the last file of each key in `origin`."""
     if isinstance(value, Mapping):
         prefix = f"{name}." if name else ""
         inside = {key: _as_in_files(one, f"{prefix}{key}", files, origin, otherwise) for key, one in value.items()}
@@ -93,15 +94,15 @@ def _as_in_files(value, name, files, origin, otherwise):
     return meant
 
 
-def _at(content, name):
-    """The value of a dotted key in a file; `...`, which no file has, where it is missing."""
+def _at(content: Any, name: str) -> Any:
+    """Return the value of a dotted key in a file; `...`, which no file has, where it is missing."""
     for step in name.split(".") if name else ():
         content = content.get(step, ...) if isinstance(content, dict) else ...
     return content
 
 
 def layers(files: Sequence[str | os.PathLike], read: Read = read, *more: Mapping[str, Any]) -> list[str | os.PathLike]:
-    """The defaults, then the given files of a configuration, each to be read over the one before it.
+    """List the defaults, then the given files of a configuration, each to be read over the one before it.
 
     The built-in crop is a default only if no other file, and none of `more`, defines a crop: no crop takes numbers of
     another one.
@@ -114,7 +115,7 @@ def layers(files: Sequence[str | os.PathLike], read: Read = read, *more: Mapping
 
 
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
-    """The file of the built-in crop if a configuration uses it in a folder that has no configuration.
+    """Return the file of the built-in crop if a configuration uses it in a folder that has no configuration.
 
     None also if one of the files lies beside it, and so is made for it.
     """
@@ -133,8 +134,8 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
     return own if own in (*paths, *layers(paths)) else None
 
 
-def _is_a_crop(config):
-    """Whether a file defines a grain by a key that no default has: sizes, density or scan.
+def _is_a_crop(config: Mapping[str, Any]) -> bool:
+    """Return whether a file defines a grain by a key that no default has: sizes, density or scan.
 
     A density that is a text comes from the command line, which changes one of the crop's numbers.
     """
@@ -147,7 +148,7 @@ def _is_a_crop(config):
 def _over_each_other(
     files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None, read: Read = read
 ) -> tuple[dict[str, Any], Origin]:
-    """The files' configurations, each over the one before it, under the overrides; and the file of each key."""
+    """Lay the configurations of files and the overrides over each other; note the file of each key."""
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
@@ -158,16 +159,15 @@ def _over_each_other(
     )
 
 
-def _with_files_resolved(config):
-    """The configuration, with built-in files for the named files that the working folder lacks."""
+def _with_files_resolved(config: dict[str, Any]) -> dict[str, Any]:
+    """Put built-in files in place of the named files that the working folder lacks."""
     from repose.config.models import named_files
 
     for name in named_files():
         section, _, key = name.rpartition(".")
         found = config.get(section) if section else config
-        path = found.get(key) if isinstance(found, dict) else None
-        if isinstance(path, str):
-            found[key] = str(places.find(path))
+        if isinstance(found, dict) and isinstance(found.get(key), str):
+            found[key] = str(places.find(found[key]))
     return config
 
 
@@ -180,12 +180,12 @@ def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
 
 
 def is_resolved(*files: str | os.PathLike) -> bool:
-    """Whether this is a single file that `write_resolved` wrote, unchanged since."""
+    """Return whether this is a single file that `write_resolved` wrote, unchanged since."""
     return len(files) == 1 and Path(files[0]).name == RESOLVED and ledger.is_own_file(files[0])
 
 
-def _values(value):
-    """Overrides with their text read as YAML: the command line gives 2 and [1, 2] as text."""
+def _values(value: Any) -> Any:
+    """Read the text in overrides as YAML: the command line gives 2 and [1, 2] as text."""
     from repose.config.reading import parse
 
     if isinstance(value, dict):
@@ -195,7 +195,9 @@ def _values(value):
     return parse(value, COMMAND_LINE) if isinstance(value, str) and value.strip() else value
 
 
-def _merge(config, more, origin, source, prefix=""):
+def _merge(
+    config: dict[str, Any], more: Mapping[str, Any], origin: dict[str, str], source: str, prefix: str = ""
+) -> None:
     """Put `more` over config by sections, and note in origin each key's file; sections in WHOLE are replaced."""
     for key, value in more.items():
         name = f"{prefix}{key}"

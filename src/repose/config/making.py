@@ -24,7 +24,7 @@ Result = TypeVar("Result")
 
 
 def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """A time step that the engine would refuse, as (key, allowed values); `mean` is the result of the verb `berry`."""
+    """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
     limit = computed.longest_step(config, particle, mean)
     if SimulationSettings.of(config).time_step_s > limit.time_step_s:
         yield "simulation.time_step_s", limit.allowed
@@ -76,12 +76,12 @@ class Making:
             raise_together(self.faults)
             self.inputs_are_checked = True
 
-    def _may_read(self, *sections):
-        """Whether none of these sections, and keys outside sections, has a fault."""
+    def _may_read(self, *sections: str) -> bool:
+        """Return whether none of these sections, and keys outside sections, has a fault."""
         return {key.partition(".")[0] for key in self.bad}.isdisjoint(sections)
 
-    def _may_use(self, key):
-        """Whether a key has no fault; faults of other keys in its section do not count."""
+    def _may_use(self, key: str) -> bool:
+        """Return whether a key has no fault; faults of other keys in its section do not count."""
         return self.bad.isdisjoint((key, key.partition(".")[0]))
 
     def _add(self, pairs: Iterable[tuple[str, str]]) -> None:
@@ -97,7 +97,7 @@ class Making:
                 self._add(rule.faults(self.config))
 
     def _result_of(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
-        """Result of a function; if it refuses its arguments, None, with a further fault of the key."""
+        """Call a function; if it refuses its arguments, return None and add a fault of the key."""
         try:
             return function(*arguments)
         except InputError as fault:
@@ -161,8 +161,8 @@ class Making:
             self._add(unstable(self.config, self.particle, self.mean))
 
 
-def _mean_berry(config):
-    """The mean berry of the configuration's files."""
+def _mean_berry(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Make the mean berry of the configuration's files."""
     from repose.particle import berry
 
     return berry.of_settings(config["berry"], beside(config["validation"]["published"], "table1.csv"))[1]

@@ -6,7 +6,7 @@ Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); 
 import difflib
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from numbers import Real
@@ -21,9 +21,10 @@ from repose.config import results_folder
 from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import ALLOWED, FURTHER
 from repose.core.profiles import OfProfile
-from repose.core.responses import named, responses_of
+from repose.core.responses import Response, named, responses_of
 from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
 from repose.core.targets import LARGEST, LEAST_RANGE, range_about
+from repose.dem.constants import Constant
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
 from repose.particle.particle import KINDS, SURFACES
@@ -49,15 +50,15 @@ def _strategies() -> Iterable[str]:
     return strategies.names()
 
 
-def _rising(numbers):
-    """A list of rising numbers; ValueError for any other list."""
+def _rising(numbers: Sequence[float]) -> Sequence[float]:
+    """Check that numbers rise; ValueError if they do not."""
     if not all(low < high for low, high in pairwise(numbers)):
         raise ValueError("the numbers do not rise")
     return numbers
 
 
-def _folder_of_results(path):
-    """A folder that a study may write into; an error for any other folder."""
+def _folder_of_results(path: str) -> str:
+    """Refuse a folder that a study may not write into."""
     refuse(("", allowed) for _, allowed in results_folder.contradictions(path))
     return path
 
@@ -98,8 +99,8 @@ Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-def _is_number(value):
-    """Whether a value is a number, of numpy too."""
+def _is_number(value: object) -> bool:
+    """Return whether a value is a number, of numpy too."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
@@ -119,13 +120,13 @@ class _Parameter:
         return handler.generate_schema(Annotated[pair | fixed | known, BeforeValidator(self._explained)])
 
     def _explained(self, given: Any) -> Any:
-        """What is given; where it is a section, the fault of its single keys."""
+        """Return what is given; where it is a section, refuse the faults of its single keys."""
         if isinstance(given, Mapping):
             refuse(self._faults(given))
         return given
 
     def _faults(self, given: Mapping[str, Any]) -> Contradictions:
-        """The faults of a section."""
+        """Yield the faults of a section."""
         bounded = self.high < sys.float_info.max
         number = f"a number from {self.low:g} to {self.high:g}" if bounded else "a number"
         keys = ("fixed", "prior", "range")
@@ -150,12 +151,12 @@ class _Parameter:
                 yield "prior", "an sd above 0" + (f" and up to {self.high:g}" if bounded else "")
 
     def _is_within(self, value: Any) -> bool:
-        """Whether a value is a number within the bounds."""
+        """Return whether a value is a number within the bounds."""
         return _is_number(value) and self.low <= value <= self.high
 
 
 def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
-    """Parameters, by name, whose range lies beyond their prior."""
+    """Refuse parameters, by name, whose range lies beyond their prior."""
     for name, given in parameters:
         if getattr(given, "range", None) is not None:
             mean, reach = given.prior.mean, PRIOR_WIDTHS * given.prior.sd
@@ -164,8 +165,8 @@ def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
                 yield (name, f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior")
 
 
-def _described(low, high):
-    """The allowed values of a contact parameter within bounds, as text."""
+def _described(low: float, high: float) -> Any:
+    """Describe the allowed values of a contact parameter within bounds."""
     pair = f"a pair [low, high] of numbers from {low:g} to {high:g} with low < high"
     return Field(description=f"{pair}; or fixed; or prior with mean and sd")
 
@@ -205,7 +206,7 @@ class Berry(Section):
     @field_validator("poisson_ratio", "shear_modulus_pa")
     @classmethod
     def _measured(cls, value: float | None, info: ValidationInfo) -> float | None:
-        """A modulus; an error if there are no compression tests either."""
+        """Refuse a modulus that is missing if there are no compression tests either."""
         if value is None and info.data.get("compression", "invalid") is None:
             tests = "a table of compression tests in berry.compression, which gives both moduli"
             refuse([("", f"a number; or {tests}")])
@@ -223,14 +224,14 @@ class _SixParameters(Section):
     mur_gp: RollingFriction
 
     def contradictions(self) -> Contradictions:
-        """No free parameter, or a prior that its range excludes."""
+        """Refuse parameters that are all fixed, and a prior that its range excludes."""
         yield from far_priors(self)
         if all(value is None or hasattr(value, "fixed") for _, value in self):
             yield "", "at least one free parameter: there is nothing to calibrate"
 
 
-def _of_the_law(constant):
-    """The type of a further parameter."""
+def _of_the_law(constant: Constant) -> Any:
+    """Make the type of a further parameter."""
     ends = constant.least, min(constant.most, 1.0e9)
     return Annotated[Any, _described(*ends), _Parameter(*ends)]
 
@@ -267,7 +268,7 @@ class Measure(Section):
     @field_validator("fit_to")
     @classmethod
     def _long_enough(cls, end: str | float, info: ValidationInfo) -> str | float:
-        """Upper end of the fitted part; an error if the part is too short for a line."""
+        """Refuse an upper end of the fitted part that leaves the part too short for a line."""
         start = info.data.get("fit_from")
         if start == end == "berry":
             refuse([("", "a number from 0.1 to 1, as measure.fit_from is berry")])
@@ -292,7 +293,7 @@ class Target(Section):
     profile: OfProfile = ABSENT  # of which it is a score; `repose.config.profiles` writes it
 
     def contradictions(self) -> Contradictions:
-        """A response of no bench test, and values outside the allowed range."""
+        """Refuse a response of no bench test, and values outside the allowed range."""
         known = [response.name for response in responses_of(self.apparatus)]
         found = named(self.response)
         if not known:
@@ -304,8 +305,8 @@ class Target(Section):
         else:
             yield from self._outside(found)
 
-    def _outside(self, limits):
-        """Values outside the limits of the response, or outside the target's own range."""
+    def _outside(self, limits: Response) -> Contradictions:
+        """Refuse values outside the limits of the response, or outside the target's own range."""
         low, high = self.range
         within = f"from {limits.low:g} to {limits.high:g}"
         if not limits.low <= self.value <= limits.high:
@@ -348,13 +349,13 @@ class Network(Section):
     @field_validator("split")
     @classmethod
     def _whole(cls, shares: Any) -> Any:
-        """The shares; an error if they do not sum to 1, or leave nothing to train or to test."""
+        """Refuse shares that do not sum to 1, or leave nothing to train or to test."""
         if shares != AUTO and (abs(sum(shares) - 1) > 1e-6 or shares[0] == 0 or shares[2] == 0):
             refuse([("", "three shares that sum to 1, training and test above 0")])
         return shares
 
     def contradictions(self) -> Contradictions:
-        """Two sources of the noise."""
+        """Refuse two sources of the noise."""
         if self.validation_noise and self.replicates:
             yield "validation_noise", "false where replicates is true: the runs of a sample show the noise"
 
@@ -375,7 +376,7 @@ class Miga(Section):
     seed: Seed
 
     def contradictions(self) -> Contradictions:
-        """A tournament larger than its population."""
+        """Refuse a tournament larger than its population."""
         if self.tournament > self.population:
             yield "tournament", f"at most miga.population, {self.population}"
 
@@ -425,7 +426,7 @@ class Refine(Section):
     standard_error_percent: Percent
 
     def contradictions(self) -> Contradictions:
-        """Impossible numbers of jobs or neighbours."""
+        """Refuse impossible numbers of jobs or neighbours."""
         if self.seeds > LARGEST_BLOCKS * self.block:
             yield "block", f"at least refine.seeds / {LARGEST_BLOCKS}"
         if self.neighbours == 1:
@@ -441,7 +442,7 @@ class Figures(Section):
     dpi: int = Field(default=180, ge=72, le=600)
 
     def contradictions(self) -> Contradictions:
-        """Formats that lack the report's, or hold one of them twice."""
+        """Refuse formats that lack the report's, or hold one of them twice."""
         if "png" not in self.format or len(set(self.format)) < len(self.format):
             yield "format", "a list with png, which the report shows, and no format twice"
 
@@ -479,15 +480,15 @@ class StudySettings(Section):
 
 
 def settings_type() -> type[StudySettings]:
-    """The model of a whole configuration: `StudySettings`, and a section for each strategy and each bench test."""
+    """Make the model of a whole configuration: `StudySettings`, and a section for each strategy and bench test."""
     from repose import strategies
 
     return _settings_type(names(), strategies.names())
 
 
 @cache
-def _settings_type(apparatus, strategies):
-    """The model for these bench tests and strategies."""
+def _settings_type(apparatus: tuple[str, ...], strategies: tuple[str, ...]) -> type[StudySettings]:
+    """Make the model for these bench tests and strategies."""
     from repose.strategies import strategy
 
     sections: dict[str, Any] = {
@@ -498,13 +499,13 @@ def _settings_type(apparatus, strategies):
 
 
 def named_files() -> tuple[str, ...]:
-    """Dotted keys of the configuration that name a file each: those of the types `Path` and `PathOrNull`."""
+    """Return the dotted keys of the configuration that name a file: those of the types `Path` and `PathOrNull`."""
     return _files_of(settings_type())
 
 
 @cache
-def _files_of(model):
-    """The keys of a section's model, and of the sections in it."""
+def _files_of(model: type[Section]) -> tuple[str, ...]:
+    """Return the keys of a section's model, and of the sections in it, that name a file."""
     keys: list[str] = []
     for name, field in model.model_fields.items():
         if _FILE in field.metadata:

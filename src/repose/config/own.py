@@ -53,7 +53,7 @@ class OwnTarget(Section):
     profile: OfProfile = ABSENT  # of which it is a score; `repose.config.profiles` writes it
 
     def contradictions(self) -> Contradictions:
-        """A value of which no percents are."""
+        """Refuse a target of 0, which has no relative tolerance."""
         if self.value == 0 and self.profile is None:
             yield "value", "not 0: tolerances are in percent of it"
 
@@ -85,7 +85,7 @@ class OwnSequential(Section):
     most_runs: int = Field(default=120, ge=4, le=1_000_000)
 
     def contradictions(self) -> Contradictions:
-        """A start beyond its budget."""
+        """Refuse a start beyond its budget."""
         if self.start_samples * self.seeds > self.most_runs:
             yield "most_runs", "at least sequential.start_samples times sequential.seeds"
 
@@ -136,7 +136,7 @@ class OwnSettings(Section):
 
 
 def _bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Names that no column of the table of runs may have."""
+    """Refuse names that no column of the table of runs may have."""
     for name in names:
         if name in RESERVED or name != name.strip() or not name or not name.isprintable():
             yield (name, f"another name: one line of text without spaces around it, and none of {', '.join(RESERVED)}")
@@ -144,7 +144,7 @@ def _bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
 
 @cache
 def settings_type() -> type[OwnSettings]:
-    """The model with the section of each strategy but `sequential`, which has its own here."""
+    """Make the model with the section of each strategy but `sequential`, which has its own here."""
     from repose.strategies import names, strategy
 
     others: dict[str, Any] = {
@@ -156,12 +156,12 @@ def settings_type() -> type[OwnSettings]:
 
 
 def is_own(path: str | os.PathLike) -> bool:
-    """Whether a configuration is for a simulator of the user's own: it names the simulator."""
+    """Return whether a configuration is for a simulator of the user's own: it names the simulator."""
     return "simulator" in read(path)
 
 
 def completed(content: Mapping[str, Any], source: object = "study") -> dict[str, Any]:
-    """The configuration with every section that a strategy reads, in the form of a whole configuration.
+    """Complete a configuration by every section that a strategy reads, in the form of a whole configuration.
 
     Missing keys of `sequential` and `posterior` have the defaults above, keys of other sections the values of
     config/method.yaml. InputError with all faults; `source` names the file in it.
@@ -192,17 +192,17 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
     return config
 
 
-def _of_targets(content, key):
-    """A key of the targets that have it."""
+def _of_targets(content: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Collect a key of the targets that have it."""
     return {name: one[key] for name, one in content["targets"].items() if key in one}
 
 
 def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:
-    """The targets of a checked configuration; one without a range gets its value and 2 % to each side."""
+    """Make the targets of a checked configuration; one without a range gets its value and 2 % to each side."""
     return Targets([_target(name, one) for name, one in section.items()])
 
 
-def _target(name, given):
+def _target(name: str, given: Mapping[str, Any]) -> Target:
     value, half = given["value"], RANGE_PERCENT / 100 * abs(given["value"])
     low, high = given.get("range", (value - half, value + half))
     response = Response(name, given.get("unit", ""), name, name, BENCH, -math.inf)

@@ -2,9 +2,9 @@
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import Field
 
@@ -53,29 +53,28 @@ class OwnProfile(MeasuredProfile):
     noise_sd: Length = ABSENT
 
 
-class _OfBenches(Section):
-    targets: dict[str, BenchProfile]
+Measured = TypeVar("Measured", bound=MeasuredProfile)
 
 
-class _OfOwn(Section):
-    targets: dict[str, OwnProfile]
+class _Targets(Section, Generic[Measured]):
+    targets: dict[str, Measured]
 
 
 def expanded(targets: Any, source: Any) -> Any:
-    """The list `targets` with an entry for each score in place of each profile; InputError with all faults."""
+    """Put an entry for each score in place of each profile of the list `targets`; InputError with all faults."""
     if not isinstance(targets, list | tuple):
         return targets
     entries = []
     for k, entry in enumerate(targets):
         if _is_profile(entry):
-            entries += _of_bench(_checked({str(k): entry}, _OfBenches, source), f"targets.{k}", source)
+            entries += _of_bench(_checked({str(k): entry}, _Targets[BenchProfile], source), f"targets.{k}", source)
         else:
             entries.append(entry)
     return entries
 
 
 def expanded_own(targets: Any, source: Any) -> Any:
-    """The section `targets` of the user's own simulator, expanded in the same way."""
+    """Expand the section `targets` of the user's own simulator in the same way."""
     if not isinstance(targets, Mapping):
         return targets
     entries: dict[str, Any] = {}
@@ -83,7 +82,7 @@ def expanded_own(targets: Any, source: Any) -> Any:
         if not _is_profile(entry):
             entries[name] = entry
             continue
-        measured = _checked({name: entry}, _OfOwn, source)
+        measured = _checked({name: entry}, _Targets[OwnProfile], source)
         profile, sd = _read(measured, name)
         more = {key: getattr(measured, key) for key in ("unit", "definition") if key in entry}
         if measured.noise_sd is not None:
@@ -95,20 +94,20 @@ def expanded_own(targets: Any, source: Any) -> Any:
     return entries
 
 
-def _is_profile(entry):
-    """Whether an entry names the file of a profile."""
+def _is_profile(entry: Any) -> bool:
+    """Return whether an entry names the file of a profile."""
     return isinstance(entry, Mapping) and "file" in entry
 
 
-def _checked(targets, model, source):
-    """An entry as an instance of its model; InputError with all its faults."""
+def _checked(targets: Mapping[str, Any], model: type[_Targets[Measured]], source: Any) -> Measured:
+    """Make an entry an instance of its model; InputError with all its faults."""
     raise_together(faults.check({"targets": targets}, source, model).faults)
     (entry,) = model.model_validate({"targets": targets}).targets.values()
     return entry
 
 
-def _of_bench(measured, key, source):
-    """The entries of a bench test's profile."""
+def _of_bench(measured: BenchProfile, key: str, source: Any) -> list[dict[str, Any]]:
+    """Make the entries of a bench test's profile."""
     first = named(derived(measured.response, "1"))
     if first is None or first.profile != measured.response:
         allowed = "the profile of a bench test, such as turning_profile_mm"
@@ -121,8 +120,8 @@ def _of_bench(measured, key, source):
     return [{"response": name, **common, **score} for name, score in zip(profile.names, scores, strict=True)]
 
 
-def _scores(measured, profile, sd, more):
-    """The keys that the scores' targets share with any target, and their profile.
+def _scores(measured: MeasuredProfile, profile: Profile, sd: float, more: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the keys that the scores' targets share with any target, and their profile.
 
     All scores have the same error, and their variances add up to the mean square error of a height.
     """
@@ -141,7 +140,7 @@ def _scores(measured, profile, sd, more):
 
 
 def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
-    """The profile of a file, and the standard deviation of a height: the root of its mean square."""
+    """Read the profile of a file, and the standard deviation of a height: the root of its mean square."""
     path = places.find(measured.file)
     columns = [measured.x, measured.z]
     if isinstance(measured.sd, str):
@@ -168,14 +167,14 @@ def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
     return profile, math.sqrt(sum(one**2 for one in sd[0]) / len(sd[0]))
 
 
-def _measured_part(cells):
-    """First row with a height, and the row after the last: a profile may be shorter than the table."""
+def _measured_part(cells: Sequence[str]) -> tuple[int, int]:
+    """Find the first row with a height and the row after the last: a profile may be shorter than the table."""
     there = [k for k, cell in enumerate(cells) if cell]
     return (there[0], there[-1] + 1) if there else (0, 0)
 
 
 def _number(cell: str, source: str | os.PathLike, column: str) -> float:
-    """A cell as a finite number, or InputError."""
+    """Read a cell as a finite number; InputError for anything else."""
     try:
         number = float(cell)
     except ValueError:

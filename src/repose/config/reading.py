@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ class StrictLoader(yaml.SafeLoader):
     """YAML that refuses a key given twice and reads 2e-4 as a number (YAML 1.1 takes it for text)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """The mapping of a node; called by PyYAML. InputError names the line of a key that stands twice."""
+        """Make the mapping of a node; called by PyYAML. InputError names the line of a key that stands twice."""
         seen = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=deep)
@@ -37,7 +38,7 @@ StrictLoader.add_implicit_resolver(
 
 
 def read(path: str | os.PathLike) -> dict[str, Any]:
-    """The mapping in a YAML or JSON file, unchecked; InputError for a missing file, bad syntax or a key given twice."""
+    """Read the mapping in a YAML or JSON file, unchecked; InputError for a missing file, bad syntax or a key twice."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -53,7 +54,7 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
 
 
 def parse(text: str, name: str) -> Any:
-    """YAML (of which JSON is a part) as plain values; InputError with the file's `name` and the line for bad syntax."""
+    """Read YAML, and so JSON, as plain values; InputError with the file's `name` and the line for bad syntax."""
     loader = None
     try:
         loader = StrictLoader(text)
@@ -84,8 +85,8 @@ def parse(text: str, name: str) -> Any:
             loader.dispose()
 
 
-def _without_colon(lines):
-    """Number and words of the first line at the margin that is no key with its value; None if there is none."""
+def _without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
+    """Find the first line at the margin that is no key with its value: number and words; None without any."""
     number, words = next(
         ((k, words) for k, words in enumerate(lines, start=1) if not KEY_AT_MARGIN.match(words)), (0, "")
     )
@@ -96,8 +97,8 @@ def _without_colon(lines):
     return (number, words) if number else None
 
 
-def _characters(node, known):
-    """Characters of a node with its aliases replaced; a recursive alias counts 0."""
+def _characters(node: yaml.Node, known: dict[int, int]) -> int:
+    """Count the characters of a node with its aliases replaced; a recursive alias counts 0."""
     if id(node) not in known:
         known[id(node)] = 0
         if isinstance(node, yaml.ScalarNode):

@@ -58,15 +58,15 @@ class Record:
         return self._proposed(self.data), number + 1
 
     def _proposed(self, data: pd.DataFrame) -> Batch | Answer:
-        """What the strategy proposes after runs."""
+        """Ask the strategy what it proposes after runs."""
         return strategy(self.study.config["strategy"]).propose(self.study, data.reset_index(drop=True))
 
     def _asked_by(self, proposal: Batch | Answer) -> pd.DataFrame:
-        """All runs of a proposal: `sample`, `run` and the parameters."""
+        """List all runs of a proposal: `sample`, `run` and the parameters."""
         return runs_of(proposal.samples[["sample", *self.study.parameters.names, "seeds"]])
 
     def _missing(self, proposal: Batch | Answer) -> pd.DataFrame:
-        """The runs of a proposal that are not told."""
+        """List the runs of a proposal that are not told."""
         asked = self._asked_by(proposal)
         told = {(str(row.get("sample")), str(row.get("run"))) for row in self._rows}
         open_ = [(str(one.sample), str(one.run)) not in told for one in asked.itertuples()]
@@ -95,7 +95,7 @@ class Record:
         self.__dict__.pop("_turn", None)
 
     def _of_the_proposal(self, table: pd.DataFrame) -> pd.DataFrame:
-        """The table with parameters, numbers of the runs, statuses and turn; its rows are the proposal's, or a part."""
+        """Add parameters, numbers of the runs, statuses and turn to a table of all or some of the proposal's runs."""
         asked, names = self.asked, list(self.study.targets.names)
         missing = [name for name in names if name not in table]
         if missing:
@@ -117,7 +117,7 @@ class Record:
         return self._with_responses(found, table).sort_values(["sample", "run"], ignore_index=True)
 
     def _made_before(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Runs that `ask` did not give, without numbers: rows with the same parameters are runs of one sample."""
+        """Give numbers to runs that `ask` did not give: rows with the same parameters are runs of one sample."""
         names = list(self.study.parameters.free)
         missing = [name for name in (*names, *self.study.targets.names) if name not in table]
         if missing:
@@ -132,7 +132,7 @@ class Record:
         return self._with_responses(found, table)
 
     def _with_responses(self, found: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-        """Runs with their status, their responses and their turn."""
+        """Add status, responses and turn to runs."""
         names = list(self.study.targets.names)
         ok = table[names].notna().all(axis=1)
         status = table["status"] if "status" in table else np.where(ok, OK, FAILED)
@@ -162,7 +162,7 @@ def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:
 
 
 def _exact(value: Any) -> str:
-    """A cell as the file has it, with all digits; empty for NaN."""
+    """Write a cell as the file has it, with all digits; empty for NaN."""
     if isinstance(value, float | np.floating):
         return "" if np.isnan(value) else repr(float(value))
     return str(value)

@@ -24,7 +24,7 @@ PROJECT_FOLDERS = (
 
 
 def run_folder(test: str) -> str:
-    """Folder of a bench test's runs in the folder of results."""
+    """Return the folder of a bench test's runs in the folder of results."""
     return "heaps" if test == UNNAMED else f"{test}_runs"
 
 
@@ -40,7 +40,7 @@ Faults = Iterator[tuple[str, str]]
 
 
 def contradictions(results_dir: str) -> Faults:
-    """Faults of the path alone, as (key, allowed values)."""
+    """Yield faults of the path alone, as (key, allowed values)."""
     folder = Path(results_dir).resolve()
     roots = {Path.cwd(), places.root().resolve()}
     kept = [root / own for root in roots for own in PROJECT_FOLDERS]
@@ -51,7 +51,7 @@ def contradictions(results_dir: str) -> Faults:
 
 
 def existing_results(results_dir: str) -> Faults:
-    """Faults of the path as it is now, as (key, allowed values)."""
+    """Yield faults of the path as it is now, as (key, allowed values)."""
     folder = Path(results_dir)
     if any(os.path.lexists(path) and not path.is_dir() for path in (folder, *folder.parents)):
         yield "results_dir", "a folder; a file, or a link to nothing, is in its way"
@@ -65,7 +65,7 @@ def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
     }
     words |= dict.fromkeys(NUMBERS, r"\d+")
 
-    def regex(path):
+    def regex(path: str) -> str:
         parts = re.split(WILDCARD, path)
         parts[::2] = map(re.escape, parts[::2])
         parts[1::2] = [f"(?:{words.get(name, '[^/]+')})" for name in parts[1::2]]
@@ -106,8 +106,8 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     raise_together([InputError(path, *fault) for path, fault in sorted(faults.items())])
 
 
-def _is_a_study(folder):
-    """Whether a study wrote its configuration there."""
+def _is_a_study(folder: Path) -> bool:
+    """Return whether a study wrote its configuration there."""
     if (folder / LEDGER).is_file():
         return True
     for path in folder.glob("config*.json"):

@@ -20,8 +20,8 @@ from repose.strategies import names, strategy
 Config = Mapping[str, Any]
 
 
-def _keys(section, *names):
-    """Dotted keys of a section."""
+def _keys(section: str, *names: str) -> tuple[str, ...]:
+    """Make dotted keys of a section."""
     return tuple(f"{section}.{name}" for name in names)
 
 
@@ -57,7 +57,7 @@ NAMES = ("label", "results_dir", "figures")
 
 
 def sections(config: Config, *names: str) -> dict[str, Any]:
-    """Sections of a configuration by name, single dotted keys such as `design.seed`, or entries that are no keys."""
+    """Select sections of a configuration by name, single dotted keys (`design.seed`), or entries that are no keys."""
     chosen = {
         name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config))
         for name in names
@@ -72,31 +72,31 @@ def sections(config: Config, *names: str) -> dict[str, Any]:
 
 
 def reads(config: Config, *names: str) -> dict[str, Any]:
-    """What a stage reads, as `sections`, with the content of files in place of their paths."""
+    """Select what a stage reads, as `sections`, with the content of files in place of their paths."""
     return _with_contents(sections(config, *names))
 
 
-def _in_order(value):
-    """With the keys of all mappings in alphabetical order: snakemake compares texts, and files give any order."""
+def _in_order(value: Any) -> Any:
+    """Sort the keys of all mappings: snakemake compares texts, and files give any order."""
     return {key: _in_order(value[key]) for key in sorted(value)} if isinstance(value, dict) else value
 
 
 def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
-    """Settings that a run of a bench test reads, without its measurement and the number of its seeds."""
+    """Select the settings that a run of a bench test reads, without its measurement and the number of its seeds."""
     others = ("seeds", *bench(apparatus).measured_by)
     own = {key: value for key, value in _in_order(config[apparatus]).items() if key not in others}
     return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}
 
 
 def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
-    """Settings that the measurement of a run reads."""
+    """Select the settings that the measurement of a run reads."""
     test = bench(apparatus)
     own = (f"{apparatus}.{key}" for key in test.measured_by)
     return sections(config, "measure", *own) | responses(config, test.name)
 
 
 def scene(config: Config) -> str:
-    """Hash of what a measured run depends on, besides the engine: grain, bench tests of the targets, measurement.
+    """Hash what a measured run depends on besides the engine: grain, bench tests of the targets, measurement.
 
     `measure.response` is none of it: every definition is measured, whichever is calibrated.
     """
@@ -109,7 +109,7 @@ def scene(config: Config) -> str:
 
 
 def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
-    """Names of the targets, of one bench test or of all, with the abscissae and functions of profiles."""
+    """List the targets' names, of one bench test or of all, with the abscissae and functions of profiles."""
     own = [target for target in config["targets"] if apparatus in (None, target["apparatus"])]
     kept = {target["profile"]["name"]: target["profile"] for target in own if "profile" in target}
     profiles = {name: {key: profile[key] for key in profile if key != "z"} for name, profile in kept.items()}
@@ -119,7 +119,7 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
 def settings_of(
     config: Config, verb: str, apparatus: str | None = None, berry_is_made: bool = False, name: str | None = None
 ) -> dict[str, Any]:
-    """Settings that the stage of a verb reads, with the content of files in place of their paths.
+    """Select the settings that the stage of a verb reads, with the content of files in place of their paths.
 
     With `berry_is_made` the stage makes berry and particle itself; `name` is the strategy that proposes. A verb or a
     strategy that does not list its keys reads the whole configuration except its names.
@@ -144,7 +144,7 @@ def settings_of(
 
 
 def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
-    """Results of other settings or another engine, among paths that exist and carry a record."""
+    """Find results of other settings or another engine, among paths that exist and carry a record."""
     results = []
     for path in paths:
         record = attached.read(path)
@@ -163,7 +163,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
 
 
 def own_dataset(config: Config) -> Path | None:
-    """dataset.csv of the study, if it, its piles and its grain are by these settings; None otherwise."""
+    """Return dataset.csv of the study if it, its piles and its grain were made by these settings; else None."""
     results = Path(config["results_dir"])
     piles, table = list(results.glob(f"{run_folder(UNNAMED)}/*.json")), results / "dataset.csv"
     files = [*results.glob("berry/*.json"), *piles, table]
@@ -172,8 +172,8 @@ def own_dataset(config: Config) -> Path | None:
     return table if table.stat().st_mtime >= max(path.stat().st_mtime for path in piles) else None
 
 
-def _with_contents(chosen):
-    """The settings with a hash of their content instead of the paths of files."""
+def _with_contents(chosen: dict[str, Any]) -> dict[str, Any]:
+    """Put hashes of contents in place of the paths of files."""
     chosen = dict(chosen)
     for name in named_files():
         section, _, key = name.rpartition(".")
@@ -184,6 +184,6 @@ def _with_contents(chosen):
     return chosen
 
 
-def _content(path):
-    """Hash of a file; None if missing: its reader reports it."""
+def _content(path: str | PathLike) -> str | None:
+    """Hash a file; None if missing: its reader reports it."""
     return hash_of_file(path) if Path(path).is_file() else None

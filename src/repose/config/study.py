@@ -3,10 +3,11 @@
 import json
 import os
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from repose.config import loader
 from repose.core import provenance
@@ -101,7 +102,7 @@ class Study:
             _keep_settings(given, file)
         self._make(config, None, file)
 
-    def _make(self, config, source, file=None):
+    def _make(self, config: dict[str, Any], source: Any, file: str | os.PathLike | None = None) -> Self:
         """Set the attributes, once."""
         for name, value in (("config", config), ("_source", source), ("_file", file)):
             object.__setattr__(self, name, value)
@@ -112,13 +113,13 @@ class Study:
         return f"<Study {self.config['label']}: {free} by {targets}, strategy {self.config['strategy']}>"
 
     @classmethod
-    def _of(cls, config, source, file=None):
-        """A study without the arguments of `Study(...)`."""
+    def _of(cls, config: dict[str, Any], source: Any, file: str | os.PathLike | None = None) -> Self:
+        """Make a study without the arguments of `Study(...)`."""
         return cls.__new__(cls)._make(config, source, file)
 
     @classmethod
     def resume(cls, file: str | os.PathLike) -> "Study":
-        """The study with a simulator of your own that keeps its runs in a file.
+        """Resume the study with a simulator of your own that keeps its runs in a file.
 
         Parameters
         ----------
@@ -138,7 +139,7 @@ class Study:
 
     @classmethod
     def own(cls, content: str | os.PathLike | Mapping[str, Any], file: str | os.PathLike | None = None) -> "Study":
-        """The study of a configuration with the key `simulator` (docs/own_simulator.md).
+        """Make the study of a configuration with the key `simulator` (docs/own_simulator.md).
 
         Parameters
         ----------
@@ -168,7 +169,7 @@ class Study:
     def load(
         cls, *files: str | os.PathLike, overrides: Mapping[str, Any] | None = None, inputs: bool = False
     ) -> "Study":
-        """A study of configuration files, with each `auto` computed, and checked.
+        """Load and check the study of configuration files, with each `auto` computed.
 
         Parameters
         ----------
@@ -201,7 +202,7 @@ class Study:
 
     @classmethod
     def of(cls, config: Mapping[str, Any], source: Any = "configuration", inputs: bool = False) -> "Study":
-        """A study of a complete configuration.
+        """Make the study of a complete configuration.
 
         Parameters
         ----------
@@ -233,7 +234,7 @@ class Study:
 
     @classmethod
     def of_results(cls, path: str | os.PathLike) -> "Study":
-        """The study of a folder of results, for a job.
+        """Load the study of a folder of results, for a job.
 
         Parameters
         ----------
@@ -309,7 +310,7 @@ class Study:
         return found
 
     def published(self, table: str) -> Path | None:
-        """A table in the folder of the published solutions, such as ``table3.csv``; None if it is not there."""
+        """Return the path of a table of the published solutions, such as ``table3.csv``; None if it is not there."""
         return beside(self.config["validation"]["published"], table)
 
     @cached_property
@@ -332,7 +333,7 @@ class Study:
         return making.particle
 
     def scene(self, parameters: Mapping[str, float], seed: int = 0) -> "Scene":
-        """The scene of a run of any bench test.
+        """Make the scene of a run of any bench test.
 
         Parameters
         ----------
@@ -360,7 +361,7 @@ class Study:
         self._checked()
 
     def _checked(self) -> "Making":
-        """The making of a study with our simulator, its files checked."""
+        """Return the making of a study with our simulator, its files checked."""
         if self._source is None:
             raise InputError("study", "grain", None, "a study of our own simulator; this one has the user's")
         self._making.check_inputs()
@@ -392,7 +393,7 @@ class Study:
         return isinstance(self.proposal, Answer)
 
     def ask(self) -> "pd.DataFrame":
-        """The runs to make next; once `done`, the runs of the answer, to simulate it again.
+        """Return the runs to make next; once `done`, the runs of the answer, to simulate it again.
 
         It returns the same until `tell` adds them.
 
@@ -455,7 +456,7 @@ class Study:
         return self.answer()
 
     def answer(self) -> "Calibration":
-        """The parameters that meet the targets, with their certainty.
+        """Return the parameters that meet the targets, with their certainty.
 
         Before the study is `done`, the best that the runs so far give.
 
@@ -477,21 +478,21 @@ class Study:
             return calibrate(self, self.runs, self.proposal)
 
 
-def _one_thread():
-    """Small matrices are slower on several threads, and end in other bits than the command line's."""
+def _one_thread() -> AbstractContextManager[Any]:
+    """Limit matrices to one thread: small ones are slower on several, and end in other bits than by `repose`."""
     import scipy.linalg  # noqa: F401  brings matrices of its own, which only a library that is loaded limits
     from threadpoolctl import threadpool_limits
 
     return threadpool_limits(limits=1, user_api="blas")
 
 
-def _listed(given):
-    """A parameter as a file has it: lists, not tuples."""
+def _listed(given: Any) -> Any:
+    """Write a parameter as a file has it: lists, not tuples."""
     return list(given) if isinstance(given, tuple) else given
 
 
-def _target(given):
-    """A target with the keys of a file."""
+def _target(given: Any) -> Any:
+    """Write a target with the keys of a file."""
     if isinstance(given, Mapping):
         return dict(given)
     if not isinstance(given, list | tuple) or len(given) not in (2, 3):
@@ -515,7 +516,7 @@ def _settings_of(file: str | os.PathLike) -> Path:
     return Path(file).with_suffix(".json")
 
 
-def _keep_settings(given, file):
+def _keep_settings(given: Mapping[str, Any], file: str | os.PathLike) -> None:
     """Write the settings beside the file of runs; InputError if there are others."""
     from repose.config.reading import read
 

@@ -1,7 +1,7 @@
 """A strategy's answer in the files of the chain: material card, final message and report read one format."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from repose.strategies.base import Answer, Studied
 
 
 def content(best: Answer, study: Studied) -> dict[str, Any]:
-    """An answer as `repose.strategies.batches` keeps it until it is simulated again."""
+    """Return an answer as `repose.strategies.batches` keeps it until it is simulated again."""
     targets = study.targets
     # The mean of an answer that was simulated is of these runs; the check compares them with the model.
     if best.simulated and best.model is not None:
@@ -62,8 +62,8 @@ def write(found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_d
     return check
 
 
-def _check(row, errors, targets):
-    """The answer predicted and simulated, a row for each response."""
+def _check(row: Mapping[str, Any], errors: Sequence[float], targets: Targets) -> pd.DataFrame:
+    """Compare the answer as predicted and as simulated, a row for each response."""
     rows = []
     for target, error in zip(targets, errors, strict=True):
         simulated = row[target.response.simulated]
@@ -75,7 +75,7 @@ def _check(row, errors, targets):
 
 
 def separated(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
-    """Row numbers of the first points (n, d) of the unit cube that keep a distance from all before them.
+    """Choose the first points (n, d) of the unit cube that keep a distance from all before them: their row numbers.
 
     At most `most` rows; `distance` is in half ranges, as `miga.distance`.
     """
@@ -91,7 +91,7 @@ def separated(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
 
 
 def verdict(best: Answer, targets: Targets, note: str = "") -> tuple[bool, str]:
-    """Whether the answer is predicted inside all ranges, and a message."""
+    """Judge whether the answer is predicted inside all ranges, and say it in a message."""
     feasible = bool(((best.mean >= targets.low) & (best.mean <= targets.high)).all())
     words = targets.in_words([f"{value:.4g}" for value in best.mean])
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
@@ -100,7 +100,7 @@ def verdict(best: Answer, targets: Targets, note: str = "") -> tuple[bool, str]:
 
 
 def solutions(best: Answer, feasible: bool, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
-    """The answer, then the other parameter sets.
+    """List the answer, then the other parameter sets.
 
     Columns: `solution` from 1, parameters, predicted responses, `feasible`, `representative`.
     """
@@ -112,8 +112,8 @@ def solutions(best: Answer, feasible: bool, space: ParameterSpace, targets: Targ
     return table
 
 
-def _simulated(runs, targets):
-    """Mean, standard error and number of the runs of the answer, as in a row of Table 4."""
+def _simulated(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
+    """Compute mean, standard error and number of the answer's runs, as in a row of Table 4."""
     row: dict[str, Any] = {}
     counts = []
     for target in targets:

@@ -145,7 +145,7 @@ class Strategy(ABC):
 
     @abstractmethod
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
-        """The next samples, or the answer.
+        """Propose the next samples, or give the answer.
 
         The same study and the same runs give the same proposal: a study that was interrupted goes on as it would have.
 
@@ -168,7 +168,7 @@ class Strategy(ABC):
         """
 
     def answer(self, study: Studied, data: "pd.DataFrame") -> Answer:
-        """The best answer that the runs so far give.
+        """Give the best answer that the runs so far allow.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class Strategy(ABC):
         return proposal
 
     def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """Values of a configuration with which the strategy cannot run.
+        """Yield values of a configuration with which the strategy cannot run.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class Strategy(ABC):
         return iter(())
 
     def pours(self, config: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...] | None:
-        """The most runs that the strategy can ask for.
+        """Count the most runs that the strategy can ask for.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ Kind = TypeVar("Kind", bound=type[Strategy])
 
 
 def register(name: str) -> Callable[[Kind], Kind]:
-    """Class decorator that makes a strategy known by a name.
+    """Make a strategy known by a name, as a class decorator.
 
     Parameters
     ----------
@@ -255,12 +255,12 @@ def register(name: str) -> Callable[[Kind], Kind]:
 
 
 def names() -> tuple[str, ...]:
-    """Names of all strategies, in the order of their registration."""
+    """Return the names of all strategies, in the order of their registration."""
     return tuple(_REGISTRY)
 
 
 def strategy(name: str, source: object = "strategy") -> Strategy:
-    """The strategy of a name.
+    """Return the strategy with a name.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def strategy(name: str, source: object = "strategy") -> Strategy:
 
 
 def samples_of(space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1) -> "pd.DataFrame":
-    """The table of a `Batch`.
+    """Make the table of a `Batch`.
 
     Parameters
     ----------

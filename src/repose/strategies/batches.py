@@ -78,14 +78,14 @@ def run_conclude(name: str, study: Studied, folders: Sequence[Path_], out_dir: P
     return check
 
 
-def _proposal(folder):
-    """What `run_propose` wrote into a folder."""
+def _proposal(folder: Path_) -> dict[str, Any]:
+    """Read what `run_propose` wrote into a folder."""
     keys = {"answer": bool, "why": str, "pours": int, "notes": dict}
     return read_json(Path(folder) / PROPOSAL, keys, "output of repose stage propose")
 
 
-def _batches(proposals):
-    """A row for each proposal: number and pours of the batches before it, its note `row`, and why.
+def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Make a row for each proposal: number and pours of the batches before it, its note `row`, and why.
 
     Where some have that note, the others are left out.
     """
@@ -97,8 +97,8 @@ def _batches(proposals):
     return pd.DataFrame(own or rows)
 
 
-def _plain(value):
-    """A note for JSON: a table as its columns, no NaN."""
+def _plain(value: Any) -> Any:
+    """Make a note plain for JSON: a table becomes its columns, NaN becomes None."""
     if isinstance(value, pd.DataFrame):
         value = value.to_dict("list")
     if isinstance(value, Mapping):
@@ -109,7 +109,7 @@ def _plain(value):
 
 
 def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
-    """The runs of all batches as a strategy takes them (`data_of`), each with the number of its batch."""
+    """Read the runs of all batches as a strategy takes them (`data_of`), each with the number of its batch."""
     data = pd.DataFrame()
     for number, folder in enumerate(folders):
         dataset, runs = tables_of([folder], targets)
@@ -122,7 +122,7 @@ def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
 
 
 def tables_of(folders: Sequence[Path_], targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Samples and single runs of batches."""
+    """Read samples and single runs of batches."""
     tables = []
     for folder in folders:
         dataset_csv, runs_csv = Path(folder) / "dataset.csv", Path(folder) / "runs.csv"
@@ -133,7 +133,7 @@ def tables_of(folders: Sequence[Path_], targets: Targets) -> tuple[pd.DataFrame,
 
 
 def data_of(dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """The pours as a strategy takes them, a row for each: sample, parameters, responses, NaN for a failed run.
+    """Arrange the pours as a strategy takes them, a row each: sample, parameters, responses, NaN for a failed run.
 
     Bench tests have separate runs. The first ok run of each makes the first pour of the sample, and so on; these runs
     are independent, so any pairing is valid.

@@ -45,7 +45,7 @@ class Plan(NamedTuple):
 
 
 def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: object = "runs") -> Plan:
-    """Expected results with the noise of `runs`, by default `default_noise`; InputError for too few replicates."""
+    """Compute expected results by the noise of `runs`, or by `default_noise`; InputError for too few replicates."""
     targets = Targets.of(config["targets"])
     noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
     percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
@@ -55,7 +55,7 @@ def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: ob
 
 
 def chances(responses: int, percent: float) -> pd.DataFrame:
-    """`Plan.budgets` for a number of targets, at most as many as in the table, and the scatter of a pour in percent."""
+    """Interpolate `Plan.budgets` for a number of targets, at most the table's, and the scatter of a pour in percent."""
     table = pd.read_csv(SUCCESS)
     table = table[table["responses"] == min(responses, table["responses"].max())]
     shares = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
@@ -71,7 +71,7 @@ def chances(responses: int, percent: float) -> pd.DataFrame:
 
 
 def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
-    """Standard error of a probability that is known as a share of trials, also if all or none succeeded.
+    """Compute the standard error of a probability known as a share of trials, also if all or none succeeded.
 
     It is the standard deviation of the beta distribution after these trials, from a uniform prior.
     """
@@ -80,7 +80,7 @@ def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
 
 
 def default_noise(targets: Targets) -> np.ndarray:
-    """Covariance (k, k) of a pour if nothing is measured."""
+    """Return the covariance (k, k) of a pour if nothing is measured."""
     sd = NOISE_PERCENT / 100 * targets.whole
     correlation = np.where(_same_bench(targets), CORRELATION, 0.0)
     np.fill_diagonal(correlation, 1.0)
@@ -88,7 +88,7 @@ def default_noise(targets: Targets) -> np.ndarray:
 
 
 def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs") -> np.ndarray:
-    """Covariance (k, k) of a pour about its sample's mean; InputError if too few samples have two ok runs."""
+    """Estimate a pour's covariance (k, k) about its sample's mean; InputError if too few samples have two ok runs."""
     noise = np.zeros((len(targets), len(targets)))
     for bench in targets.apparatus:
         own = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
@@ -104,17 +104,17 @@ def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs"
 
 
 def read_runs(path: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The runs (runs.csv) of an earlier study, or of its beginning."""
+    """Read the runs (runs.csv) of an earlier study, or of its beginning."""
     return read_table(path, ("sample", "status", *targets.names))
 
 
 def disk_mb(config: Mapping[str, Any], pours: int) -> float:
-    """Disk space of a number of pours in each bench test of the targets."""
+    """Estimate the disk space of a number of pours in each bench test of the targets."""
     grains = sum(config[name].get("berries", 1) for name in Targets.of(config["targets"]).apparatus)
     return 1e-6 * BYTES_A_GRAIN * grains * pours
 
 
-def _same_bench(targets):
-    """Mask (k, k) of the pairs of responses of the same bench test."""
+def _same_bench(targets: Targets) -> np.ndarray:
+    """Mark the pairs of responses of the same bench test, as a mask (k, k)."""
     bench = np.array([target.response.apparatus for target in targets])
     return bench[:, None] == bench

@@ -18,11 +18,12 @@ from repose.core.targets import Targets
 from repose.strategies.base import Studied, strategy
 
 OK = "ok"
+Rows = Sequence[Mapping[str, Any]]
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
 def runs_of(samples: pd.DataFrame) -> pd.DataFrame:
-    """A row for each run of a batch's samples: `sample`, `run` from 1, and the parameters.
+    """Make a row for each run of a batch's samples: `sample`, `run` from 1, and the parameters.
 
     The runs of a sample differ in the random numbers of the simulator alone.
     """
@@ -32,13 +33,13 @@ def runs_of(samples: pd.DataFrame) -> pd.DataFrame:
 
 
 def next_number(data: pd.DataFrame) -> int:
-    """The number of the next sample."""
+    """Return the number of the next sample."""
     numbers = pd.to_numeric(data["sample"], errors="coerce")
     return int(numbers.max()) + 1 if numbers.notna().all() else data["sample"].nunique() + 1
 
 
 def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
-    """The samples of all runs, as the stage `dataset` writes them: parameters, status, means and standard errors.
+    """Summarise the runs by sample, as the stage `dataset` does: parameters, status, means and standard errors.
 
     A response counts as many runs as have it: bench tests fail separately.
     """
@@ -56,7 +57,7 @@ def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets)
 
 
 def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """The runs of each bench test as rows of their own, as the stage `dataset` writes them."""
+    """List the runs of each bench test as rows of their own, as the stage `dataset` writes them."""
     tables = []
     for bench in targets.apparatus:
         names = [target.name for target in targets if target.response.apparatus == bench]
@@ -71,7 +72,7 @@ def read_runs(path: str | os.PathLike, study: Studied) -> pd.DataFrame:
 
 
 def checked_runs(
-    study: Studied, rows: pd.DataFrame | Sequence[Mapping[str, Any]], source: object = "runs", enough: bool = True
+    study: Studied, rows: pd.DataFrame | Rows, source: object = "runs", enough: bool = True
 ) -> pd.DataFrame:
     """Check a table of runs; return ``sample``, ``status``, parameters and responses.
 
@@ -112,8 +113,8 @@ def add_runs(study: Studied, new: str | os.PathLike, record: str | os.PathLike) 
     return table
 
 
-def _checked_row(row, study, source):
-    """Parameters, status and responses of a run, as numbers."""
+def _checked_row(row: Mapping[str, Any], study: Studied, source: object) -> dict[str, Any]:
+    """Check parameters, status and responses of a run, and return them as numbers."""
     space = study.parameters
     status = str(row.get("status") or OK).strip()
     run: dict[str, Any] = {"status": OK if status.lower() == OK else status}
@@ -126,8 +127,8 @@ def _checked_row(row, study, source):
     return run
 
 
-def _number(cell, source, name, more=""):
-    """A finite number, or InputError."""
+def _number(cell: Any, source: object, name: str, more: str = "") -> float:
+    """Read a finite number; InputError for anything else."""
     try:
         value = float(cell)
     except (TypeError, ValueError):
@@ -137,8 +138,8 @@ def _number(cell, source, name, more=""):
     return value
 
 
-def _inside(value, name, space, source):
-    """A parameter within its range, or InputError; the rounding of a spreadsheet is undone."""
+def _inside(value: float, name: str, space: ParameterSpace, source: object) -> float:
+    """Check that a parameter is within its range, and undo the rounding of a spreadsheet."""
     if name in space.fixed:
         low = high = space.fixed[name]
     else:
@@ -151,7 +152,7 @@ def _inside(value, name, space, source):
     return min(max(value, low), high)
 
 
-def _number_samples(table, rows, space, source, repeats_points):
+def _number_samples(table: pd.DataFrame, rows: Rows, space: ParameterSpace, source: object, repeats: bool) -> None:
     """Put the samples' numbers into the table: rows with the same parameters are one sample."""
     sets = table[list(space.names)].apply(tuple, axis=1)
     numbers = pd.factorize(sets)[0] + 1
@@ -163,7 +164,7 @@ def _number_samples(table, rows, space, source, repeats_points):
                 allowed = f"one set of parameters for each sample; row {first + 1} has another one"
                 raise InputError(f"{source}, row {k + 1}", "sample", name, allowed)
             other = int(np.argmax(numbers == number))
-            if reported[other] != name and not repeats_points:
+            if reported[other] != name and not repeats:
                 allowed = f"{reported[other]}, the sample of row {other + 1} with the same parameters"
                 raise InputError(f"{source}, row {k + 1}", "sample", name, allowed)
         digits = all(name.isdigit() for name in reported)
@@ -171,7 +172,7 @@ def _number_samples(table, rows, space, source, repeats_points):
     table["sample"] = numbers
 
 
-def _require_enough(table, study, source):
+def _require_enough(table: pd.DataFrame, study: Studied, source: object) -> None:
     """Refuse too few good samples."""
     samples, fewest = table[table["status"] == OK]["sample"].nunique(), study.parameters.dimensions + 2
     if samples < fewest:
@@ -179,13 +180,13 @@ def _require_enough(table, study, source):
         raise InputError(source, "samples with a good run", samples, allowed)
 
 
-def _with_fixed(rows, space):
-    """The rows with columns for all fixed parameters."""
+def _with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
+    """Add columns for all fixed parameters to the rows."""
     missing = {name: value for name, value in space.fixed.items() if rows and name not in rows[0]}
     return [missing | dict(row) for row in rows]
 
 
-def _refuse_twice(table, rows, source):
+def _refuse_twice(table: pd.DataFrame, rows: Rows, source: object) -> None:
     """Refuse a duplicate run, and a row that repeats all numbers of an earlier row."""
     if "run" in rows[0]:
         named = pd.Series(list(zip(table["sample"], (str(row["run"]).strip() for row in rows), strict=True)))

@@ -1,7 +1,5 @@
 """Proposals of the strategy `published`: a Latin hypercube, then the answer of a search on its surrogate."""
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
 
@@ -10,6 +8,7 @@ from repose.chain.answer import WITHIN
 from repose.chain.invert import Inversion, invert
 from repose.chain.train import Training, train
 from repose.core.probability import within
+from repose.core.targets import Targets
 from repose.strategies.base import Answer, Batch, Studied, samples_of
 from repose.strategies.runs import next_number, runs_by_bench, samples_of_runs
 from repose.surrogate.base import Surrogate
@@ -17,7 +16,7 @@ from repose.surrogate.support import Support
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
-    """One batch, then the answer."""
+    """Propose one batch, then answer."""
     if data.empty:
         section = study.config["design"]
         unit = design.points(section["samples"], study.parameters.dimensions, section["method"], section["seed"])
@@ -30,19 +29,19 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
 
 
 def seeds_of(study: Studied) -> int:
-    """Runs of each sample of a design: the seeds of the first target's bench test."""
+    """Return how often each sample of a design runs: the seeds of the first target's bench test."""
     return study.config[study.targets.apparatus[0]]["seeds"]
 
 
 def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> Training:
-    """The surrogate of the study, fitted to the samples of its runs."""
+    """Fit the surrogate of the study to the samples of its runs."""
     settings = study.config["network"] | {"surrogate": study.config["surrogate"]}
     runs = runs_by_bench(data, study.targets)
     return train(samples, runs, study.targets, settings, {}, "runs", study.parameters.names)
 
 
 def support_of(study: Studied, samples: pd.DataFrame) -> Support:
-    """The region that the good samples cover."""
+    """Return the region that the good samples cover."""
     space, good = study.parameters, samples[samples["status"] == "ok"]
     low, high = space.complete(np.array([space.low, space.high]))
     return Support(good[list(space.names)].to_numpy(float), low, high, space.names)
@@ -51,7 +50,7 @@ def support_of(study: Studied, samples: pd.DataFrame) -> Support:
 def answer_of(
     study: Studied, model: Surrogate, inversion: Inversion, data: pd.DataFrame, why: str, seeds: int
 ) -> Answer:
-    """The representative solution of a search, and the other feasible ones."""
+    """Answer with the representative solution of a search, and the other feasible ones."""
     space, targets = study.parameters, study.targets
     names = list(space.names)
     values = inversion.solutions.loc[0, names].to_numpy(float)
@@ -71,8 +70,8 @@ def answer_of(
     )
 
 
-def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Any) -> dict[str, float]:
-    """Probability that mean responses (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
+def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> dict[str, float]:
+    """Compute the probabilities that means (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
     reach = targets.whole / 100
     ends = {
         column: (targets.aim - percent * reach, targets.aim + percent * reach) for percent, column in WITHIN.items()

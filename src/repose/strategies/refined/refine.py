@@ -29,7 +29,7 @@ ROUNDING = 1e-9  # of a place in the box, in ranges
 
 
 def search_box(space: ParameterSpace, centre: Mapping[str, float], reach: float) -> ParameterSpace:
-    """The ranges narrowed to a box about `centre`; `reach` is half the width of the box, in ranges."""
+    """Narrow the ranges to a box about `centre`; `reach` is half the width of the box, in ranges."""
     middle = np.array([float(centre[name]) for name in space.free])
     step = reach * (space.high - space.low)
     return replace(space, low=np.maximum(space.low, middle - step), high=np.minimum(space.high, middle + step))
@@ -44,7 +44,7 @@ def propose(
     round_: int,
     study_seed: int,
 ) -> pd.DataFrame:
-    """The jobs of a round: the representative of `solutions` (feasible.csv), and neighbours around it.
+    """List the jobs of a round: the representative of `solutions` (feasible.csv), and neighbours around it.
 
     The neighbours are a Latin hypercube in the box in which the next round searches.
     """
@@ -66,7 +66,7 @@ def propose(
 def corrected(
     model: Surrogate, dataset: pd.DataFrame, box: ParameterSpace, targets: Targets
 ) -> tuple[Surrogate, np.ndarray, int]:
-    """A copy of the surrogate, shifted by the mean residual of the refined samples inside a box, weighted by seeds.
+    """Shift a copy of the surrogate by the refined samples' mean residual inside a box, weighted by seeds.
 
     The refit follows the whole design and keeps a few percent of error where it matters. `round` of the dataset is
     empty for the design's samples. Also returns the offset (k,) and its number of samples; InputError without any.

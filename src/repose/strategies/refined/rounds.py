@@ -25,7 +25,7 @@ OUTCOMES = ("within", "not within", "not precise", "no pile")
 
 
 def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
-    """Jobs (sample, role, seeds) of a round: the proposal in blocks of seeds, then the neighbours.
+    """List the jobs (sample, role, seeds) of a round: the proposal in blocks of seeds, then the neighbours.
 
     A block is one job, so that all cores work and a kill costs one block.
     """
@@ -37,12 +37,12 @@ def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
 
 
 def round_of(sample: int) -> int:
-    """Round to which a sample number belongs; -1 for a sample of the design."""
+    """Return the round to which a sample number belongs; -1 for a sample of the design."""
     return sample // OF_A_ROUND - 1
 
 
 def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> bool:
-    """Whether another round has something to gain: the bar is missed and there are new data to learn from.
+    """Decide whether another round has something to gain: the bar is missed and there are new data to learn from.
 
     Where the targets are out of reach, the loop goes on as long as it comes nearer than the round `before`.
     """
@@ -50,7 +50,7 @@ def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None)
 
 
 def stuck(verdict: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
-    """Whether a round with targets out of reach came no nearer than the round before."""
+    """Decide whether a round with targets out of reach came no nearer than the round before."""
     if before is None or not verdict["out_of_reach"] or None in (verdict["objective"], before["objective"]):
         return False
     return verdict["objective"] >= before["objective"]
@@ -64,7 +64,7 @@ def judge(
     round_: int,
     names: Sequence[str],
 ) -> dict[str, Any]:
-    """Result of a round, a row of batches.csv: a missing number is NaN, `outcome` is of `OUTCOMES`.
+    """Judge a round: return a row of batches.csv, with NaN for a missing number and an `outcome` of `OUTCOMES`.
 
     `objective` is Eq. 11 of the simulated means; `out_of_reach`: the prediction itself misses the bar.
     """
@@ -86,19 +86,19 @@ def judge(
 
 
 def objective_of(jobs_of_round: Sequence[tuple[int, str, int]], runs: pd.DataFrame, targets: Targets) -> float:
-    """`objective` of a round with these `jobs`."""
+    """Compute the `objective` of a round with these `jobs`."""
     proposed = [sample for sample, role, _ in jobs_of_round if role == PROPOSAL]
     return _objective(_summary(runs[runs["sample"].isin(proposed)], targets), targets)
 
 
 def _objective(summary: Mapping[str, Any], targets: Targets) -> float:
-    """Eq. 11 of the means of a summary."""
+    """Compute Eq. 11 for the means of a summary."""
     means = np.array([[_number(summary[name]) for name in targets.names]])
     return float(Objective.of(targets)(means)[0][0])
 
 
 def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
-    """Means and errors of all runs of a proposal; it is ok where it is in every bench test."""
+    """Compute means and errors of all runs of a proposal; its status is ok where it is in every bench test."""
     runs = runs.astype(object).where(runs.notna(), None)
     summary: dict[str, Any] = {}
     for bench in targets.apparatus:
@@ -111,7 +111,7 @@ def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
 
 
 def _numbers(response: Response, wanted: float, predicted: float, mean: float, error: float) -> dict[str, float]:
-    """Columns of one response in a round's row."""
+    """Make the columns of one response in a round's row."""
     name, quantity = response.name, response.quantity
     return {
         derived(name, "target"): wanted,
@@ -126,14 +126,14 @@ def _numbers(response: Response, wanted: float, predicted: float, mean: float, e
 
 
 def _number(value: float | None) -> float:
-    """A number, NaN for None."""
+    """Return a number, NaN for None."""
     return np.nan if value is None else float(value)
 
 
 def _outcome(
     row: Mapping[str, Any], summary: Mapping[str, Any], targets: Targets, section: Mapping[str, Any]
 ) -> tuple[str, str]:
-    """Outcome of a round, and the deviation of each response in words."""
+    """Find the outcome of a round, and say in words how far each response is off."""
     if summary["status"] != "ok":
         return "no pile", f"{summary['status']}: {summary['reason']}"
     words, far, vague = [], False, False
@@ -158,7 +158,7 @@ def _outcome(
 def why_stopped(
     verdict: Mapping[str, Any], limit: int, targets: Targets, before: Mapping[str, Any] | None = None
 ) -> str:
-    """Why the loop ends after a round, in words.
+    """Say why the loop ends after a round.
 
     `verdict` is of the last round, `before` of the round before it; `limit` is the largest number of refits.
     """
@@ -173,7 +173,7 @@ def why_stopped(
 
 
 def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
-    """Claim for the proposal of the last round in words, from the round's own runs."""
+    """Say what is claimed for the proposal of the last round, from the round's own runs."""
     if verdict["outcome"] == "no pile":
         return "none: the proposal gives no pile"
     values = []

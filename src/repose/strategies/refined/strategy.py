@@ -1,7 +1,8 @@
 """The strategy `refined` as rounds of proposals: `repose.strategies.refined.refine` says how one follows another."""
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -38,7 +39,7 @@ class Round(NamedTuple):
 
 
 def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
-    """The round of a number, from the runs of the design and of the rounds before it."""
+    """Make the round of a number from the runs of the design and of the rounds before it."""
     space, targets, config = study.parameters, study.targets, study.config
     if config["design"]["samples"] >= OF_A_ROUND:
         allowed = f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
@@ -61,7 +62,7 @@ def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
-    """The published batch; then rounds, each with many runs of the answer so far and a few of its neighbours."""
+    """Propose the published batch; then rounds, each with many runs of the answer and a few of its neighbours."""
     if data.empty:
         return published.propose(study, data)
     targets, section = study.targets, study.config["refine"]
@@ -82,14 +83,14 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     return _simulated(best, study, now.proposal, data)
 
 
-def _batch(following, notes):
-    """The batch of a round; its notes also have the fit and the search behind it."""
+def _batch(following: Round, notes: dict[str, Any]) -> Batch:
+    """Make the batch of a round; its notes also have the fit and the search behind it."""
     found = {"fit": following.training.metrics, "search": following.inversion.summary}
     return Batch(following.proposal, notes | found)
 
 
-def _end(verdict, why, study):
-    """The end of the rounds, for the summary and the report."""
+def _end(verdict: Mapping[str, Any], why: str, study: Studied) -> dict[str, Any]:
+    """Describe the end of the rounds, for the summary and the report."""
     solution = {name: verdict[name] for name in study.parameters.names}
     met, claimed = verdict["outcome"] == "within", claim(verdict, study.targets)
     steps = (
@@ -101,8 +102,8 @@ def _end(verdict, why, study):
     return {"summary": summary, "steps": steps}
 
 
-def _simulated(answer, study, proposal, data):
-    """The answer with the simulated means of its own runs in place of the predicted ones."""
+def _simulated(answer: Answer, study: Studied, proposal: pd.DataFrame, data: pd.DataFrame) -> Answer:
+    """Replace the answer's predicted means by the simulated means of its own runs."""
     targets = study.targets
     numbers = proposal.loc[proposal["role"] == PROPOSAL, "sample"]
     answer = replace(answer, simulated=tuple(numbers))

@@ -47,7 +47,7 @@ class ResponseSurface(Strategy):
         return strategy.propose(study, data)
 
     def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """A response surface of too few factors or runs."""
+        """Refuse a response surface of too few factors or runs."""
         section, free = config["response_surface"], _free(config)
         name, fewest = section["surface"], fewest_factors(section)
         centres = 3 if name == "box_behnken" else 1
@@ -61,7 +61,7 @@ class ResponseSurface(Strategy):
             yield "response_surface.centres", f"at least {centres} where surface is {name}"
 
     def pours(self, config: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...]:
-        """The steps; the screening may keep fewer parameters than `response_surface.most_factors`."""
+        """Count the steps' pours; the screening may keep fewer parameters than `response_surface.most_factors`."""
         from repose.doe.box_behnken import box_behnken
         from repose.doe.central_composite import central_composite
 
@@ -81,11 +81,11 @@ class ResponseSurface(Strategy):
 
 
 def fewest_factors(section: Mapping[str, Any]) -> int:
-    """Smallest number of factors of the surface."""
+    """Return the smallest number of factors of the surface."""
     return 3 if section["surface"] == "box_behnken" else 2
 
 
-def _free(config):
-    """Number of free parameters."""
+def _free(config: Mapping[str, Any]) -> int:
+    """Count the free parameters."""
     section = config["parameters"]
     return ParameterSpace.of(section, names=tuple(section)).dimensions

@@ -61,7 +61,7 @@ def screened(
 
 
 def notes(found: Screened, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """The tables of the screening, its result, and a message."""
+    """Collect the tables of the screening, its result, and a message."""
     dropped = [name for name in space.free if name not in found.kept]
     corners = dict(zip(targets.names, (float(model.constant) for model in found.models), strict=True))
     summary = {"kept": found.kept, "dropped": dropped, "centre": found.centre.to_dict(), "corners": corners}
@@ -70,19 +70,19 @@ def notes(found: Screened, space: ParameterSpace, targets: Targets) -> dict[str,
 
 
 def named(tables: Analysis, step: str) -> dict[str, pd.DataFrame]:
-    """The tables of a step with the step before their names."""
+    """Put the step before the names of its tables."""
     return {f"{step}_{name}": table for name, table in tables._asdict().items()}
 
 
 def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """The screening's samples: every free parameter at an end of its range; then the centre, `centres` times."""
+    """List the screening's samples: every free parameter at an end of its range; then the centre, `centres` times."""
     corners = plackett_burman(space.dimensions, section["screening_runs"])
     coded = np.vstack([corners, np.zeros((section["centres"], space.dimensions))])
     return samples("screening", space, (1 + coded) / 2, space.free, coded)
 
 
 def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The samples of the screening at the corners, and those at the centre."""
+    """Split the samples of the screening into the corners and the centre."""
     at_centre = (table[[CODED + name for name in factors_of(table)]] == 0).all(axis=1)
     return table[~at_centre], table[at_centre]
 
@@ -90,7 +90,7 @@ def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]
 def models_of(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str, source: object = "dataset"
 ) -> list[Model]:
-    """A polynomial for each response of a step (`fit`); InputError, with `source`, for too few usable samples."""
+    """Fit a polynomial to each response of a step (`fit`); InputError, with `source`, for too few usable samples."""
     runs, factors = usable(table, dataset, source), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
     try:
@@ -100,7 +100,7 @@ def models_of(
 
 
 def analysis(models: list[Model], targets: Targets) -> Analysis:
-    """The tables of a step's models, one for each target."""
+    """Make the tables of a step's models, one for each target."""
     tables: dict[str, list[pd.DataFrame]] = {"anova": [], "effects": [], "statistics": []}
     for target, model in zip(targets, models, strict=True):
         own = {
@@ -115,7 +115,7 @@ def analysis(models: list[Model], targets: Targets) -> Analysis:
 
 
 def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
-    """The parameters of the next steps: significant for at least one response, the most significant first.
+    """Choose the parameters of the next steps: significant for at least one response, the most significant first.
 
     If fewer are significant than the surface needs, the next are taken; of more than `most_factors` the last are
     dropped.
@@ -135,7 +135,7 @@ def path(
     targets: Targets,
     section: Mapping[str, Any],
 ) -> pd.DataFrame:
-    """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges.
+    """Sample the steepest ascent from the centre of the ranges towards the targets, to the edge of the ranges.
 
     `centre` (k,) has the mean responses there. ValueError if the linear models show no way towards the targets.
     """

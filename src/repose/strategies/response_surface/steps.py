@@ -15,7 +15,7 @@ CODED = "coded_"  # before a parameter's name: its column in coded units
 
 
 def numbers(step: str, count: int) -> list[int]:
-    """Sample numbers of a step, one of `STEPS`."""
+    """Return the sample numbers of a step, one of `STEPS`."""
     first = OF_A_STEP * (STEPS.index(step) + 1) + 1
     return list(range(first, first + count))
 
@@ -23,7 +23,7 @@ def numbers(step: str, count: int) -> list[int]:
 def samples(
     step: str, space: ParameterSpace, unit: np.ndarray, factors: Sequence[str], coded: np.ndarray
 ) -> pd.DataFrame:
-    """The samples of a step: `sample`, the parameters, and the factors in coded units (`CODED` + name).
+    """Make the samples of a step: `sample`, the parameters, and the factors in coded units (`CODED` + name).
 
     `unit` (n, d) has the free parameters in the unit cube, `coded` (n, factors) the same runs in coded units.
     """
@@ -35,12 +35,12 @@ def samples(
 
 
 def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
-    """Parameters that a step varied, from its table of `samples`."""
+    """Return the parameters that a step varied, from its table of `samples`."""
     return tuple(name.removeprefix(CODED) for name in table if name.startswith(CODED))
 
 
 def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset") -> pd.DataFrame:
-    """The samples of a step whose pours gave a pile, with their responses.
+    """Select the samples of a step whose pours gave a pile, with their responses.
 
     InputError if a sample is not in the dataset, or none is usable; `source` names the dataset in its message.
     """
@@ -56,10 +56,10 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset
 
 
 def scale_of(targets: Targets) -> np.ndarray:
-    """Scale (responses,) of the misses: 100 % of each target over the root of its weight."""
+    """Return the scale (responses,) of the misses: 100 % of each target over the root of its weight."""
     return np.array([target.whole / np.sqrt(target.weight) for target in targets])
 
 
 def aims_of(targets: Targets) -> np.ndarray:
-    """Aims (responses,) of the targets."""
+    """Return the aims (responses,) of the targets."""
     return np.array([target.aim for target in targets])

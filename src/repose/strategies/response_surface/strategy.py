@@ -1,5 +1,6 @@
 """Proposals of the strategy `response_surface`: each step follows from the runs of the steps before it."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from repose.strategies.runs import next_number, samples_of_runs
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
-    """The samples of the next step, or the answer; the notes are the tables of all steps so far, and `why` in words."""
+    """Propose the next step's samples, or answer; the notes are the tables of all steps so far, and `why` in words."""
     space, section = study.parameters, study.config["response_surface"]
     notes: dict[str, Any] = {}
 
@@ -64,8 +65,8 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     )
 
 
-def _steps(kept, samples, section):
-    """The way to the optimum, in sentences."""
+def _steps(kept: Sequence[str], samples: int, section: Mapping[str, Any]) -> tuple[str, ...]:
+    """Describe the way to the optimum, in sentences."""
     return (
         f"Screening: {section['screening_runs']} runs of a Plackett-Burman design and "
         f"{section['centres']} of the centre; kept: {', '.join(kept)}.",
@@ -75,6 +76,6 @@ def _steps(kept, samples, section):
     )
 
 
-def _lacks(data, table):
-    """Whether a step is not simulated yet."""
+def _lacks(data: pd.DataFrame, table: pd.DataFrame) -> bool:
+    """Return whether a step is not simulated yet."""
     return data.empty or not data["sample"].isin(table["sample"]).any()

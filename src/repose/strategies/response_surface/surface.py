@@ -20,7 +20,7 @@ POINTS = 2048  # of the cube, searched for parameter sets inside the ranges
 
 
 def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """The usable points of the path of ascent, with `error_percent` and `best`.
+    """Select the usable points of the path of ascent; add `error_percent` and `best`.
 
     `error_percent` is the weighted root mean square of the relative misses.
     """
@@ -33,7 +33,7 @@ def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.D
 
 
 def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """Samples of the surface about the best point of the path, moved where a factor would leave its range.
+    """Design the surface about the best point of the path, moved where a factor would leave its range.
 
     The outermost level of a factor lies `reach` of its range from the centre.
     """
@@ -50,13 +50,13 @@ def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, An
 
 
 def best_point(models: list[Model], targets: Targets) -> Optimum:
-    """The optimum of the quadratic models, one for each target, inside the cube of the design."""
+    """Find the optimum of the quadratic models, one for each target, inside the cube of the design."""
     low, high = (np.array([getattr(target, end) for target in targets]) for end in ("low", "high"))
     return optimum(models, aims_of(targets), scale_of(targets), low, high)
 
 
 def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace) -> np.ndarray:
-    """Points (n, factors) or (factors,) in coded units as points (n, d) in the unit cube of the ranges.
+    """Convert points (n, factors) or (factors,) in coded units to points (n, d) in the unit cube of the ranges.
 
     `table` has the samples of the surface.
     """
@@ -76,7 +76,7 @@ def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace)
 def alternatives(
     models: list[Model], table: pd.DataFrame, space: ParameterSpace, targets: Targets, config: Mapping[str, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Parameter sets (n, p) of the design's cube and predictions (n, k), all inside the ranges, the best first."""
+    """Find parameter sets (n, p) of the design's cube with predictions (n, k) inside all ranges, the best first."""
     from scipy.stats import qmc
 
     factors = len(models[0].factors)
@@ -94,7 +94,7 @@ def alternatives(
 def check_samples(
     table: pd.DataFrame, best: Optimum, space: ParameterSpace, section: Mapping[str, Any]
 ) -> pd.DataFrame:
-    """Samples of the check: the optimum, `checks` times."""
+    """Repeat the optimum `checks` times, as samples of the check."""
     count = section["checks"]
     unit = np.repeat(natural_unit(table, best.coded, space), count, axis=0)
     return samples("check", space, unit, factors_of(table), np.repeat(best.coded[None], count, axis=0))
@@ -103,7 +103,7 @@ def check_samples(
 def notes(
     models: list[Model], best: Optimum, check: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> dict[str, Any]:
-    """Predictions at the optimum, its parameters, and the result in words; `check` has the samples of the check.
+    """Collect predictions and parameters at the optimum, and the result in words; `check` has the samples of the check.
 
     `met` is whether the surfaces meet the targets.
     """
@@ -118,7 +118,7 @@ def notes(
 
 
 def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int) -> pd.DataFrame:
-    """Predictions at the optimum with the 95 % interval of the mean, `mean_low` to `mean_high`.
+    """Predict the responses at the optimum, with the 95 % interval of the mean, `mean_low` to `mean_high`.
 
     With 95 % probability the mean of some `runs` lies from `low` to `high` if the model is right.
     """
@@ -146,7 +146,7 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
 
 
 def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """The table of `predictions` with the simulations of the check; `as_predicted`: the mean lies from low to high."""
+    """Add the simulations of the check to the `predictions`; `as_predicted`: the mean lies from low to high."""
     table, ok = predicted.copy(), dataset[dataset["status"] == "ok"]
     values = ok[list(table["response"])].to_numpy(float)
     table["simulated"] = values.mean(axis=0) if len(ok) else np.nan

@@ -42,7 +42,7 @@ class Sequential(Strategy):
         return strategy.answer(study, data)
 
     def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """A start beyond its budget or without repeats."""
+        """Refuse a start beyond its budget or without repeats."""
         section, responses = config["sequential"], len(config["targets"])
         repeats = section["start_samples"] * (section["seeds"] - 1)
         if repeats <= responses:

@@ -1,6 +1,6 @@
 """The next batch of pours, or the answer with its probability: a function of the data alone, without any file."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,8 @@ IN_DOUBT, OUT_OF_REACH = 0.8, 0.3
 SAME = 1e-9  # nearer points are one, in ranges
 LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
 
+Score = Callable[[np.ndarray], np.ndarray]
+
 
 class Advice(NamedTuple):
     """Advice after the pours so far."""
@@ -39,7 +41,7 @@ class Advice(NamedTuple):
 
 
 def start(space: ParameterSpace, section: Mapping[str, Any], seed: int) -> np.ndarray:
-    """Points (n, d) of the start in the unit cube: a Latin hypercube, spread as the prior."""
+    """Make the points (n, d) of the start in the unit cube: a Latin hypercube, spread as the prior."""
     return space.from_prior(optimal_lhs(section["start_samples"], space.dimensions, seed))
 
 
@@ -52,7 +54,7 @@ def advise(
     random: np.random.Generator,
     noise: np.ndarray | None = None,
 ) -> Advice:
-    """The next batch, or the answer; ValueError as in `Kriging`.
+    """Choose the next batch, or the answer; ValueError as in `Kriging`.
 
     A proposed point is never nearer to a failed sample (f, d) than to a good one. `poured` counts failed pours too.
     """
@@ -89,24 +91,24 @@ def advise(
 
 
 def nearest(model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """The point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without prior knowledge."""
-    random = np.random.default_rng(1)
+    """Find the point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without a prior."""
 
-    def score(unit):
+    def score(unit: np.ndarray) -> np.ndarray:
         deviation = goal.expected_deviation(*model.predict(unit))
         return np.where(_is_sound(unit, good, failed), -deviation, -np.inf)
 
-    points, scores = _refined(points, score(points), score, random)
+    points, scores = _refined(points, score, np.random.default_rng(1))
     return points[scores.argmax()]
 
 
-def _probability(model, goal, point):
-    """Probability that a point meets the targets."""
+def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
+    """Compute the probability that a point meets the targets."""
     return float(goal.probability(*model.predict(point[None]))[0])
 
 
-def _refined(points, scores, score, random):
-    """Points with their scores, after a search ever nearer to the best of them."""
+def _refined(points: np.ndarray, score: Score, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Search ever nearer to the best of the points; return all points with their scores."""
+    scores = score(points)
     for step in STEPS:
         best = points[np.argsort(-scores)[:KEPT]]
         near = np.repeat(best, AROUND, axis=0)
@@ -118,23 +120,23 @@ def _refined(points, scores, score, random):
 def ranked(
     model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (m, d) over the ranges and ever nearer around the best of them, with their scores (m,) (`Goal.score`).
+    """Score points (m, d) over the ranges and ever nearer around the best of them; scores (m,) are of `Goal.score`.
 
     The score is minus infinity where a failed sample (f, d) is nearer than a good one (n, d).
     """
     from scipy.stats import qmc
 
-    def score(unit):
+    def score(unit: np.ndarray) -> np.ndarray:
         return np.where(_is_sound(unit, good, failed), goal.score(model, unit), -np.inf)
 
     points = goal.space.from_prior(qmc.Sobol(good.shape[1], rng=random).random(CANDIDATES))
-    return _refined(points, score(points), score, random)
+    return _refined(points, score, random)
 
 
 def alternatives(
     points: np.ndarray, scores: np.ndarray, model: Kriging, targets: Targets, section: Mapping[str, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, d) predicted inside all ranges, apart from each other, the best first; and their predictions (n, k).
+    """Choose points (n, d) inside all ranges and apart from each other, the best first, with predictions (n, k).
 
     `points` (m, d) and `scores` (m,) come from `ranked`, `section` is `miga` of the configuration.
     """
@@ -146,8 +148,10 @@ def alternatives(
     return points[kept], mean[kept]
 
 
-def _around(answer, samples, goal, good, failed, random):
-    """Points about the answer, normal in shares of the prior: there slopes are learned with the mean."""
+def _around(
+    answer: np.ndarray, samples: int, goal: Goal, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
+) -> np.ndarray:
+    """Draw points about the answer, normal in shares of the prior: there slopes are learned with the mean."""
     share = goal.space.prior_cdf(answer[None])
     share = np.clip(share + SPREAD * random.standard_normal((AROUND * samples, len(answer))), 0, 1)
     points = goal.space.from_prior(share)
@@ -155,16 +159,16 @@ def _around(answer, samples, goal, good, failed, random):
     return points[np.argsort(~sound, kind="stable")[:samples]]
 
 
-def _new(points, done):
-    """The points (n, d) without the simulated ones (m, d), each once: many draws end in one corner."""
+def _new(points: np.ndarray, done: np.ndarray) -> np.ndarray:
+    """Select the points (n, d) not among the simulated ones (m, d), each once: many draws end in one corner."""
     from scipy.spatial.distance import cdist
 
     first = np.argmax(cdist(points, points) < SAME, axis=1) == np.arange(len(points))
     return points[first & (cdist(points, done) >= SAME).all(axis=1)]
 
 
-def _is_sound(unit, good, failed):
-    """Whether points lie no nearer to a failed sample than to a good one."""
+def _is_sound(unit: np.ndarray, good: np.ndarray, failed: np.ndarray) -> np.ndarray:
+    """Mark the points that lie no nearer to a failed sample than to a good one."""
     from scipy.spatial.distance import cdist
 
     if not len(failed):

@@ -27,12 +27,12 @@ class Goal(NamedTuple):
 
     @classmethod
     def of(cls, targets: Targets, tolerance_percent: float, space: ParameterSpace) -> Self:
-        """The goal of a study; the tolerance is in percent of each aim (`Target.whole`)."""
+        """Make the goal of a study; the tolerance is in percent of each aim (`Target.whole`)."""
         weight = targets.weight / (targets.high - targets.low)
         return cls(targets.aim, tolerance_percent / 100 * targets.whole, space, weight)
 
     def of_responses(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Two deviations (...) of responses (..., k): the largest in tolerances, and F.
+        """Compute two deviations (...) of responses (..., k): the largest in tolerances, and F.
 
         The goal is met if the largest is at most 1; F is Eq. 11 of the paper.
         """
@@ -40,25 +40,25 @@ class Goal(NamedTuple):
         return (off / self.half).max(axis=-1), off @ self.weight
 
     def expected_deviation(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Expectation (m,) of F, Eq. 11 of the paper; mean responses (m, k) with covariance (m, k, k)."""
+        """Compute the mean (m,) of F, Eq. 11 of the paper, for mean responses (m, k) with covariance (m, k, k)."""
         off, sd = mean - self.aim, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         z = off / sd
         return (sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + off * (1 - 2 * ndtr(-z))) @ self.weight
 
     def probability(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Probability (m,) that all responses are met; mean responses (m, k) with covariance (m, k, k)."""
+        """Compute the probability (m,) to meet all responses, for mean responses (m, k) with covariance (m, k, k)."""
         return within(mean, covariance, self.aim - self.half, self.aim + self.half)
 
     @staticmethod
     def inside(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> float:
-        """Probability that the responses of one point lie in the ranges of all targets.
+        """Compute the probability that the responses of one point lie in the ranges of all targets.
 
         Mean (1, k) and covariance (1, k, k) of the mean responses.
         """
         return float(within(mean, covariance, targets.low, targets.high)[0])
 
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
-        """Log of the probability (m,) that points (m, d) meet the targets, plus the log of their prior density."""
+        """Add the log of the probability (m,) that points (m, d) meet the targets to the log of their prior density."""
         mean, covariance = model.predict(unit)
         off = mean - self.aim
         miss = np.einsum("mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
@@ -67,7 +67,7 @@ class Goal(NamedTuple):
         return np.log(probability) - 1e-6 * miss + self.space.log_prior(unit)
 
     def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
-        """The highest probability that further pours at one of the points (m, d) can give, with the best results.
+        """Estimate the highest probability that further pours at one of the points (m, d) can give at best.
 
         They shrink the covariance C of its mean to (C^-1 + pours N^-1)^-1 with the noise N of a pour, and may move the
         mean towards the target by `LUCK` standard deviations of their information.
@@ -80,13 +80,13 @@ class Goal(NamedTuple):
         return float(self.probability(self.aim + off, rest).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:
-        """Pours at a point after which its mean is known within the tolerance, by the noise (k, k) of a pour alone.
+        """Count the pours at a point that fix its mean within the tolerance, by the noise (k, k) of a pour alone.
 
         `probability` holds for all responses together. At most `MOST_NEEDED`.
         """
         few, many = 0, 1
 
-        def enough(pours):
+        def enough(pours: int) -> bool:
             return self.probability(self.aim[None], noise[None] / pours)[0] >= probability
 
         while many < MOST_NEEDED and not enough(many):

@@ -15,6 +15,7 @@ Sources of the lines, named where they are used:
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,7 +72,7 @@ class Observed(NamedTuple):
         return int(self.counts.sum() - len(self.unit))
 
     def noise(self) -> np.ndarray:
-        """Covariance (k, k) of a single pour about its sample's mean, from all samples.
+        """Estimate the covariance (k, k) of a single pour about its sample's mean, from all samples.
 
         ValueError if too few samples have two pours.
         """
@@ -108,7 +109,7 @@ class Kriging(Combined):
     sets: list  # for each draw of variance and lengths a process of each combination
     factor: float  # on the variance of each draw
 
-    def __init__(self, observed: Observed, noise: np.ndarray | None = None):
+    def __init__(self, observed: Observed, noise: np.ndarray | None = None) -> None:
         if len(observed.unit) < 2:
             raise ValueError(f"{len(observed.unit)} samples; allowed: at least 2")
         self.noise = observed.noise() if noise is None else noise
@@ -120,15 +121,15 @@ class Kriging(Combined):
         self.factor = _factor(*self._left_out())
 
     def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean responses (m, k) at points (m, d), and their covariance (m, k, k) without the noise of a pour."""
+        """Predict mean responses (m, k) at points (m, d), and their covariance (m, k, k) without a pour's noise."""
         moments = np.array([[one.moments(unit - 0.5) for one in processes] for processes in self.sets])
         means, variances = moments.transpose(2, 0, 3, 1)  # each (draws, m, k)
         off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
         covariance = self._covariance(self.factor * variances.mean(axis=0))
         return self.unmixed(means.mean(axis=0)), covariance + np.einsum("smi,smj->mij", off, off) / len(off)
 
-    def _left_out(self):
-        """Each sample predicted from the others: residuals (n, k), variances within draws, and further ones."""
+    def _left_out(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Predict each sample from the others: residuals (n, k), variances within draws, and further ones."""
         moments = np.array([[one.left_out() for one in processes] for processes in self.sets])
         means, variances = moments.transpose(2, 0, 3, 1)  # each (draws, n, k)
         return self.values - means.mean(axis=0), variances.mean(axis=0), means.var(axis=0) + self.errors
@@ -139,11 +140,11 @@ class SpaceKriging:
 
     name = "kriging"
 
-    def __init__(self, model: Kriging, space: ParameterSpace):
+    def __init__(self, model: Kriging, space: ParameterSpace) -> None:
         self.model, self.space = model, space
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Mean responses (n, k), with standard deviations on request.
+        """Predict mean responses (n, k), with standard deviations on request.
 
         The options of `repose.surrogate.base.Surrogate.predict`.
         """
@@ -153,26 +154,26 @@ class SpaceKriging:
         return mean, np.sqrt(np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2))
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance (n, k, k) of the predicted means."""
+        """Return the covariance (n, k, k) of the predicted means."""
         return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))[1]
 
 
-def _independent(observed, noise):
-    """Combinations of the responses whose noise is 1 and independent, and that are uncorrelated over the samples."""
+def _independent(observed: Observed, noise: np.ndarray) -> np.ndarray:
+    """Combine the responses so that their noise is 1 and independent, and the samples leave them uncorrelated."""
     whitening = np.linalg.inv(np.linalg.cholesky(noise)).T
     spread = np.atleast_2d(np.cov((observed.means @ whitening).T, aweights=observed.counts))
     return whitening @ np.linalg.eigh(spread)[1]
 
 
-def _moderated(observed, mixing):
-    """Variances (n, k) of the samples' means in each combination, with a common variance of 1 (S04)."""
+def _moderated(observed: Observed, mixing: np.ndarray) -> np.ndarray:
+    """Moderate the variances (n, k) of the samples' means in each combination by a common variance of 1 (S04)."""
     own = ((observed.residuals @ mixing) ** 2).sum(axis=1)
     counts = observed.counts[:, None]
     return (PRIOR_FREEDOM + own) / (PRIOR_FREEDOM + counts - 1) / counts
 
 
-def _factor(residuals, variances, others):
-    """The factor on variances (n, k) that agrees with residuals of these and other variances: its geometric mean."""
+def _factor(residuals: np.ndarray, variances: np.ndarray, others: np.ndarray) -> float:
+    """Estimate the factor on variances (n, k) that, with `others` added, agrees with residuals: its geometric mean."""
     total = FACTORS[:, None, None] * variances + others
     likelihood = -0.5 * (np.log(total) + residuals**2 / total).sum(axis=(1, 2))
     density = likelihood - 0.5 * (np.log(FACTORS / FACTOR_MEDIAN) / FACTOR_LOG_SD) ** 2
@@ -181,7 +182,7 @@ def _factor(residuals, variances, others):
 
 
 def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
-    """Processes of one combination, drawn from their posterior: a linear part, and the deviation from it."""
+    """Draw processes of one combination from their posterior: a linear part, and the deviation from it."""
     from repose.surrogate.process import Process, smooth, straight
 
     d = unit.shape[1]
@@ -190,10 +191,10 @@ def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
     mean, sd = np.array([math.log(signal)] + [middle] * d), np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d)
     curvature = np.empty((1 + d, 1 + d))
 
-    def most_probable(objective, start, bounds):
+    def most_probable(objective: Callable, start: np.ndarray, bounds: np.ndarray) -> tuple[np.ndarray, float]:
         from scipy import optimize
 
-        def loss(theta):
+        def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:
             value, slope = objective(theta)
             off = (theta - mean) / sd
             return value + 0.5 * off @ off, slope + off / sd

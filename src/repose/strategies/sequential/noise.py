@@ -46,7 +46,7 @@ class Noise(NamedTuple):
 
 
 def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float], source: object = "runs") -> Noise:
-    """The noise of a single run, from replicates or from the given standard deviations `noise_sd` and an estimate.
+    """Find the noise of a single run from replicates, or from given standard deviations `noise_sd` and an estimate.
 
     Replicates that are all alike, of a simulator without random numbers or of rounded results, count as one run.
     InputError if replicates, `noise_sd` and single runs are all too few.
@@ -73,7 +73,7 @@ def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, fl
 
 
 def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
-    """Variance of a single run about a smooth surface: its mean over `SHARES`, weighted with the evidence of each.
+    """Estimate the variance of a run about a smooth surface: its mean over `SHARES`, weighted by their evidence.
 
     `shares` (n,) is the variance of each of the `means` (n,) in variances of a single run.
     """

@@ -34,7 +34,7 @@ class Reach(NamedTuple):
 
 
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
-    """The probability that any parameter set meets the goal, and the least deviation of a set."""
+    """Estimate the probability that any parameter set meets the goal, and the least deviation of a set."""
     from scipy.stats import qmc
 
     d = model.unit.shape[1]
@@ -62,7 +62,7 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
 class Draws:
     """Functions drawn from set `number` of processes: called with points (m, d) they give responses (draws, m, k)."""
 
-    def __init__(self, model: Kriging, number: int, random: np.random.Generator):
+    def __init__(self, model: Kriging, number: int, random: np.random.Generator) -> None:
         self.model, self.parts, d = model, [], model.unit.shape[1]
         for k, process in enumerate(model.sets[number]):
             straight, rough = process.kernel.k1, process.kernel.k2

@@ -1,5 +1,6 @@
 """Proposals of the strategy `sequential`: kriging says where the next batch is simulated, and when to stop."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +27,7 @@ WHY = {
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
-    """The next batch, or the answer if there is a reason to stop."""
+    """Propose the next batch, or answer if there is a reason to stop."""
     space, section = study.parameters, study.config["sequential"]
     if data.empty:
         unit = start(space, section, study.config["design"]["seed"])
@@ -52,7 +53,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
 
 
 def _further_start(study: Studied, data: pd.DataFrame, failed: int) -> Batch:
-    """Samples all over the ranges again, where too few of the start are good for a model."""
+    """Sample all over the ranges again, where too few samples of the start are good for a model."""
     space, section = study.parameters, study.config["sequential"]
     unit = start(space, section, study.config["design"]["seed"] + len(data))
     why = f"{failed} samples failed, and the others are too few for a model: a further start"
@@ -60,7 +61,7 @@ def _further_start(study: Studied, data: pd.DataFrame, failed: int) -> Batch:
 
 
 def answer(study: Studied, data: pd.DataFrame) -> Answer:
-    """The set that meets the targets most probably."""
+    """Find the set that meets the targets most probably."""
     space, targets, goal = study.parameters, study.targets, _goal(study)
     observed, failed = observed_of(data, space, targets)
     try:
@@ -77,7 +78,7 @@ def answer(study: Studied, data: pd.DataFrame) -> Answer:
 
 
 def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> tuple[Observed, np.ndarray]:
-    """Samples with good runs as arrays, and the failed samples (f, d) in the unit cube."""
+    """Arrange samples with good runs as arrays; return also the failed samples (f, d) in the unit cube."""
     names = list(targets.names)
     number, samples = pd.factorize(data["sample"])
     run = data[names].notna().any(axis=1).to_numpy()
@@ -92,30 +93,31 @@ def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> 
 
 
 def noise_from(study: Studied, observed: Observed) -> Noise:
-    """The noise of a single run, estimated as well as the runs allow."""
+    """Estimate the noise of a single run as well as the runs allow."""
     return noise_of(observed, study.targets.names, study.config.get("noise_sd", {}))
 
 
 def known_noise(study: Studied, observed: Observed) -> np.ndarray | None:
-    """Covariance (k, k) of a single run; None if the replicates alone give it, as for our own pours."""
+    """Return the covariance (k, k) of a single run; None if the replicates alone give it, as for our own pours."""
     return noise_from(study, observed).covariance if "noise_sd" in study.config else None
 
 
-def _goal(study):
-    """The targets within the tolerance of the section."""
+def _goal(study: Studied) -> Goal:
+    """Return the targets within the tolerance of the section."""
     return Goal.of(study.targets, study.config["sequential"]["tolerance_percent"], study.parameters)
 
 
-def _random(study, data):
-    """Random numbers of a proposal: by the number of the last batch, or by the number of runs."""
+def _random(study: Studied, data: pd.DataFrame) -> np.random.Generator:
+    """Seed the random numbers of a proposal by the number of the last batch, or by the number of runs."""
     turn = int(data["batch"].max()) if "batch" in data else len(data)
     return np.random.default_rng([study.config["design"]["seed"], turn])
 
 
-def _at(unit, best, study, data):
-    """The answer at a point (d,) of the unit cube."""
-    space, targets, model = study.parameters, study.targets, best.model.model
-    mean, covariance = model.predict(unit[None])
+def _at(unit: np.ndarray, best: Answer, study: Studied, data: pd.DataFrame) -> Answer:
+    """Move the answer to a point (d,) of the unit cube."""
+    space, targets = study.parameters, study.targets
+    assert isinstance(best.model, SpaceKriging)
+    mean, covariance = best.model.model.predict(unit[None])
     probability = {
         column: float(Goal.of(targets, percent, space).probability(mean, covariance)[0])
         for percent, column in WITHIN.items()
@@ -131,14 +133,14 @@ def _at(unit, best, study, data):
     )
 
 
-def _checks(study):
-    """Runs of the answer; a simulator of the user's own has no key for them."""
+def _checks(study: Studied) -> int:
+    """Return the number of runs of the answer; a simulator of the user's own has no key for it."""
     section = study.config["sequential"]
     return section.get("checks", section["seeds"])
 
 
 def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
-    """The state after the runs so far; `needed` are the pours that the noise alone asks for."""
+    """Describe the state after the runs so far; `needed` are the pours that the noise alone asks for."""
     space, targets = study.parameters, study.targets
     answer = dict(zip(space.names, space.values(advice.answer[None])[0].tolist(), strict=True))
     state: dict[str, Any] = {"probability": advice.probability, "reachable": advice.reachable}
@@ -151,8 +153,8 @@ def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
     return {**state, "nearest": nearest, "answer": answer, "row": row | answer, "why": why}
 
 
-def _end(notes, study, data):
-    """The end of the search, for the summary and the report."""
+def _end(notes: Mapping[str, Any], study: Studied, data: pd.DataFrame) -> dict[str, Any]:
+    """Describe the end of the search, for the summary and the report."""
     section = study.config["sequential"]
     kept = ("answer", "probability", "stop", "needed", "in_reach", "nearest")
     tolerance = section["tolerance_percent"]
@@ -166,8 +168,8 @@ def _end(notes, study, data):
     return end | ({"note": _out_of_reach(notes, study.targets)} if notes["stop"] == "out_of_reach" else {})
 
 
-def _out_of_reach(notes, targets):
-    """How near the answer comes, a sentence."""
+def _out_of_reach(notes: Mapping[str, Any], targets: Targets) -> str:
+    """Say in a sentence how near the answer comes."""
     off = []
     for target in targets:
         mean, error = (notes["row"][f"{target.name}_{what}"] for what in ("mean", "error"))
