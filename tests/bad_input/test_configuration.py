@@ -241,6 +241,13 @@ def aliases(levels):
     return "\n".join(lines)
 
 
+@pytest.mark.parametrize("text", [b"null: 3\n", b"~: 3\n", b"1.5: 3\n", b"funnel: {null: 3}\n", b"funnel: {1.5: 3}\n"])
+def test_a_key_that_is_no_text_is_answered(text, tmp_path):
+    (tmp_path / "odd.yaml").write_bytes(text)
+    with pytest.raises(InputError, match=r"odd\.yaml: (funnel\.)?(None|1\.5) is 3; allowed: no such key"):
+        Study.load(tmp_path / "odd.yaml")
+
+
 def test_aliases_that_multiply_end_in_a_short_message_at_once(refused, tmp_path):
     for levels in (4, 5, 6, 9, 60):
         (tmp_path / "mine.yaml").write_text(aliases(levels))

@@ -1,13 +1,15 @@
 """Every verb, with each of its files replaced by something that is none, and with options that it cannot take."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shared import check_all
 
-from repose.cli import VERBS
+from repose.cli import VERBS, main
+from repose.core.parameters import PARAMETERS
 
 BERRY = Path(__file__).parents[2] / "results/published/recommended/berry"
 WRITES = ("out", "overlay", "stl")
@@ -206,3 +208,23 @@ def test_arrays_of_another_kind(refused, tmp_path):
     (tmp_path / "a.pours.json").write_text(json.dumps({"pours": [{"seed": 1, "status": "ok"}], "sample": 1}))
     berry = [f"--{name}={BERRY / name}.json" for name in ("berry", "particle")]
     assert "position_1" in refused("stage", "measure_runs", "a.pours.json", *berry)
+
+
+@pytest.mark.parametrize(
+    ("column", "cell", "words"),
+    [
+        ("e_gg", "1_0", "a number"),
+        ("e_gg", "\uff10.3", "a number"),
+        ("e_gg", "1:30", "a number"),
+        ("gamma_gg", "0.2", "no such column"),
+        ("sample", "1", "each sample once"),
+    ],
+)
+def test_a_cell_of_a_samples_table_is_refused_by_name(column, cell, words, tmp_path, capsys):
+    row = dict(zip(("sample", *PARAMETERS), ("1", ".2", ".5", ".05", ".3", ".5", ".1"), strict=True))
+    rows = [row, row | {"sample": "1"}] if column == "sample" else [row | {column: cell}]
+    text = "\n".join([",".join(rows[0]), *(",".join(one.values()) for one in rows)])
+    (tmp_path / "s.csv").write_text(f"{text}\n", encoding="utf-8")
+    words_of = ("--samples", str(tmp_path / "s.csv"), "--sample", "1", "--seed", "1", "--out", str(tmp_path / "out"))
+    assert main(["stage", "pour", *words_of]) == 2
+    assert re.search(rf"s\.csv.*{column} is .*{words}", capsys.readouterr().err)

@@ -57,7 +57,12 @@ def parameters(
     if samples:
         if chosen or sample is None:
             raise InputError("command line", "--samples", samples, "together with --sample, without --set")
-        return read_sample(samples, sample)
+        found = read_sample(samples, sample)
+        for name in found:
+            if name not in named(section):
+                allowed = "no such column: the study has no parameter of this name, or its laws lack it"
+                raise InputError(f"{samples}, sample {sample}", name, found[name], allowed)
+        return found
     if sample is not None:
         raise InputError("command line", "--sample", sample, "together with --samples")
     for name, value in chosen.items():

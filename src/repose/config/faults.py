@@ -185,7 +185,8 @@ def _faults(errors: list[_Error], config: Any, source: str | Origin, model: type
             meant |= {".".join([*error.path, *near])}
             hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
             extra = f"{key}.{error.unknown}" if key else str(error.unknown)
-            value = _at(config, error.path)[error.unknown]
+            # a key such as null or 1.5 is no text in the file, and is one in the error
+            value = {str(name): value for name, value in _at(config, error.path).items()}[str(error.unknown)]
             yield YamlError(origin_of(source, extra), extra, value, f"no such key; {hint}")
         elif error.type == "missing":
             if key not in meant:

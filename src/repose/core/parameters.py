@@ -1,6 +1,7 @@
 """The contact parameters that are calibrated, in the order every table uses: six, then the contact law's own."""
 
 import math
+import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -72,11 +73,21 @@ def named(names: Iterable[str]) -> tuple[str, ...]:
     return (*PARAMETERS, *(name for name in FURTHER if name in given))
 
 
+NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+
+
+def plain_number(value: object) -> float:
+    """Read a number as tables write it; ValueError for what only Python takes for one: 1_0, full-width digits, nan."""
+    if isinstance(value, str) and not NUMBER.fullmatch(value):
+        raise ValueError(f"{value!r} is no number")
+    return float(value)  # type: ignore[arg-type]
+
+
 def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
     """A parameter's value, or its text, as a finite number within `PHYSICAL_LIMITS`; otherwise InputError."""
     key = name if key is None else key
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = plain_number(value)
     except (TypeError, ValueError):
         raise InputError(source, key, value, "a number") from None
     low, high = PHYSICAL_LIMITS[name]

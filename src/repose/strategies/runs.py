@@ -13,6 +13,7 @@ from repose.core.errors import InputError
 from repose.core.files import check_columns, read_rows, write_table
 from repose.core.lock import exclusive
 from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import plain_number
 from repose.core.runs import mean_and_error
 from repose.core.targets import Targets
 from repose.strategies.base import Studied, strategy
@@ -130,7 +131,7 @@ def _checked_row(row: Mapping[str, Any], study: Studied, source: object) -> dict
 def _number(cell: Any, source: object, name: str, more: str = "") -> float:
     """Read a finite number; InputError for anything else."""
     try:
-        value = float(cell)
+        value = plain_number(cell)
     except (TypeError, ValueError):
         value = math.nan
     if not math.isfinite(value):
