@@ -50,7 +50,7 @@ class Check:
 
     @classmethod
     def of(cls, target: Target, simulated: float | None, standard_error: float | None, runs: int, status: str) -> Self:
-        """The check of a target."""
+        """Make the check of a target, without its prediction."""
         response, unit = target.name, target.response.unit
         ends = target.value, target.sd, target.low, target.high
         whole = None if target.profile is None else target.whole_value
@@ -212,7 +212,7 @@ def read(
     solutions_csv: str | os.PathLike,
     strategy: str = "published",
 ) -> Answer:
-    """The answer in the files of the verbs miga and validate, or of the check of another strategy."""
+    """Read the answer in the files of the verbs miga and validate, or of the check of another strategy."""
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
     rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "a table of the verb validate")}
@@ -244,44 +244,44 @@ def read(
 
 
 def out_of_reach(summary: Mapping[str, Any]) -> bool:
-    """Whether no parameter set is predicted to meet the targets, which a strategy with a `stop` judges itself."""
+    """Tell whether no parameter set is predicted to meet the targets, which a strategy with a `stop` judges itself."""
     return not summary["feasible"] and summary.get("stop", "out_of_reach") == "out_of_reach"
 
 
 def in_one_line(met: bool | None, checks: Iterable[Check], reason: str, small_run: bool = False) -> str:
-    """The verdict with its numbers; where the targets are not met, with the reason."""
+    """Write the verdict with its numbers; where the targets are not met, with the reason."""
     small = "a small run, its numbers are no calibration: " if small_run else ""
     numbers = ", ".join(check.numbers for check in checks)
     return f"{small}{SAID[met]}. {numbers}." + ("" if met else f" {reason}")
 
 
 def describe_parameters(parameters: Mapping[str, float]) -> list[str]:
-    """A line for each parameter: name, value and meaning."""
+    """Write a line for each parameter: name, value and meaning."""
     return [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in parameters.items()]
 
 
 def nearness(checks: Iterable[Check]) -> str:
-    """Differences of the simulated from the measured means, as a sentence."""
+    """Write in a sentence how far the simulated means are from the measured ones."""
     return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
 def describe_probability(within: Mapping[float, float | None]) -> str:
-    """Probability that all means are near their targets, as text; `within` as in `Answer`."""
+    """Write the probability that all means are near their targets; `within` as in `Answer`."""
     if None in within.values():
         return "the distance of the means from their targets is unknown"
     shares = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())
     return f"probability that all means are near their targets, by these runs alone: {shares}"
 
 
-def _check(target, row, source):
-    """A row of representative.csv with its target."""
+def _check(target: Target, row: Mapping[str, str], source: object) -> Check:
+    """Read a row of representative.csv with its target."""
     simulated, error, runs = (_number(row, key, source) for key in ("simulated", "simulated_se", "n_seeds"))
     predicted = _number(row, "predicted", source) if "predicted" in row else None
     return replace(Check.of(target, simulated, error, int(runs or 0), row["status"]), predicted=predicted)
 
 
-def _number(row, key, source):
-    """A number of a table; None if the cell is empty."""
+def _number(row: Mapping[str, str], key: str, source: object) -> float | None:
+    """Read a number of a table; None if the cell is empty."""
     try:
         return float(row[key]) if row.get(key) else None
     except ValueError:

@@ -5,7 +5,7 @@ content, `card_text` prints it.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,7 +49,7 @@ def make(
     dataset_csv: str | PathLike | None = None,
     row: "Mapping[str, Any] | None" = None,
 ) -> dict[str, Any]:
-    """The card of a finished calibration; without a posterior, intervals and correlations come from the sets found.
+    """Make the card of a calibration; without a posterior, intervals and correlations come from the sets found.
 
     `dataset_csv` are the samples of the design. `row` is the answer's in table4.csv, which has its piles by every
     definition of the angle.
@@ -78,7 +78,7 @@ def assembled(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
-    """A card from its parts."""
+    """Assemble a card from its parts."""
     draws = feasible if posterior is None else posterior[1]
     between = ends(space, feasible, posterior)
     correlations = draws[list(space.free)].corr().fillna(0.0)
@@ -111,7 +111,7 @@ def assembled(
 
 
 def laws(config: Mapping[str, Any]) -> dict[str, str]:
-    """The contact laws of a configuration as text, by direction."""
+    """Describe the contact laws of a configuration, by direction."""
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
     from repose.dem.laws.law import COULOMB
 
@@ -124,7 +124,7 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
-    """Definition of a response and settings of its bench test, with the units in the keys."""
+    """Describe a response by its definition and its bench test's settings, with the units in the keys."""
     from repose.measure.settings import MeasureSettings
 
     test = bench(response.apparatus)
@@ -136,10 +136,8 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
     if BERRY_HEIGHT in settings:
         height = MeasureSettings.of(config["measure"], berry).berry_height_mm
         settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
-    profile = next(
-        (one["profile"] for one in config["targets"] if one["response"] == response.name and "profile" in one), None
-    )
-    if profile is not None:
+    profiles = (one["profile"] for one in config["targets"] if one["response"] == response.name and "profile" in one)
+    if (profile := next(profiles, None)) is not None:
         settings["profile"] = {key: profile[key] for key in ("x", "functions", "covered")}
     return {
         "definition": {"name": response.label, "settings": settings},
@@ -147,12 +145,12 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
     }
 
 
-def _lines(config, name, row):
-    """The line of an angle of a pile, and the same piles by every definition; nothing for another response."""
+def _lines(config: Mapping[str, Any], name: str, row: Mapping[str, Any]) -> dict[str, Any]:
+    """Describe the line of an angle of a pile, and the piles by every definition; nothing for another response."""
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import line_for, line_of
 
-    def number(column):
+    def number(column: str) -> float | None:
         value = row.get(column)
         return None if value is None or math.isnan(value) else float(value)
 
@@ -173,7 +171,7 @@ def _lines(config, name, row):
 def ends(
     space: ParameterSpace, feasible: "pd.DataFrame", posterior: "tuple[pd.DataFrame, pd.DataFrame] | None"
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Interval of each parameter; (None, None) for a fixed parameter."""
+    """Find the interval of each parameter; (None, None) for a fixed parameter."""
     found: dict[str, tuple[float | None, float | None]] = dict.fromkeys(space.names, (None, None))
     table = None if posterior is None else posterior[0].set_index("parameter")
     for name in space.free:
@@ -185,7 +183,7 @@ def ends(
 
 
 def held(space: ParameterSpace, name: str, value: float, low: float | None, high: float | None) -> dict[str, Any]:
-    """The ends of a parameter's interval, which hold its value unless that lies at a bound of what was searched."""
+    """Widen a parameter's interval to hold its value, unless that lies at a bound of what was searched."""
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}
     k = space.free.index(name)
@@ -199,21 +197,21 @@ def held(space: ParameterSpace, name: str, value: float, low: float | None, high
 
 
 def with_remark(words: str, row: Mapping[str, Any]) -> str:
-    """Words on a parameter, with what `held` says of its interval."""
+    """Add to words on a parameter what `held` says of its interval."""
     if "at_bound" in row:
         return f"{words}; at the {row['at_bound']} bound of the range"
     return f"{words}; interval widened to hold the answer" if "widened" in row else words
 
 
-def _given(name, space):
-    """Origin of a parameter's value."""
+def _given(name: str, space: ParameterSpace) -> str:
+    """Tell where a parameter's value comes from."""
     if name not in space.free:
         return "fixed"
     return "calibrated from a prior" if name in space.prior else "calibrated"
 
 
-def _grain(config, berry, particle):
-    """The grain as simulated."""
+def _grain(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
+    """Describe the grain as simulated."""
     alike = config["berry"]["size_distribution"] == "none"
     return {
         "mean_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
@@ -228,19 +226,19 @@ def _grain(config, berry, particle):
     }
 
 
-def _rounded(value):
-    """Six digits; more are not measured."""
+def _rounded(value: float) -> float:
+    """Round to six digits; more are not measured."""
     return float(f"{value:.6g}")
 
 
-def _paired(checks, targets):
-    """Each check with its target."""
+def _paired(checks: Iterable[Check], targets: Targets) -> list[tuple[Check, Target]]:
+    """Pair each check with its target."""
     by_name = {target.name: target for target in targets}
     return [(check, by_name[check.response]) for check in checks]
 
 
 def _test(check: Check, target: Target) -> dict[str, Any]:
-    """The entry of one test of the calibration."""
+    """Make the entry of one test of the calibration."""
     return {
         "response": check.response,
         "apparatus": target.response.apparatus,
@@ -260,8 +258,8 @@ def _test(check: Check, target: Target) -> dict[str, Any]:
     }
 
 
-def _made_by():
-    """Version, configuration, engine and seed that made the card."""
+def _made_by() -> dict[str, Any]:
+    """Name the version, configuration, engine and seed that made the card."""
     record = provenance.current() or provenance.machine()
     return {
         "version": record["repose"],
@@ -301,8 +299,8 @@ def run(
     return card
 
 
-def _path(files, name):
-    """A path that must be given."""
+def _path(files: Mapping[str, str | PathLike | None], name: str) -> str | PathLike:
+    """Return a path that must be given."""
     path = files.get(name)
     if path is None:
         raise InputError("command line", f"--{name}", None, "the path of a file")
@@ -320,16 +318,15 @@ def read(path: str | PathLike) -> dict[str, Any]:
 
 
 def read_own(card_json: str | PathLike) -> dict[str, Any]:
-    """The card of a study that was simulated by this program; the card of another simulator raises InputError."""
+    """Read the card of a study that this program simulated; the card of another simulator raises InputError."""
     card = read(card_json)
     if "simulator" in card:
-        allowed = "none: a card whose study repose simulated"
-        raise InputError(card_json, "simulator", card["simulator"], allowed)
+        raise InputError(card_json, "simulator", card["simulator"], "none: a card whose study repose simulated")
     return card
 
 
 def configuration_of_card(card_json: str | PathLike) -> Path:
-    """The configuration that a run wrote beside its card; InputError if there is none."""
+    """Find the configuration that a run wrote next to its card; InputError if there is none."""
     path = Path(card_json).with_name(CONFIG)
     if not path.is_file():
         allowed = f"the configuration of the study of {card_json}, as no {CONFIG} lies beside it"
@@ -356,7 +353,7 @@ def require_one_study(
 def _differences_from(
     card: Mapping[str, Any], config: Mapping[str, Any], berry: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any, Any]]:
-    """The differences as (key, value of the card, value of the configuration)."""
+    """Find the differences, as (key, value of the card, value of the configuration)."""
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     expected = {"material": config["label"], "grain.mean_axes_mm": axes}
     expected |= {f"grain.{key}": berry[key] for key in GRAIN}
@@ -373,8 +370,8 @@ def _differences_from(
             yield key, mine.get(key), value
 
 
-def _same(first, second):
-    """Whether two values are the same; numbers to the precision of a file."""
+def _same(first: object, second: object) -> bool:
+    """Tell whether two values are the same; numbers to the precision of a file."""
     if isinstance(first, list) and isinstance(second, list):
         return len(first) == len(second) and all(map(_same, first, second))
     if isinstance(first, int | float) and isinstance(second, int | float):

@@ -1,6 +1,6 @@
 """Material cards as text: one alone, its verdict, or two side by side."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -11,14 +11,14 @@ MET = {True: "met", False: "NOT met", None: "not simulated again"}
 
 
 def verdict(card: Mapping[str, Any]) -> str:
-    """Whether the targets are met, in one line with numbers, and why."""
+    """Tell whether the targets are met, in one line with numbers, and why."""
     reason = card.get("reason", "The card is of an older version, which gave no reason.")
     line = in_one_line(card["met"], map(_check, card["tests"]), reason, card.get("small_run", False))
     return f"{card['material']}: {line}" + (f"\n{reason}" if card["met"] else "")
 
 
 def describe(card: Mapping[str, Any]) -> str:
-    """A card as text for people."""
+    """Write a card as text for people."""
     made = card["made_by"]
     free = list(card["correlations"])
     pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
@@ -46,8 +46,8 @@ def describe(card: Mapping[str, Any]) -> str:
     )
 
 
-def _about(card):
-    """The simulated grain, wall and laws, or the other simulator."""
+def _about(card: Mapping[str, Any]) -> Iterator[str]:
+    """Describe the simulated grain, wall and laws, or the other simulator."""
     if "simulator" in card:
         chance = card["probability"]
         yield f"simulator: {card['simulator']}"
@@ -70,7 +70,7 @@ def _about(card):
 
 
 def compared(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
-    """Two cards side by side, with the differences that hinder a comparison of their parameters."""
+    """Write two cards side by side, with the differences that hinder a comparison of their parameters."""
     names = [card["material"] for card in (first, second)]
     rows = [["", *names]]
     for name in dict.fromkeys([*first["parameters"], *second["parameters"]]):
@@ -88,8 +88,8 @@ def compared(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     return "\n".join([*(line.rstrip() for line in lines), *_differences(first, second)])
 
 
-def _differences(first, second):
-    """Sentences on the differences of two cards besides the grain."""
+def _differences(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str]:
+    """Describe in sentences how two cards differ, the grain aside."""
     simulators = [card.get("simulator", "repose") for card in (first, second)]
     if simulators[0] != simulators[1]:
         yield f"Another simulator: {simulators[0]} | {simulators[1]}."
@@ -105,8 +105,8 @@ def _differences(first, second):
         yield "The versions of the simulator differ."
 
 
-def _other_tests(first, second):
-    """Sentences on responses with different definitions, and on bench tests with different settings."""
+def _other_tests(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str]:
+    """Describe in sentences the responses with different definitions and the bench tests with different settings."""
     tests = [{test["response"]: test["definition"] for test in card["tests"]} for card in (first, second)]
     for name in (name for name in tests[0] if name in tests[1]):
         pair = [of[name] for of in tests]
@@ -121,45 +121,42 @@ def _other_tests(first, second):
             yield f"Another {name}: {_unlike(benches[0][name], benches[1][name])}."
 
 
-def _unlike(first, second):
-    """Keys whose values differ, with both."""
-    keys = dict.fromkeys([*first, *second])
-    differing = [
-        (key, *(_plain(of.get(key)) for of in (first, second))) for key in keys if first.get(key) != second.get(key)
-    ]
-    return "; ".join(f"{key} {mine} | {theirs}" for key, mine, theirs in differing)
+def _unlike(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+    """List the keys whose values differ, with both values."""
+    differing = (key for key in {**first, **second} if first.get(key) != second.get(key))
+    return "; ".join(f"{key} {_plain(first.get(key))} | {_plain(second.get(key))}" for key in differing)
 
 
 def _overlap_note(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
-    """Whether two intervals overlap."""
+    """Note that two intervals do not overlap; empty if they do."""
     ends = [value for part in (first, second) for value in (part["low"], part["high"])]
     if None in ends:
         return ""
     return "" if ends[0] <= ends[3] and ends[2] <= ends[1] else "intervals apart"
 
 
-def _value(parameter):
-    """A parameter with its interval."""
+def _value(parameter: Mapping[str, Any]) -> str:
+    """Write a parameter with its interval."""
     if parameter["low"] is None:
         return f"{parameter['value']:.4g} fixed"
     return f"{parameter['value']:.4g} [{parameter['low']:.4g}, {parameter['high']:.4g}]"
 
 
-def _simulated(test):
-    """Simulated and measured response."""
+def _simulated(test: Mapping[str, Any] | None) -> str:
+    """Write the simulated and the measured response."""
     if test is None:
         return "-"
     simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}"
     return f"{simulated} {test['unit']}, measured {test['measured']:.4g}"
 
 
-def _check(test):
-    """A test of the card as a `Check`."""
+def _check(test: Mapping[str, Any]) -> Check:
+    """Read a test of the card as a `Check`."""
     return Check(**{field.name: test[field.name] for field in fields(Check) if field.name in test})
 
 
-def _test_lines(test):
-    """A test with the definition of its response."""
+def _test_lines(test: Mapping[str, Any]) -> Iterator[str]:
+    """Describe a test, and how its response is defined."""
     simulated = _mean(test["simulated"], test["standard_error"])
     simulated += "" if test["simulated"] is None else f" {test['unit']}"
     yield (
@@ -180,35 +177,35 @@ def _test_lines(test):
         yield f"  the same piles by every line, {test['unit']}: {'; '.join(shown)}"
 
 
-def _mean(mean, error):
-    """A mean with its standard error."""
+def _mean(mean: float | None, error: float | None) -> str:
+    """Write a mean with its standard error."""
     if mean is None:
         return "no number"
     return f"{mean:.4g}" + ("" if error is None else f" +- {error:.2g}")
 
 
-def _settings(section):
-    """Keys with their values."""
+def _settings(section: Mapping[str, Any]) -> str:
+    """List keys with their values."""
     return ", ".join(f"{key} {_plain(value)}" for key, value in section.items())
 
 
-def _benches(card):
-    """Settings of each bench test with known settings, by its name."""
+def _benches(card: Mapping[str, Any]) -> dict[str, Any]:
+    """Find the settings of each bench test that states them, by its name."""
     return {test["apparatus"]: test["bench"] for test in card["tests"] if test["bench"] is not None}
 
 
-def _chance(value):
-    """A probability."""
+def _chance(value: float | None) -> str:
+    """Write a probability."""
     return "unknown; it requires two good runs of each bench test" if value is None else f"{value:.2f}"
 
 
-def _moduli(part):
-    """Moduli of a material."""
+def _moduli(part: Mapping[str, Any]) -> str:
+    """Write the moduli of a material."""
     return f"shear modulus {part['shear_modulus_pa']:.4g} Pa, Poisson's ratio {part['poisson_ratio']:.3g}"
 
 
 def _plain(value: Any) -> str:
-    """A value of a table."""
+    """Write a value of a table."""
     if isinstance(value, Sequence) and not isinstance(value, str):
         return " x ".join(f"{item:.4g}" for item in value)
     if isinstance(value, bool) or value is None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 
 PERCENT = (1.0, 2.0)  # of the aims, reported with every answer
 DRAWS = 200_000
@@ -15,7 +15,7 @@ SEED = 2026
 def chance_of_meeting(
     runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets, percent: float | None = None
 ) -> dict[str, float | None]:
-    """Probability that the simulator's own mean meets the target, for each target and for `all` together.
+    """Compute how probably the simulator's own mean meets the target, for each target and for `all` together.
 
     Without prior knowledge the mean, given n runs, has a multivariate t distribution about the runs' mean, with
     n - 1 degrees of freedom. None where fewer than two runs gave the response.
@@ -41,14 +41,14 @@ def chance_of_meeting(
     return chances
 
 
-def _values(runs, own):
-    """Responses (n, k) of the ok runs of a bench test."""
+def _values(runs: Sequence[Mapping[str, Any]], own: Sequence[Target]) -> np.ndarray:
+    """Collect the responses (n, k) of a bench test's ok runs."""
     rows = [[run[target.name] for target in own] for run in runs if run["status"] == "ok"]
     return np.array(rows, dtype=float).reshape(-1, len(own))
 
 
-def _means(values, random):
-    """Draws of the true mean given runs (n, k)."""
+def _means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Draw the true mean (DRAWS, k), given runs (n, k)."""
     n, k = values.shape
     covariance = np.cov(values, rowvar=False).reshape(k, k) / n
     sizes, axes = np.linalg.eigh(covariance)  # also where it is singular

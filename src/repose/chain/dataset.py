@@ -21,7 +21,7 @@ from repose.core.parameters import named
 from repose.core.responses import Definitions
 from repose.core.runs import Recorded, summarise_runs
 from repose.core.seeds import UNNAMED
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings
 
@@ -34,7 +34,7 @@ Job = Mapping[str, Any]
 def assemble(
     samples: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The dataset (a row for each sample, ok if so in every bench test) and the single runs (a row for each run)."""
+    """Assemble dataset (a row for each sample, ok if so in every bench test) and single runs (a row for each run)."""
     summaries = [
         _merged({name: summarise(jobs[name][sample]["runs"], name, targets) for name in targets.apparatus})
         for sample in samples["sample"]
@@ -49,17 +49,17 @@ def assemble(
 
 
 def recorded(apparatus: str, targets: Targets) -> Recorded:
-    """Responses of a bench test that the tables keep: its targets, then the responses that it always records."""
+    """List a bench test's columns in the tables: its targets, then the responses that it always records."""
     return bench(apparatus).recorded.beginning_with(tuple(target.name for target in _own(targets, apparatus)))
 
 
 def summarise(runs: Sequence[Mapping[str, Any]], apparatus: str, targets: Targets) -> dict[str, Any]:
-    """Summary of the runs of a sample in one bench test, targets first; see `repose.core.runs.summarise_runs`."""
+    """Summarise the runs of a sample in one bench test, targets first; see `repose.core.runs.summarise_runs`."""
     return summarise_runs(runs, recorded(apparatus, targets))
 
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
-    """Numbers of samples and of runs by status, and the same as text."""
+    """Count samples and runs by status, also as text."""
     by_status = {status: int(n) for status, n in Counter(dataset["status"]).most_common()}
     left_out = dataset[dataset["status"] != "ok"]
     words = ", ".join(f"{n} {status}" for status, n in by_status.items() if status != "ok")
@@ -106,20 +106,20 @@ def run(
 
 
 def read_definitions(dataset_csv: str | os.PathLike) -> tuple[Definitions, Path]:
-    """Definitions of the responses of a dataset, and the summary beside it that has them; empty if none."""
+    """Read how a dataset's responses are defined, empty if unknown, and the path of the summary that says so."""
     summary, path = read_summary(dataset_csv)
     return summary.get("definitions", {}), path
 
 
 def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
-    """The summary beside a dataset, empty if there is none, and its path."""
+    """Read the summary next to a dataset, empty if there is none; return it with its path."""
     path = Path(dataset_csv)
     path = path.with_name(f"{path.stem}{SUMMARY}")
     return (read_json(path, what="the summary of a dataset") if path.is_file() else {}), path
 
 
 def read_jobs(paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets) -> dict[str, dict[int, Job]]:
-    """Jobs by bench test, then by sample, checked against the table of samples."""
+    """Read jobs by bench test, then by sample, and check them against the table of samples."""
     expected = samples.set_index("sample")[list(named(samples))]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
     source: dict[tuple[str, int], object] = {}
@@ -133,9 +133,8 @@ def read_jobs(paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets
             raise InputError(path, "sample", sample, allowed)
         for name in expected:
             value, expected_value = job["parameters"].get(name), float(expected.at[sample, name])
-            if not isinstance(value, int | float) or not math.isclose(
-                value, expected_value, rel_tol=1e-6, abs_tol=1e-9
-            ):
+            number = value if isinstance(value, int | float) else math.nan
+            if not math.isclose(number, expected_value, rel_tol=1e-6, abs_tol=1e-9):
                 raise InputError(path, f"parameters.{name}", value, f"{expected_value}, as in the table of samples")
         jobs[apparatus][sample], source[apparatus, sample] = job, path
     for name, by_sample in jobs.items():
@@ -146,7 +145,7 @@ def read_jobs(paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets
 
 
 def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
-    """A job and the name of its bench test."""
+    """Read and check a job; return it with the name of its bench test."""
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)
     if apparatus not in targets.apparatus:
@@ -171,28 +170,27 @@ def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
     return job, apparatus
 
 
-def _own(targets, apparatus):
-    """The targets of a bench test."""
+def _own(targets: Targets, apparatus: str) -> tuple[Target, ...]:
+    """Select the targets of a bench test."""
     return tuple(target for target in targets if target.response.apparatus == apparatus)
 
 
-def _merged(summaries):
-    """The summary of a sample from the summaries of its bench tests, by name."""
+def _merged(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Merge the summaries of a sample's bench tests, which come by name."""
     first, *others = summaries.values()
     if not others:
         return first
     merged = {key: value for summary in summaries.values() for key, value in summary.items()}
     failed = [summary["status"] for summary in summaries.values() if summary["status"] != "ok"]
     merged["status"] = failed[0] if failed else "ok"
-    merged["reason"] = "; ".join(
-        f"{name}: {summary['reason']}" for name, summary in summaries.items() if summary["reason"]
-    )
+    reasons = (f"{name}: {summary['reason']}" for name, summary in summaries.items() if summary["reason"])
+    merged["reason"] = "; ".join(reasons)
     merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())
     return merged
 
 
-def _all_runs(samples, jobs, targets):
-    """The table of single runs: sample after sample, bench test after bench test."""
+def _all_runs(samples: Iterable[int], jobs: Mapping[str, Mapping[int, Job]], targets: Targets) -> pd.DataFrame:
+    """Make the table of single runs: sample after sample, bench test after bench test."""
     several = len(targets.apparatus) > 1
     columns = dict.fromkeys(("sample", *(["apparatus"] if several else []), *RUN, *targets.names))
     for name in targets.apparatus:

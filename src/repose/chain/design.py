@@ -33,21 +33,21 @@ METHODS = {
 
 
 def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
-    """Random Latin hypercube (n, d) in the unit cube: random pairing, random position in each stratum."""
+    """Draw a random Latin hypercube (n, d) in the unit cube: random pairing, random position in each stratum."""
     position = rng.uniform(EDGE_MARGIN, 1.0 - EDGE_MARGIN, (n, d))
     stratum = np.stack([rng.permutation(n) for _ in range(d)], axis=1)
     return (stratum + position) / n
 
 
 def minimum_distance(points: np.ndarray) -> float:
-    """Smallest Euclidean distance between two points (n, d): the maximin criterion, Eq. 5 of the paper."""
+    """Find the smallest Euclidean distance between two points (n, d): the maximin criterion, Eq. 5 of the paper."""
     from scipy.spatial.distance import pdist
 
     return float(pdist(points).min())
 
 
 def phi_p(points: np.ndarray, power: float = PHI_POWER) -> float:
-    """Morris and Mitchell's criterion (sum of distance^-power)^(1/power); a small value is good.
+    """Compute Morris and Mitchell's criterion (sum of distance^-power)^(1/power); a small value is good.
 
     It goes to 1 / minimum distance as the power grows (Morris and Mitchell 1995, J. Stat. Plan. Inference 43:381).
     """
@@ -57,7 +57,7 @@ def phi_p(points: np.ndarray, power: float = PHI_POWER) -> float:
 
 
 def lhsdesign(n: int, d: int, iterations: int = 20, rng: np.random.Generator | None = None) -> np.ndarray:
-    """The paper's design (n, d): of `iterations` random Latin hypercubes the one with the largest minimum distance."""
+    """Draw random Latin hypercubes (n, d), and return the one with the largest minimum distance, as the paper does."""
     _check_size(n, d)
     if iterations < 1:
         raise ValueError(f"iterations is {iterations}; at least 1")
@@ -66,7 +66,7 @@ def lhsdesign(n: int, d: int, iterations: int = 20, rng: np.random.Generator | N
 
 
 def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
-    """Latin hypercube (n, d) whose points are as far apart as exchanges within its columns can put them.
+    """Make a Latin hypercube (n, d) whose points are as far apart as exchanges within its columns can put them.
 
     Enhanced stochastic evolution (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268) on phi_p, for powers
     that grow, from the `lhsdesign` of the same seed; the best design by minimum distance is kept.
@@ -86,7 +86,7 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 
 def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
-    """First points (n, d) of a scrambled Sobol sequence; a longer one of the same seed begins with them."""
+    """Draw the first points (n, d) of a scrambled Sobol sequence; a longer one of the same seed begins with them."""
     from scipy.stats import qmc
 
     _check_size(n, d)
@@ -95,7 +95,7 @@ def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 
 def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """Quality of designs, by method: `method`, `samples`, `min_distance`, `phi_p`, `centred_discrepancy`."""
+    """Judge designs by method: `method`, `samples`, `min_distance`, `phi_p`, `centred_discrepancy`."""
     from scipy.stats import qmc
 
     rows = [
@@ -112,7 +112,7 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 
 def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The parameter sets of a study, and the table of `compare`.
+    """Choose the parameter sets of a study; return them with the table of `compare`.
 
     The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
     prior, which is applied in the search and in the posterior.
@@ -130,7 +130,7 @@ def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple
 
 
 def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
-    """The design (n, d) of a method: "random", "lhsdesign" or "optimal"."""
+    """Make the design (n, d) of a method: "random", "lhsdesign" or "optimal"."""
     if method == "optimal":
         return optimal_lhs(n, d, seed)
     make = random_lhs if method == "random" else lhsdesign
@@ -138,7 +138,7 @@ def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
 
 
 def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:
-    """Points (n, d) of the unit cube as a table: `sample` from 1, and the parameters."""
+    """Turn points (n, d) of the unit cube into a table: `sample` from 1, and the parameters."""
     table = pd.DataFrame(space.values(points), columns=list(space.names))
     table.insert(0, "sample", np.arange(1, len(table) + 1))
     return table
@@ -154,13 +154,13 @@ def run(
     return table, comparison
 
 
-def _is_integer(value):
-    """True for an int other than a bool."""
+def _is_integer(value: object) -> bool:
+    """Tell whether a value is an integer and no bool."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
-def _check_size(n, d):
-    """ValueError unless there are two points and a column."""
+def _check_size(n: int, d: int) -> None:
+    """Raise ValueError unless there are two points and a column."""
     if n < 2:
         raise ValueError(f"n is {n}; a design has at least 2 points")
     if d < 1:

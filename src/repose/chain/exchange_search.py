@@ -39,7 +39,7 @@ class Pairs:
         return float(np.cumsum(self.repulsion[self.below])[-1])
 
     def gains(self, column: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """Change of `total` for each pair of rows i and j that swap their values in a column."""
+        """Compute the change of `total` for each pair of rows i and j that swap their values in a column."""
         x, rows, k = self.points[:, column], np.array([i, j]), np.arange(len(i))
         ends = x[rows][:, :, None] - x
         ends *= ends
@@ -79,7 +79,7 @@ def _next_threshold(
 
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")
 def evolve(start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Enhanced stochastic evolution on `repose.chain.design.phi_p` with p = 2^(doublings + 1).
+    """Improve a design by enhanced stochastic evolution on `repose.chain.design.phi_p`, p = 2^(doublings + 1).
 
     Each round goes through the columns, takes the best of a few random exchanges and accepts it against a random share
     of a threshold. The results are the design of smallest phi_p, and the design of the largest minimum distance.

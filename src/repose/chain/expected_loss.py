@@ -26,7 +26,7 @@ TINY = 1e-12  # least error of a prediction, so that one can divide by it
 
 
 def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
-    """Expectation (n,) of Eq. 11 at parameter sets X (n, d), for true means that are normal about their predictions."""
+    """Compute the expected Eq. 11 (n,) at parameter sets X (n, d), for true means normal about their predictions."""
     error = np.sqrt(np.diagonal(surrogate.covariance(X), axis1=1, axis2=2))
     off = surrogate.predict(X) - targets.aim
     z = np.abs(off) / np.maximum(error, TINY)
@@ -36,17 +36,17 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
 
 
 def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """The parameter set of least expected loss, with the entries of `judged`; of equal ones the nearest to priors."""
+    """Find the parameter set of least expected loss, with the entries of `judged`; of equals the nearest to priors."""
     from scipy.optimize import minimize
     from scipy.stats import qmc
 
     preference = Preference.of(space)
 
-    def loss(unit):
+    def loss(unit: np.ndarray) -> np.ndarray:
         expected = expected_loss(surrogate, space.values(unit), targets)
         return expected if preference is None else expected + preference(2 * unit - 1)
 
-    def with_gradient(place):
+    def with_gradient(place: np.ndarray) -> tuple[float, np.ndarray]:
         steps = STEP * np.eye(len(place))
         near = loss(np.concatenate([place[None], place + steps, place - steps]))
         forth, back = np.split(near[1:], 2)
@@ -65,7 +65,7 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
 
 
 def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targets) -> dict[str, Any]:
-    """Errors and probabilities of a parameter set by the surrogate.
+    """Judge a parameter set by the errors and probabilities of the surrogate.
 
     `predicted_se`: standard errors of the predicted means by response; `expected_error_percent`: root of the expected
     mean square of the relative deviations; `within`: probability that all means lie within some percent of the aims.

@@ -86,12 +86,9 @@ def invert(
         table["warning"] = support.warnings(table[list(space.names)].to_numpy(float))
     history = pd.DataFrame(history, columns=list(HISTORY))
     shown = table[table["feasible"]] if n_feasible else table
-    return Inversion(
-        table,
-        intervals(shown, space, published),
-        history,
-        _summary(table, space, targets, settings, evaluations, n_feasible, feasible_met),
-    )
+    counts = {"n_feasible_met": feasible_met, "n_solutions": n_feasible, "evaluations": int(evaluations)}
+    summary = _summary(table, space, targets, settings, counts)
+    return Inversion(table, intervals(shown, space, published), history, summary)
 
 
 def run(
@@ -127,13 +124,13 @@ def write(inversion: Inversion, out_dir: str | os.PathLike) -> None:
 
 
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """The surrogate as a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
+    """Make the surrogate a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
     respond = surrogate.response_function(space.complete(space.low)[0], space.complete(space.high)[0])
     if space.dimensions == len(space.names):
         return respond
     columns = [space.names.index(name) for name in space.free]
 
-    def respond_to_free(points):
+    def respond_to_free(points: np.ndarray) -> np.ndarray:
         every = np.zeros((len(points), len(space.names)))  # both ends of a fixed parameter are its value
         every[:, columns] = points
         return respond(every)
@@ -142,7 +139,7 @@ def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[
 
 
 def intervals(solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None) -> pd.DataFrame:
-    """Table 3: interval and dispersion (its width over the range's) of each parameter, beside the published ones."""
+    """Make Table 3: interval and dispersion (its width over the range's) of each parameter, and the published ones."""
     range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
     rows = []
     for name in space.names:
@@ -158,12 +155,11 @@ def intervals(solutions: pd.DataFrame, space: ParameterSpace, published: pd.Data
 
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
-    """The result of the search as text, from the responses (k,) of the representative."""
+    """Write the result of the search as text, from the responses (k,) of the representative."""
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
     best = f"the answer is predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
     aims = targets.in_words([f"{target.aim:g}" for target in targets])
-    off = targets.in_words([f"{value:.2f}" for value in abs(responses - targets.aim)])
-    off += f" from the target {aims}"
+    off = targets.in_words([f"{value:.2f}" for value in abs(responses - targets.aim)]) + f" from the target {aims}"
     if n_feasible:
         return (
             f"{n_feasible} distinct feasible solutions inside {ranges}, at least {distance:g} apart "
@@ -173,35 +169,35 @@ def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: 
     return f"All later stages use the nearest solutions: {best}, {beyond} outside the ranges {ranges}, {off}."
 
 
-def _summary(table, space, targets, settings, evaluations, n_feasible, feasible_met):
-    """The content of summary.json."""
+def _summary(
+    table: pd.DataFrame, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any], counts: dict[str, int]
+) -> dict[str, Any]:
+    """Make the content of summary.json."""
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
     box, off = _outside(responses, targets.low, targets.high), _outside(responses, targets.aim, targets.aim)
-    summary = {
-        "feasible": n_feasible > 0,
-        "n_feasible_met": feasible_met,
-        "n_solutions": n_feasible,
-        "evaluations": int(evaluations),
+    summary: dict[str, Any] = {
+        "feasible": counts["n_solutions"] > 0,
+        **counts,
         "distance": settings["distance"],
         "representative": {name: float(best[name]) for name in (*space.names, *targets.predicted, "objective")},
         "box_distance": dict(zip(targets.names, box, strict=True)),
         "target_distance": dict(zip(targets.names, off, strict=True)),
-        "message": message(responses, targets, n_feasible, settings["distance"]),
+        "message": message(responses, targets, counts["n_solutions"], settings["distance"]),
     }
     if "warning" in table and best["warning"]:
         summary["message"] += f" Beyond the samples: {best['warning']}."
     return summary
 
 
-def _behind(first, points, space, distance):
-    """The set `first`, then the points (n, d) that are not too near to it; the best point always stays."""
+def _behind(first: Mapping[str, float], points: np.ndarray, space: ParameterSpace, distance: float) -> np.ndarray:
+    """Put the set `first` before the points (n, d) that are not too near to it; the best point always stays."""
     place = 2 * space.unit(np.array([[first[name] for name in space.names]])) - 1
     far = np.linalg.norm(points - place, axis=1) >= distance
     far[0] = True
     return np.vstack([place, points[far]])
 
 
-def _outside(responses, low, high):
-    """Distance of each response (k,) from the range low to high, as floats; 0 inside."""
+def _outside(responses: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[float]:
+    """Measure how far each response (k,) is from the range low to high; 0 inside."""
     return [float(value) for value in np.maximum(np.maximum(low - responses, responses - high), 0.0)]

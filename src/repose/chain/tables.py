@@ -20,7 +20,7 @@ AGREEMENT = 1e-6
 
 
 def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The table of samples with its parameters, status, responses and errors."""
+    """Read the table of samples with its parameters, status, responses and errors."""
     dataset = read_table(dataset_csv, ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors))
     _check_count(dataset, dataset_csv, dataset_csv, "samples")
     _refuse_twice(dataset, ["sample"], dataset_csv)
@@ -35,7 +35,7 @@ def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFra
 def read_runs(
     runs_csv: str | os.PathLike, targets: Targets, dataset: pd.DataFrame, dataset_csv: str | os.PathLike
 ) -> pd.DataFrame:
-    """The table of single runs of a table of samples."""
+    """Read the table of single runs of a table of samples."""
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     several = "apparatus" in runs
     _refuse_twice(runs, ["sample", "seed", *(["apparatus"] if several else [])], runs_csv)
@@ -50,7 +50,9 @@ def read_runs(
     return runs
 
 
-def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
+def _check_means(
+    runs: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, runs_csv: object, dataset_csv: object
+) -> None:
     """Raise unless numbers, means and standard errors of the runs agree with the samples."""
     ok = runs[runs["status"] == "ok"].groupby("sample")
     count = ok.size().reindex(dataset["sample"], fill_value=0)
@@ -75,7 +77,7 @@ def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
                 raise InputError(f"{runs_csv}, sample {sample}", f"{quantity} of {name}", float(computed[k]), allowed)
 
 
-def _check_responses(table, targets, path):
+def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> None:
     """Raise if an ok row lacks a response, or has one beyond the response's limits."""
     ok = table["status"] == "ok"
     for target in targets:
@@ -87,7 +89,7 @@ def _check_responses(table, targets, path):
             raise InputError(f"{path}, row {row + 1}", name, float(table[name].iloc[row]), allowed)
 
 
-def _refuse_twice(table, columns, path):
+def _refuse_twice(table: pd.DataFrame, columns: list[str], path: object) -> None:
     """Raise if rows are there twice, by these columns."""
     twice = table[columns].duplicated()
     if twice.any():
@@ -96,7 +98,7 @@ def _refuse_twice(table, columns, path):
         raise InputError(f"{path}, row {row + 1}", " and ".join(columns), value, "each once")
 
 
-def _check_count(table, path, dataset_csv, key):
+def _check_count(table: pd.DataFrame, path: object, dataset_csv: str | os.PathLike, key: str) -> None:
     """Raise if the number of rows differs from the dataset's summary."""
     summary, summary_json = read_summary(dataset_csv)
     if key in summary and len(table) != summary[key]:

@@ -50,7 +50,7 @@ class Replicates:
 
     @classmethod
     def of(cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets) -> Self | None:
-        """The replicates of some samples; None if the scatter of a bench test has no full rank."""
+        """Estimate the noise of some samples; None if the scatter of a bench test has no full rank."""
         ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
         covariance, freedom = np.zeros((len(targets), len(targets))), 0.0
         weights = []
@@ -68,7 +68,7 @@ class Replicates:
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
 
     def arguments(self) -> dict[str, Any]:
-        """Keyword arguments for `repose.surrogate.base.Surrogate.fit`."""
+        """Return keyword arguments for `repose.surrogate.base.Surrogate.fit`."""
         return {"precision": self.runs, "noise_covariance": self.covariance, "noise_freedom": self.freedom}
 
 
@@ -95,7 +95,7 @@ def train(
     errors = usable[list(targets.errors)].to_numpy(float)
     rows = rows_of(usable, settings["split"], settings["seed"])
 
-    def fitted(part, covariance=None):
+    def fitted(part: np.ndarray, covariance: np.ndarray | None = None) -> tuple[Surrogate, dict[str, Any]]:
         learned = usable["sample"].iloc[part]
         replicates = Replicates.of(runs, learned, targets) if settings.get("replicates", False) else None
         noise = {"noise_covariance": covariance} if replicates is None else replicates.arguments()
@@ -123,10 +123,8 @@ def train(
     covariance = noise["noise_covariance"]
     metrics["noise_covariance"] = None if covariance is None else covariance.tolist()
     metrics["noise_freedom"] = noise.get("noise_freedom")
-    starts = model.start_rows()
-    return Training(
-        model, metrics, table, pd.DataFrame(starts) if starts else pd.DataFrame(columns=["start", "chosen"])
-    )
+    starts = pd.DataFrame(model.start_rows())
+    return Training(model, metrics, table, starts if len(starts) else pd.DataFrame(columns=["start", "chosen"]))
 
 
 def run(
@@ -158,7 +156,7 @@ def write(training: Training, out_dir: str | os.PathLike) -> None:
 
 
 def message(metrics: Mapping[str, Any]) -> str:
-    """The training as text: errors at unseen samples, and for a network the result of its starts."""
+    """Write the training as text: errors at unseen samples, and for a network the result of its starts."""
     responses = metrics["test"].items()
     words = [f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}" for name, score in responses if score["r2"]]
     lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
@@ -179,7 +177,7 @@ def message(metrics: Mapping[str, Any]) -> str:
 def restore(
     surrogate_json: str | os.PathLike, predictions_csv: str | os.PathLike, dataset_csv: str | os.PathLike
 ) -> Surrogate:
-    """The trained surrogate; InputError if its files are not of one training."""
+    """Load the trained surrogate; InputError if its files are not of one training."""
     model = load(surrogate_json)
     predicted = [response(name, surrogate_json).predicted for name in model.outputs]
     predictions = read_table(predictions_csv, ("sample", "split", *predicted))
@@ -217,7 +215,7 @@ def require_targets(model: Surrogate, path: object, targets: Targets, definition
 
 
 def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
-    """Row numbers of train, validation and test: a permutation by RandomState(seed), cut in three.
+    """Split row numbers into train, validation and test: a permutation by RandomState(seed), cut in three.
 
     Train and validation are rounded down and test takes the rest: the paper's 95, 20, 22 of 137.
     """
@@ -228,7 +226,7 @@ def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndar
 
 
 def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
-    """Row numbers of train, validation and test of a table; samples with a `round` of refinement are all for training.
+    """Split a table's rows into train, validation and test; samples with a `round` of refinement all train.
 
     The others are split as if they were alone, so every round has the same test samples as the design.
     """
@@ -240,7 +238,7 @@ def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[s
 
 
 def error_covariance(errors: np.ndarray, targets: Targets, source: object) -> np.ndarray:
-    """Covariance (k, k) of errors (m, k) at unseen samples, 0 between bench tests; InputError without full rank.
+    """Estimate covariance (k, k) of errors (m, k) at unseen samples, 0 between bench tests; InputError below rank k.
 
     An error is the noise of the sample less what the fit had learned of the noise of others. Both are correlated as the
     noise is, so even a fit that has learned its noise by heart shows the correlation; the size is too large.
@@ -255,7 +253,7 @@ def error_covariance(errors: np.ndarray, targets: Targets, source: object) -> np
 
 
 def r2_noise_corrected(y: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> float | None:
-    """R2 against the unknown means of the responses, without noise; arguments (m,).
+    """Compute R2 against the unknown means of the responses, without noise; arguments (m,).
 
     With y = mean + noise of variance se^2, independent of predictions made from other samples, E[SSE] = sum (mean -
     predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2. Without the noise in both sums
@@ -269,8 +267,8 @@ def r2_noise_corrected(y: np.ndarray, predicted: np.ndarray, errors: np.ndarray)
     return float(1 - (np.sum((y - predicted) ** 2) - noise) / between)
 
 
-def _accuracy(Y, P, names, rows):
-    """Number of samples in each part, and R2 and RMSE of each response there."""
+def _accuracy(Y: np.ndarray, P: np.ndarray, names: Sequence[str], rows: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Count the samples of each part, and compute R2 and RMSE of each response there."""
     counts = {f"n_{name}": len(rows[name]) for name in SPLITS}
     return counts | {
         name: {
@@ -281,8 +279,16 @@ def _accuracy(Y, P, names, rows):
     }
 
 
-def _three_ways(usable, runs, Y, P, errors, test, names):
-    """R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
+def _three_ways(
+    usable: pd.DataFrame,
+    runs: pd.DataFrame,
+    Y: np.ndarray,
+    P: np.ndarray,
+    errors: np.ndarray,
+    test: np.ndarray,
+    names: Sequence[str],
+) -> dict[str, dict[str, float | None]]:
+    """Compute R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
     position = {sample: i for i, sample in zip(test, usable["sample"].iloc[test], strict=True)}
     ok = runs[(runs["status"] == "ok") & runs["sample"].isin(list(position))]
     scores = {}
@@ -297,13 +303,15 @@ def _three_ways(usable, runs, Y, P, errors, test, names):
     return scores
 
 
-def _finally(names):
-    """Columns of the predictions by the fit to all samples."""
+def _finally(names: Sequence[str]) -> list[str]:
+    """Name the columns of the predictions by the fit to all samples."""
     return [derived(name, "final") for name in names]
 
 
-def _predictions(samples, rows, Y, P, targets):
-    """The table of predictions."""
+def _predictions(
+    samples: pd.Series, rows: Mapping[str, np.ndarray], Y: np.ndarray, P: np.ndarray, targets: Targets
+) -> pd.DataFrame:
+    """Make the table of predictions."""
     table = pd.DataFrame({"sample": samples, "split": ""})
     for name in SPLITS:
         table.loc[rows[name], "split"] = name

@@ -35,7 +35,7 @@ FIRST_PUBLISHED = 101  # own solutions are numbered from 1, so the numbers canno
 
 
 def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterSpace) -> pd.DataFrame:
-    """The representative solution, that of least objective, and others that are spread over the cloud.
+    """Select the representative solution, the one of least objective, and others that are spread over the cloud.
 
     Each next solution is the farthest, in normalised parameters, from those already chosen (Gonzalez 1985); all are
     feasible if enough are.
@@ -61,7 +61,7 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
 def validate(
     solutions: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets, measure: Mapping[str, Any]
 ) -> dict[str, pd.DataFrame]:
-    """Prediction, simulation and the physical measurement side by side; `measure` is the configuration's section."""
+    """Put prediction, simulation and measurement side by side; `measure` is the configuration's section."""
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *named(solutions)])
     for response in targets.responses:
         simulated[response.simulated] = simulated[response.name]
@@ -78,7 +78,7 @@ def validate(
 
 
 def table4(rows: pd.DataFrame, responses: Sequence[Response], measure: Mapping[str, Any] | None = None) -> pd.DataFrame:
-    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
+    """Make Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
 
     Of piles also every definition of the angle, and `line`, the calibrated one by the section `measure`.
     """
@@ -95,13 +95,13 @@ def table4(rows: pd.DataFrame, responses: Sequence[Response], measure: Mapping[s
 
 
 def calibrated_line(responses: Iterable[Response], measure: Mapping[str, Any]) -> str:
-    """The lines of the responses that are angles of a pile, in words; without one that of the angle of repose."""
+    """Describe the lines of the responses that are angles of a pile; without any, the line of the angle of repose."""
     lines = filter(None, (line_for(measure, response.name) for response in responses))
     return "; ".join(dict.fromkeys(lines)) or line_of(measure)
 
 
 def against_physical(row: pd.Series, targets: Targets, measure: Mapping[str, Any] | None = None) -> pd.DataFrame:
-    """The representative solution's simulation against the physical measurement, a row for each response.
+    """Compare the representative solution's simulation with the physical measurement, a row for each response.
 
     `line` says by which line of the section `measure` an angle of a pile is measured.
     """
@@ -129,7 +129,7 @@ def against_physical(row: pd.Series, targets: Targets, measure: Mapping[str, Any
 def with_chances(
     table: pd.DataFrame, runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
 ) -> pd.DataFrame:
-    """The table of `against_physical` with the probabilities that all targets are met within 1 % and 2 %."""
+    """Add to the table of `against_physical` the probabilities that all targets are met within 1 % and 2 %."""
     chances = {f"within_{percent:g}_percent": chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT}
     return table.assign(**chances)
 
@@ -177,8 +177,8 @@ def run(
 # --- the published sets ---------------------------------------------------------------------------
 
 
-def _numbered(published_csv, names):
-    """The published sets, numbered from 101."""
+def _numbered(published_csv: str | os.PathLike, names: Iterable[str]) -> pd.DataFrame:
+    """Read the published sets, numbered from 101."""
     sets = read_sets(published_csv, names)
     return sets.assign(sample=range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(sets)))
 
@@ -224,7 +224,7 @@ def write_published_sets(
 def stored_columns(
     columns: Iterable[str], responses: Iterable[Response], names: Iterable[str], measure: Mapping[str, Any]
 ) -> dict[Response, str]:
-    """Responses of a study that a table of simulated published sets has, and their columns; none for other sets."""
+    """Find a study's responses in a table of simulated published sets, with their columns; none for other sets."""
     own = {CALIBRATED_ANGLE: MEAN_KEYS[measure["response"]]}
     found = {response: own.get(response.name, response.name) for response in responses}
     columns = set(columns)
@@ -238,9 +238,9 @@ def compared_with_published(
     measure: Mapping[str, Any],
     simulated_by: Mapping[str, str],
 ) -> pd.DataFrame:
-    """The published sets as they were simulated once, with the responses of a study; no rows without any.
+    """Return the published sets as they were simulated once, with a study's responses; no rows without any.
 
-    `stale` where other hashes than `simulated_by` stand beside them.
+    `stale` where other hashes than `simulated_by` stand next to them.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
     columns = stored_columns(stored, responses, names, measure)

@@ -30,14 +30,14 @@ def write_sidecar(path: str | PathLike, record: Mapping[str, Any]) -> None:
 
 
 def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
-    """A PNG with a record in its header."""
+    """Put a record into the header of a PNG."""
     chunk = b"tEXt" + KEY.encode() + b"\0" + json.dumps(record).encode("ascii")
     framed = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
     return content[:HEADER] + framed + content[HEADER:]
 
 
 def read(path: str | PathLike) -> dict[str, Any] | None:
-    """The record of a file; None if it has none or cannot be read."""
+    """Read the record of a file; None if it has none or cannot be read."""
     path = Path(path)
     of_type = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}.get(path.suffix, _from_sidecar)
     try:
@@ -47,23 +47,23 @@ def read(path: str | PathLike) -> dict[str, Any] | None:
     return record if isinstance(record, dict) and {"verb", "origin", "settings"} <= set(record) else None
 
 
-def _from_sidecar(path):
+def _from_sidecar(path: Path) -> Any:
     return json.loads(Path(f"{path}{SIDECAR}").read_text(encoding="utf-8"))
 
 
-def _from_json(path):
+def _from_json(path: Path) -> Any:
     content = json.loads(path.read_text(encoding="utf-8"))
     return content.get(KEY) if isinstance(content, dict) else None
 
 
-def _from_npz(path):
+def _from_npz(path: Path) -> Any:
     import numpy as np
 
     with np.load(path, allow_pickle=False) as store:
         return json.loads(str(store[KEY]))
 
 
-def _from_png(path):
+def _from_png(path: Path) -> Any:
     content = path.read_bytes()
     at = content.find(b"tEXt" + KEY.encode() + b"\0", HEADER, HEADER + 100)
     if not content.startswith(PNG) or at < 0:

@@ -73,8 +73,8 @@ def one_message() -> Iterator[None]:
         sys.exit(BAD_INPUT)
 
 
-def _in_yaml(value):
-    """A value as it is written in YAML; texts in quotes."""
+def _in_yaml(value: object) -> str:
+    """Write a value as YAML has it, texts in quotes."""
     if isinstance(value, list) and not any(isinstance(item, list | dict) for item in value):
         text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
         return text if len(text) <= MOST_SHOWN else shown(value)

@@ -68,7 +68,7 @@ def write_json(path: Path_, content: Any, indent: int = 1) -> None:
 
 
 def json_text(content: Any, indent: int = 1) -> str:
-    """Content as JSON; numbers of numpy as plain numbers."""
+    """Return content as JSON; numbers of numpy become plain numbers."""
     record = provenance.current()
     if record and isinstance(content, Mapping):
         content = {**content, attached.KEY: record}
@@ -128,12 +128,12 @@ def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file
 
 
 def is_number(column: str) -> bool:
-    """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, or a count."""
+    """Tell whether the cells of a column are numbers: a contact parameter, a quantity with its unit, or a count."""
     return column in COUNTS or column in LABELS or (column.rpartition("_")[2] in UNITS and "_" in column)
 
 
-def _rows(path, columns, what, comments=False):
-    """The text of a CSV file, and its rows, each as long as the header; `comments` omits lines that begin with #."""
+def _rows(path: Path_, columns: Iterable[str], what: str, comments: bool = False) -> tuple[str, list[list[str]]]:
+    """Read text and rows of a CSV file, each row as long as the header; `comments` omits lines that begin with #."""
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
         rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
@@ -182,7 +182,7 @@ def read_json(
 
 
 def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") -> dict[str, "np.ndarray"]:
-    """All arrays of an .npz file by name; `keys` must be among them."""
+    """Read all arrays of an .npz file by name; `keys` must be among them."""
     import numpy as np
 
     try:
@@ -206,7 +206,7 @@ def check_columns(path: object, table: Iterable[str], columns: Iterable[str]) ->
 
 
 def _plain(value: Any) -> Any:
-    """A number or array of numpy as Python's own."""
+    """Turn a number or array of numpy into Python's own."""
     if hasattr(value, "tolist"):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -26,7 +26,7 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
     path = Path(path)
     check_replaceable(path)
 
-    def write_and_note(handle):
+    def write_and_note(handle: IO[bytes]) -> None:
         write(handle)
         handle.flush()
         _note(path, _hash(handle.name))
@@ -66,7 +66,7 @@ def check_replaceable(path: str | os.PathLike) -> None:
 
 
 def is_own_file(path: str | os.PathLike) -> bool:
-    """Whether this program wrote a file, and nobody changed it since; False for anything but a plain file."""
+    """Tell whether this program wrote a file that nobody changed since; False for anything but a plain file."""
     path = Path(path)
     if path.is_symlink() or not path.is_file():
         return False
@@ -82,7 +82,7 @@ def remove(path: str | os.PathLike) -> None:
 
 
 def changed(folder: str | os.PathLike) -> list[Path]:
-    """Files of a folder, without its subfolders, that this program wrote and that were edited or damaged since."""
+    """List the files of a folder, without subfolders, that this program wrote and that were edited or damaged since."""
     digests = defaultdict(set)
     for line in _lines(Path(folder)):
         digests[line[66:]].add(line[:64])
@@ -91,12 +91,12 @@ def changed(folder: str | os.PathLike) -> list[Path]:
 
 
 def names(folder: str | os.PathLike) -> set[str]:
-    """Names of the files that this program wrote in a folder, including files deleted since."""
+    """Name the files that this program wrote in a folder, including files deleted since."""
     return {line[66:] for line in _lines(Path(folder))}
 
 
-def _lines(folder):
-    """The ledger's lines, without a line that a full disk cut off; none without a ledger."""
+def _lines(folder: Path) -> frozenset[str]:
+    """Read the ledger's lines, without a line that a full disk cut off; none without a ledger."""
     path = folder / LEDGER
     if path.is_symlink() or not path.is_file():
         return frozenset()
@@ -107,7 +107,7 @@ def _lines(folder):
     return complete
 
 
-def _note(path, digest):
+def _note(path: Path, digest: str) -> None:
     """Add a file to its folder's ledger; lines of jobs that write at the same time do not mix."""
     ledger, line = path.parent / LEDGER, f"{digest}  {path.name}"
     if line in _lines(path.parent):
@@ -121,7 +121,7 @@ def _note(path, digest):
         os.close(handle)
 
 
-def _hash(path):
-    """SHA-256 of a file's content."""
+def _hash(path: str | os.PathLike) -> str:
+    """Hash a file's content by SHA-256."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

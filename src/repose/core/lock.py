@@ -76,13 +76,12 @@ def exclusive(path: str | os.PathLike) -> Iterator[None]:
         except OSError as error:
             if error.errno not in NO_LOCKS:
                 raise
-            why = "the file system has no locks; one process at a time may add to it"
-            print(f"repose: {path}: {why}", file=sys.stderr)
+            print(f"repose: {path}: the file system has no locks; one process at a time may add to it", file=sys.stderr)
         yield
 
 
 def _locked(file: IO[str], exclusively: bool) -> bool:
-    """Whether a lock was free, and is now held."""
+    """Take a lock; False if another process holds it."""
     if fcntl is None:
         return True
     kind = fcntl.LOCK_EX if exclusively else fcntl.LOCK_SH

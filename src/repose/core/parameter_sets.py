@@ -16,7 +16,7 @@ COLUMNS = ("sample", *PARAMETERS)
 
 
 def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
-    """All parameter sets of a table: `sample` (each number once), the six parameters, perhaps more columns."""
+    """Read all parameter sets of a table: `sample` (each number once), the six parameters, perhaps more columns."""
     samples = read_table(path, COLUMNS)
     twice = samples["sample"][samples["sample"].duplicated()]
     if len(twice):
@@ -25,7 +25,7 @@ def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
 
 
 def job_files(words: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json") -> list[Path]:
-    """Paths of job files; a folder stands for the files of this ending of all samples of the design in it."""
+    """List job files; a folder among the `words` stands for one file with this ending for each sample of the design."""
     paths = [Path(word) for word in words]
     samples = read_rows(samples_csv, ("sample",)) if any(path.is_dir() for path in paths) else []
     names = [f"{row['sample'].zfill(3)}{ending}" for row in samples]
@@ -33,7 +33,7 @@ def job_files(words: Iterable[str], samples_csv: str | os.PathLike, ending: str 
 
 
 def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
-    """The parameters of a sample of a table, without rounding; InputError beyond the contact law's limits."""
+    """Read the parameters of a sample from a table, without rounding; InputError beyond the contact law's limits."""
     rows: dict[str, dict[str, str]] = {}
     for row in read_rows(path, COLUMNS):
         if rows.setdefault(row["sample"], row) is not row:

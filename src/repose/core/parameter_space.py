@@ -28,7 +28,7 @@ class ParameterSpace:
     def of(
         cls, section: Mapping[str, Any], source: object = "parameters", names: tuple[str, ...] | None = None
     ) -> "ParameterSpace":
-        """From the section `parameters`; without `names` those are the six and the law's own, in their limits."""
+        """Read the section `parameters`; without `names` it has the six and the law's own, in their limits."""
         limits = ALLOWED if names is None else {}
         names = named(section) if names is None else names
         for name in section:
@@ -77,12 +77,12 @@ class ParameterSpace:
         return {name: known[name] for name in self.names}
 
     def values(self, unit: np.ndarray) -> np.ndarray:
-        """Parameter sets (n, number of names) of points (n, d) in the unit cube."""
+        """Turn points (n, d) in the unit cube into parameter sets (n, number of names)."""
         unit = np.atleast_2d(np.asarray(unit, dtype=float))
         return self.complete(self.low + unit * (self.high - self.low))
 
     def complete(self, values: np.ndarray) -> np.ndarray:
-        """Parameter sets (n, number of names) from values (n, d) of the free parameters."""
+        """Turn values (n, d) of the free parameters into parameter sets (n, number of names)."""
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = iter(values.T)
         return np.column_stack(
@@ -90,12 +90,12 @@ class ParameterSpace:
         )
 
     def unit(self, values: np.ndarray) -> np.ndarray:
-        """Points (n, d) in the unit cube of parameter sets (n, number of names)."""
+        """Turn parameter sets (n, number of names) into points (n, d) in the unit cube."""
         values = np.atleast_2d(np.asarray(values, dtype=float))[:, [self.names.index(name) for name in self.free]]
         return (values - self.low) / (self.high - self.low)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
-        """Log of the prior density (n,), up to a constant, at points (n, d) in the unit cube; 0 without priors."""
+        """Compute the log prior density (n,), up to a constant, at points (n, d) in the unit cube; 0 without priors."""
         total = np.zeros(len(unit))
         for name, (mean, sd) in self.prior.items():
             k = self.free.index(name)
@@ -104,7 +104,7 @@ class ParameterSpace:
         return total
 
     def prior_cdf(self, unit: np.ndarray) -> np.ndarray:
-        """Distribution function (n, d), 0 to 1, of each parameter's prior at points (n, d) in the unit cube."""
+        """Compute each prior's distribution function (n, d), 0 to 1, at points (n, d) in the unit cube."""
         from scipy import stats
 
         share = np.array(unit, dtype=float)
@@ -116,7 +116,7 @@ class ParameterSpace:
         return share
 
     def from_prior(self, share: np.ndarray) -> np.ndarray:
-        """Points (n, d) in the unit cube with the prior's distribution, from uniform points (n, d)."""
+        """Move uniform points (n, d) in the unit cube to the prior's distribution."""
         from scipy import stats
 
         unit = np.array(share, dtype=float)
@@ -129,7 +129,7 @@ class ParameterSpace:
 
 
 def range_of(name: str, entry: Any, limits: Mapping[str, Any] = ALLOWED) -> tuple[float, float]:
-    """Lowest and highest value of a parameter, given as in the configuration; equal for a fixed parameter."""
+    """Find the lowest and highest value of a parameter, given as in the configuration; equal if it is fixed."""
     if not isinstance(entry, Mapping):
         return float(entry[0]), float(entry[1])
     if "fixed" in entry:
@@ -142,8 +142,8 @@ def range_of(name: str, entry: Any, limits: Mapping[str, Any] = ALLOWED) -> tupl
     return (float(low), float(high)) if math.isfinite(high) else (float(low), float(mean + PRIOR_WIDTHS * sd))
 
 
-def _checked_range(name, entry, source, limits):
-    """The range of a parameter; InputError if it is invalid."""
+def _checked_range(name: str, entry: Any, source: object, limits: Mapping[str, Any]) -> tuple[float, float]:
+    """Read the range of a parameter; InputError if it is invalid."""
     allowed = "[low, high] with low < high, both finite numbers"
     try:
         low, high = range_of(name, entry, limits)

@@ -46,8 +46,8 @@ class Further(NamedTuple):
     needed: bool  # whether each of these laws needs it
 
 
-def _further(constant, needed, *laws):
-    """The parameters of a constant by name, one for each pair."""
+def _further(constant: Constant, needed: bool, *laws: str) -> dict[str, Further]:
+    """Name the parameters of a constant, one for each pair."""
     return {f"{constant.short}_{pair}": Further(laws, constant, pair, needed) for pair in PAIRS}
 
 
@@ -63,12 +63,12 @@ for _name, _of in FURTHER.items():
 
 
 def of_law(law: str) -> tuple[str, ...]:
-    """The further parameters that a force law needs, by its name."""
+    """Name the further parameters that a force law needs."""
     return tuple(name for name, further in FURTHER.items() if further.needed and law in further.laws)
 
 
 def named(names: Iterable[str]) -> tuple[str, ...]:
-    """The six parameters, and the further ones that are among some names, such as a table's columns."""
+    """Name the six parameters, and the further ones that are among some names, such as a table's columns."""
     given = set(names)
     return (*PARAMETERS, *(name for name in FURTHER if name in given))
 
@@ -84,7 +84,7 @@ def plain_number(value: object) -> float:
 
 
 def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
-    """A parameter's value, or its text, as a finite number within `PHYSICAL_LIMITS`; otherwise InputError."""
+    """Read a parameter's value, or its text, as a finite number within `PHYSICAL_LIMITS`; otherwise InputError."""
     key = name if key is None else key
     try:
         number = plain_number(value)

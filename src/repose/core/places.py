@@ -9,20 +9,20 @@ DEFAULT_CONFIG = "config/config.yaml"
 
 
 def root() -> Path:
-    """Folder with Snakefile, workflow, config, profiles and resources: `repose/data` if installed, or the checkout."""
+    """Find the folder with Snakefile, workflow, config, profiles and resources: `repose/data`, or the checkout."""
     installed = PACKAGE / "data"
     return installed if installed.is_dir() else PACKAGE.parents[1]
 
 
 def find(path: str | os.PathLike) -> Path:
-    """The path itself if it exists, or else the program's own file or folder of this name, if there is one."""
+    """Return the path if it exists, or else the program's own file or folder of this name, if there is one."""
     path = Path(path)
     own = root() / path
     return own if not path.exists() and own.exists() else path
 
 
 def configs() -> list[Path]:
-    """The default configurations, each over the one before it; a crop in the working folder replaces the program's."""
+    """List the default configurations, each over the one before it; a crop in the working folder replaces ours."""
     method, default, study = find(METHOD_CONFIG), root() / DEFAULT_CONFIG, Path(DEFAULT_CONFIG)
     if study.is_file():
         return [method, study] if study.resolve() == default.resolve() else [method, default, study]

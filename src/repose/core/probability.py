@@ -11,9 +11,9 @@ LEAST = 1e-300
 
 
 def within(mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Probability (m,) that normal vectors (m, k) with covariance (m, k, k) lie in the box low to high (k,) (G92).
+    """Compute the probability (m,) that normal vectors (m, k) of covariance (m, k, k) lie in the box low to high (k,).
 
-    Exact for one response; for two its error is below 0.001.
+    Exact for one response; for two its error is below 0.001 (G92).
     """
     from scipy.stats import qmc
 

@@ -41,7 +41,7 @@ class Profile:
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Profile":
-        """The profile of a target of the configuration."""
+        """Read the profile of a target of the configuration."""
         return cls(section["name"], tuple(section["x"]), tuple(section["z"]), section["functions"])
 
     @cached_property
@@ -54,15 +54,15 @@ class Profile:
         return q * np.sign(np.diagonal(r)) * math.sqrt(len(x))
 
     def scores(self, heights: ArrayLike) -> np.ndarray:
-        """Scores (..., functions) of heights (..., n) at the abscissae."""
+        """Compute the scores (..., functions) of heights (..., n) at the abscissae."""
         return np.asarray(heights, float) @ self.basis / len(self.x)
 
     def heights(self, scores: ArrayLike) -> np.ndarray:
-        """The smooth profile (..., n) of scores (..., functions)."""
+        """Compute the smooth profile (..., n) from scores (..., functions)."""
         return np.asarray(scores, float) @ self.basis.T
 
     def columns(self, heights: ArrayLike) -> dict[str, float]:
-        """Scores of heights (n,) by their names, as a row of the table of runs has them."""
+        """Compute the scores of heights (n,) by their names, as a row of the table of runs has them."""
         return dict(zip(self.names, self.scores(heights).tolist(), strict=True))
 
     @property

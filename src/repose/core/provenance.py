@@ -83,15 +83,15 @@ def note_config(config: Mapping[str, Any]) -> None:
 
 
 def current() -> dict[str, Any] | None:
-    """The record of the current stage; None without one."""
+    """Return the record of the current stage; None without one."""
     running = _stage.get()
     if running is not None and running.record is None:
         running.record = _record(running)
     return running.record if running else None
 
 
-def _record(running):
-    """The record of a stage."""
+def _record(running: _Stage) -> dict[str, Any]:
+    """Make the record of a stage."""
     engines = [record["engine"] for _, record in running.inputs if record and record.get("engine")]
     engine = engine_hash() if running.simulates else next(iter(engines), None)
     config, seed = running.config, None
@@ -124,18 +124,18 @@ def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> N
 
 
 def hash_of(content: Any) -> str:
-    """Hash, 16 hexadecimal digits, of content that JSON can hold."""
+    """Hash content that JSON can hold; 16 hexadecimal digits."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def hash_of_file(path: str | PathLike) -> str:
-    """Hash, 16 hexadecimal digits, of a file's content."""
+    """Hash a file's content; 16 hexadecimal digits."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
 @cache
 def room_hash(*rooms: str) -> str:
-    """Hash, 16 hexadecimal digits, the files of some rooms or modules of the package, as "search" or "chain.invert"."""
+    """Hash the files of some rooms or modules of the package, as "search" or "chain.invert"; 16 hexadecimal digits."""
     digest = hashlib.sha256()
     for room in rooms:
         place = PACKAGE.joinpath(*room.split("."))
@@ -153,7 +153,7 @@ def engine_hash() -> str:
 
 @cache
 def machine() -> dict[str, str | None]:
-    """Versions, commit (None where it is not known) and processor type."""
+    """Find the versions, the commit (None where it is not known) and the processor type."""
     return {
         "repose": __version__,
         "commit": _commit(),
@@ -164,12 +164,12 @@ def machine() -> dict[str, str | None]:
 
 
 @cache
-def _content(path):
-    """Hash of a file without a record."""
+def _content(path: Path) -> str:
+    """Hash a file without a record."""
     return hash_of_file(path)
 
 
-def _version(name):
+def _version(name: str) -> str | None:
     """Tell the version of a library; None where it is not installed."""
     from importlib import metadata  # slow to import, which the help of a verb should avoid
 
@@ -179,8 +179,8 @@ def _version(name):
         return None
 
 
-def _commit():
-    """Commit of the checkout of the package, or of that from which it was built; None if neither is known."""
+def _commit() -> str | None:
+    """Find the commit of the checkout, or the one that the package was built from; None if neither is known."""
     root, noted = PACKAGE.parents[1], places.root() / BUILT_FROM
     if not (root / ".git").exists():
         return noted.read_text(encoding="utf-8").strip() or None if noted.is_file() else None
@@ -191,8 +191,8 @@ def _commit():
         return None
 
 
-def _processor():
-    """Name, family and model of the processor type, and settings that compile or calculate for another type."""
+def _processor() -> str:
+    """Describe the processor: name, family, model, and settings that compile or calculate for another type."""
     try:
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -22,18 +22,18 @@ STALE = "stale: simulated with another engine or scene than today's; `snakemake 
 
 
 def beside(path: str | os.PathLike | None, table: str) -> Path | None:
-    """Another table beside the published solutions: table1.csv (sizes) or table3.csv (intervals); None without it."""
+    """Find a table next to the published solutions: table1.csv (sizes) or table3.csv (intervals); None without it."""
     sibling = None if path is None else Path(path).with_name(table)
     return sibling if sibling and sibling.is_file() else None
 
 
 def tables(path: str | os.PathLike | None) -> list[Path]:
-    """The table of published solutions, and `OTHERS` beside it; empty for None."""
+    """List the table of published solutions, and `OTHERS` next to it; empty for None."""
     return [] if path is None else [Path(path), *filter(None, [beside(path, OTHERS)])]
 
 
 def read_sets(path: str | os.PathLike, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
-    """All published sets, with their parameters `names`; a set's `solution` is text."""
+    """Read all published sets, with their parameters `names`; a set's `solution` is text."""
     import pandas as pd
 
     read = [read_table(one, ("solution", *names)).astype({"solution": str}) for one in tables(path)]
@@ -41,7 +41,7 @@ def read_sets(path: str | os.PathLike, names: Iterable[str] = PARAMETERS) -> "pd
 
 
 def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAMETERS) -> dict[str, float]:
-    """The contact parameters `names` of the published representative solution; InputError if the table lacks one."""
+    """Read the parameters `names` of the published representative solution; InputError if the table lacks one."""
     names = tuple(names)
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
@@ -54,14 +54,14 @@ def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAME
 def to_simulate(
     path: str | os.PathLike | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS
 ) -> list[str]:
-    """Names of the published sets to simulate (`can_be_simulated`), in their order; none without a table."""
+    """Name the published sets to simulate (`can_be_simulated`), in their order; none without a table."""
     rows = [row for one in tables(path) for row in read_rows(one, ("solution", *PARAMETERS))]
     able = bool(rows) and can_be_simulated(rows[0], responses, names)
     return [row["solution"] for row in rows] if able else []
 
 
 def can_be_simulated(columns: Iterable[str], responses: Iterable[Response], names: Iterable[str]) -> bool:
-    """Whether a published table has a response of the study, and all its parameters `names`."""
+    """Tell whether a published table has a response of the study, and all its parameters `names`."""
     columns = set(columns)
     return set(names) <= columns and bool(published_responses(columns, responses))
 
@@ -81,26 +81,26 @@ def check_published(path: str | os.PathLike | None) -> None:
 
 
 def read_stored(path: str | os.PathLike) -> "pd.DataFrame":
-    """Published sets as `snakemake published_sets` simulated them."""
+    """Read the published sets as `snakemake published_sets` simulated them."""
     table, rows = read_table(path, STORED), read_rows(path, STORED)
     # hashes of digits alone would be numbers
     return table.assign(**{name: [row[name] for row in rows] for name in ("solution", *SIMULATED_BY)})
 
 
 def published_sets(path: str | os.PathLike | None) -> list[dict[str, float]]:
-    """Parameter sets of a published table that passed `check_published`; empty for None."""
+    """Read the parameter sets of a published table that passed `check_published`; empty for None."""
     rows = [row for table in tables(path) for row in read_rows(table, ("solution", *PARAMETERS))]
     return [{name: float(row[name]) for name in PARAMETERS} for row in rows]
 
 
 def published_responses(columns: Iterable[str], responses: Iterable[Response]) -> tuple[Response, ...]:
-    """Responses whose predicted and simulated values are among the columns of a published table."""
+    """Find the responses whose predicted and simulated values are among the columns of a published table."""
     columns = set(columns)
     return tuple(response for response in responses if {response.predicted, response.simulated} <= columns)
 
 
-def _finite(text):
-    """Whether a text is a finite number."""
+def _finite(text: str) -> bool:
+    """Tell whether a text is a finite number."""
     try:
         return math.isfinite(float(text))
     except ValueError:

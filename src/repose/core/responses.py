@@ -55,11 +55,11 @@ class Response:
     profile: str = ""
 
     def of(self, run: Mapping[str, Any]) -> float | None:
-        """Number of the response in a measured run; None where it could not be measured."""
+        """Find the response's number in a measured run; None where it could not be measured."""
         return run.get(self.name) if self.function is None else self.function(run)
 
     def settings(self, config: Mapping[str, Any]) -> dict[str, Any]:
-        """The keys of its definition with their values, without those that the configuration leaves out."""
+        """Read the keys of its definition with their values, without those that the configuration leaves out."""
         pairs = ((key, *key.split(".")) for key in self.definition)
         return {key: config[section][name] for key, section, name in pairs if name in config[section]}
 
@@ -85,7 +85,7 @@ class Response:
 
 
 def derived(name: str, what: str) -> str:
-    """Name of a column that belongs to a response: `what` before the unit, as in ``aor_se_deg``."""
+    """Name a column that belongs to a response: `what` before the unit, as in ``aor_se_deg``."""
     quantity, underscore, unit = name.rpartition("_")
     return f"{quantity}_{what}_{unit}" if underscore else f"{name}_{what}"
 
@@ -101,14 +101,12 @@ def register(*responses: Response, family: Family | None = None) -> None:
     if family is not None:
         _FAMILIES[family] = None
     for response in responses:
-        if _REGISTRY.setdefault(response.name, response) != response:
-            raise ValueError(
-                f"response {response.name!r} is registered already, by {_REGISTRY[response.name].apparatus}"
-            )
+        if (known := _REGISTRY.setdefault(response.name, response)) != response:
+            raise ValueError(f"response {response.name!r} is registered already, by {known.apparatus}")
 
 
 def response(name: str, source: object = "response") -> Response:
-    """The response of a name; InputError, which names `source`, if there is none."""
+    """Find a response by its name; InputError, which names `source`, if there is none."""
     found = named(name)
     if found is None:
         raise InputError(source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}")
@@ -116,19 +114,19 @@ def response(name: str, source: object = "response") -> Response:
 
 
 def named(name: str) -> Response | None:
-    """The response of a name, registered or made by a family of responses; None if there is none."""
+    """Find a response by its name, registered or made by a family of responses; None if there is none."""
     if name in _REGISTRY:
         return _REGISTRY[name]
     return next(filter(None, (family(name) for family in _FAMILIES)), None)
 
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:
-    """All responses of a bench test, in the order of their registration."""
+    """List the responses of a bench test, in the order of their registration."""
     return tuple(response for response in _REGISTRY.values() if response.apparatus == apparatus)
 
 
 def require_same_definitions(definitions: Definitions, path: object, expected: Definitions, source: object) -> None:
-    """InputError if a response that both files have is defined differently; `path` and `source` are the files."""
+    """Raise InputError if a response that both files have is defined differently; `path` and `source` are the files."""
     for name in definitions:
         if name in expected and definitions[name] != expected[name]:
             raise InputError(path, f"definition of {name}", definitions[name], f"{expected[name]}, as in {source}")

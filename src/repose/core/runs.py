@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def error_of(column: str) -> str:
-    """Column of a quantity's standard error, with ``se`` before the unit: ``aor_se_deg``."""
+    """Name the column of a quantity's standard error, with ``se`` before the unit: ``aor_se_deg``."""
     return derived(column, "se")
 
 
@@ -28,7 +28,7 @@ class Recorded:
     single: tuple[str, ...] = ()  # columns of the table of single runs
 
     def beginning_with(self, targets: Sequence[str]) -> "Recorded":
-        """The same columns after these targets, each target with its standard error."""
+        """Put these targets before the columns, each target with its standard error."""
         return Recorded(
             tuple(dict.fromkeys((*targets, *self.means))),
             tuple(mean for mean in self.without_error if mean not in targets),
@@ -43,12 +43,12 @@ class Recorded:
 
 
 def of_bench(runs: "pd.DataFrame", apparatus: str) -> "pd.DataFrame":
-    """The runs of one bench test; a table without the column apparatus has a single bench test."""
+    """Select the runs of one bench test; a table without the column apparatus has a single bench test."""
     return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
 
 
 def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dict[str, Any]:
-    """Summary of a sample: `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
+    """Summarise a sample: `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
 
     A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its status is the commonest
     status of its failed runs, and its numbers are None.
@@ -65,15 +65,14 @@ def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dic
     summary["n_seeds"] = len(ok)
     if usable:
         for column in recorded.means:
-            mean, error = mean_and_error([run[column] for run in ok if run.get(column) is not None])
-            summary[column] = mean
+            summary[column], error = mean_and_error([run[column] for run in ok if run.get(column) is not None])
             if column not in recorded.without_error:
                 summary[error_of(column)] = error
     return summary
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Mean and its standard error sd / sqrt(n); both None without values, the error None for a single value."""
+    """Compute mean and standard error sd / sqrt(n); both None without values, the error None for a single value."""
     numbers = np.array(values, dtype=float)
     if len(numbers) == 0:
         return None, None
@@ -82,7 +81,7 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
 
 
 def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Number and causes of the failed runs, as in ``2 of 8 runs jammed (no discharge for 3 s)``; may be empty."""
+    """Count the failed runs by cause, as in ``2 of 8 runs jammed (no discharge for 3 s)``; may be empty."""
     parts = []
     for status, count in Counter(run["status"] for run in failed).most_common():
         why = dict.fromkeys(run["reason"] for run in failed if run["status"] == status and run.get("reason"))

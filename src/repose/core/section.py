@@ -48,7 +48,7 @@ class Section(BaseModel):
     )
 
     def contradictions(self) -> Contradictions:
-        """Values, each valid by itself, that contradict each other; the key is relative to this section."""
+        """Find values, each valid by itself, that contradict each other; the key is relative to this section."""
         return iter(())
 
     @model_validator(mode="after")

@@ -23,7 +23,7 @@ OF_THE_DRUM = "drum"
 
 
 def pour_seeds(study_seed: int, purpose: str | int, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
-    """Seeds, 0 to 2^32 - 1, of the pours of a parameter set; the first k are the same for any larger count.
+    """Draw the seeds, 0 to 2^32 - 1, of a parameter set's pours; the first k are the same for any larger count.
 
     `purpose` is one of PURPOSES, or the number of another stream. `number` is the sample's. Each bench test has its own
     streams, so that its noise is independent of the others'.

@@ -1,9 +1,9 @@
 """Targets of the calibration: responses of bench tests with their measured values."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -16,13 +16,13 @@ LARGEST = 1e9  # of a value or standard deviation
 
 
 def range_about(value: float, sd: float, repetitions: int) -> tuple[float, float]:
-    """Range of a target for which none is given: its mean with one standard error, at least 1 % to each side."""
+    """Make the range of a target without one: its mean with one standard error, at least 1 % to each side."""
     half = max(sd / math.sqrt(repetitions), LEAST_RANGE * abs(value))
     return value - half, value + half
 
 
 def completed(entry: Any) -> Any:
-    """An entry of `targets` with the bench test of its response and `range_about`, where they are missing."""
+    """Complete an entry of `targets` with the bench test of its response and `range_about`, where they are missing."""
     if not isinstance(entry, Mapping):
         return entry
     known = named(str(entry.get("response")))
@@ -64,7 +64,7 @@ class Target:
         return abs(self.aim) if self.profile is None else self.profile.whole
 
     def off_percent(self, number: float) -> float:
-        """Difference of a number from the aim, in percent."""
+        """Compute how far a number is from the aim, in percent."""
         if self.profile is None:
             return 100 * (number / self.aim - 1)
         return 100 * (number - self.aim) / self.whole
@@ -78,30 +78,32 @@ class Target:
 class Targets(Sequence[Target]):
     """The targets of a study, in the order of the configuration; numbers as arrays (k,)."""
 
-    def __init__(self, targets: Sequence[Target]):
+    def __init__(self, targets: Iterable[Target]) -> None:
         self._targets = tuple(targets)
 
     @classmethod
     def of(cls, section: Sequence[Mapping[str, Any]]) -> "Targets":
-        """Targets of the configuration's list `targets`; InputError if a response is unknown."""
+        """Read the configuration's list `targets`; InputError if a response is unknown."""
         return cls(
-            [
-                Target(
-                    response(entry["response"], "targets"),
-                    float(entry["value"]),
-                    float(entry["sd"]),
-                    int(entry["repetitions"]),
-                    float(entry["range"][0]),
-                    float(entry["range"][1]),
-                    float(entry.get("aim", entry["value"])),
-                    float(entry.get("weight", 1.0)),
-                    Profile.of(entry["profile"]) if "profile" in entry else None,
-                )
-                for entry in section
-            ]
+            Target(
+                response(entry["response"], "targets"),
+                float(entry["value"]),
+                float(entry["sd"]),
+                int(entry["repetitions"]),
+                float(entry["range"][0]),
+                float(entry["range"][1]),
+                float(entry.get("aim", entry["value"])),
+                float(entry.get("weight", 1.0)),
+                Profile.of(entry["profile"]) if "profile" in entry else None,
+            )
+            for entry in section
         )
 
-    def __getitem__(self, index):
+    @overload
+    def __getitem__(self, index: int) -> Target: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Target, ...]: ...
+    def __getitem__(self, index: int | slice) -> Target | tuple[Target, ...]:
         return self._targets[index]
 
     def __len__(self) -> int:
@@ -173,14 +175,11 @@ class Targets(Sequence[Target]):
         return {target.profile.name: target.profile for target in self if target.profile is not None}
 
     def in_words(self, numbers: Sequence[str]) -> str:
-        """Text with number and unit of each target, ``32.5 deg and 66.1 mm``; with symbols if two units are equal."""
+        """Write number and unit of each target, ``32.5 deg and 66.1 mm``; with symbols if two units are equal."""
         units = [target.response.unit for target in self]
         several = len(set(units)) < len(units)
         parts = [
-            f"{target.response.symbol} {number} {target.response.unit}"
-            if several
-            else f"{number} {target.response.unit}"
+            f"{f'{target.response.symbol} ' if several else ''}{number} {target.response.unit}".rstrip()
             for target, number in zip(self, numbers, strict=True)
         ]
-        parts = [part.rstrip() for part in parts]
         return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))

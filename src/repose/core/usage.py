@@ -43,14 +43,14 @@ def note(folder: str | os.PathLike) -> None:
 
 
 def used_here_s() -> float:
-    """Processor time of this process and of its children that have ended [s]."""
+    """Add up the processor time of this process and of its children that have ended [s]."""
     import resource  # Windows, where no workflow runs, has none
 
     return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
-def _log():
-    """The file that takes this process's errors, where the system names it; empty otherwise."""
+def _log() -> str:
+    """Find the file that takes this process's errors, where the system names it; empty otherwise."""
     try:
         path = os.path.relpath(os.readlink("/proc/self/fd/2"))
     except (OSError, ValueError):
@@ -59,7 +59,7 @@ def _log():
 
 
 def since(folder: str | os.PathLike, began_s: float) -> list[Used]:
-    """The processes that have ended in a folder of results since a time."""
+    """List the processes that have ended in a folder of results since a time."""
     table = Path(folder) / TABLE
     if not table.is_file():
         return []

@@ -35,23 +35,23 @@ class Components(NamedTuple):
     harmonic_seeds: float  # harmonic mean of the runs of a sample
 
     def reachable_r2(self, seeds: ArrayLike) -> np.ndarray:
-        """Highest possible R2 on means over seeds, by predicting the true means: tau^2 / (tau^2 + sigma^2 / seeds)."""
+        """Compute the highest possible R2 on means over seeds, by the true means: tau^2 / (tau^2 + sigma^2 / seeds)."""
         total = self.between + self.within / np.asarray(seeds)
         return np.where(total > 0, self.between / np.where(total > 0, total, 1.0), 0.0)
 
     def standard_error(self, seeds: ArrayLike) -> np.ndarray:
-        """Standard error of a sample's mean over seeds, in the response's unit."""
+        """Compute the standard error of a sample's mean over seeds, in the response's unit."""
         return np.sqrt(self.within / np.asarray(seeds))
 
     def seeds_for(self, standard_error: float) -> int:
-        """Fewest seeds for a standard error of a sample's mean, above 0, in the response's unit."""
+        """Find the fewest seeds for a standard error of a sample's mean, above 0, in the response's unit."""
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; allowed: above 0")
         return max(1, math.ceil(self.within / standard_error**2 * (1 - 1e-12)))
 
 
 def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
-    """Variance components of a response (n,) of the runs of several samples `groups` (n,).
+    """Estimate the variance components of a response (n,) from the runs of several samples `groups` (n,).
 
     tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if that is negative. The interval of sigma^2 comes from chi^2. The interval
     of the intraclass correlation is in (TH78): F = h S^2 / MSW, with S^2 the variance of the groups' means and h the
@@ -89,7 +89,7 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
 
 
 def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, int]:
-    """Covariance (k, k) of responses (n, k) about the means of their samples `groups` (n,), and its degrees of freedom.
+    """Estimate covariance (k, k) and degrees of freedom of responses (n, k) about the means of samples `groups` (n,).
 
     The degrees of freedom are runs minus samples; the covariance is zero if no sample has two runs.
     """
@@ -103,7 +103,7 @@ def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray,
 
 
 def residual_correlation(first: ArrayLike, second: ArrayLike, groups: ArrayLike) -> tuple[float, float, float, int]:
-    """Correlation of two responses (n,) within samples, its interval (Fisher's transformation), degrees of freedom."""
+    """Correlate two responses (n,) within samples, with interval (Fisher's transformation) and degrees of freedom."""
     from scipy import stats  # half a second at start-up
 
     covariance, freedom = within_covariance(np.column_stack([first, second]), groups)
@@ -118,17 +118,17 @@ def residual_correlation(first: ArrayLike, second: ArrayLike, groups: ArrayLike)
     return correlation, math.tanh(centre - half), math.tanh(centre + half), freedom
 
 
-def _groups(values, groups):
-    """Group number of each value (n,), and size and mean of each group (k,)."""
+def _groups(values: np.ndarray, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the group number of each value (n,), and size and mean of each group (k,)."""
     _, number = np.unique(groups, return_inverse=True)
     size = np.bincount(number).astype(float)
     return number, size, np.bincount(number, weights=values) / size
 
 
-def _ratio(a, b):
+def _ratio(a: float, b: float) -> float:
     return a / b if b > 0 else math.inf
 
 
-def _share(theta):
-    """Intraclass correlation of theta = tau^2 / sigma^2, from 0 to 1."""
+def _share(theta: float) -> float:
+    """Turn theta = tau^2 / sigma^2 into the intraclass correlation, from 0 to 1."""
     return 1.0 if theta == math.inf else float(max(0.0, theta) / (1 + max(0.0, theta)))

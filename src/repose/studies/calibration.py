@@ -1,6 +1,7 @@
 """From the runs of any simulator to the answer with its certainty, its tables and its material card."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 from importlib import import_module
@@ -78,7 +79,7 @@ class Calibration(NamedTuple):
         return f"<Calibration of {self.study.config['label']}>\n{describe(self)}"
 
     def _repr_html_(self) -> str:
-        """The answer in a notebook: parameters with their intervals, predictions, probabilities."""
+        """Show the answer in a notebook: parameters with their intervals, predictions, probabilities."""
         parameters = pd.DataFrame(self.intervals).T.drop(columns=["at_bound", "widened"], errors="ignore")
         chances = pd.DataFrame({"probability": self.probability}).rename(index=lambda name: name.replace("_", " "))
         tables = (parameters, self.prediction, chances)
@@ -87,7 +88,7 @@ class Calibration(NamedTuple):
 
 
 def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | None = None) -> Calibration:
-    """The parameters that meet the targets, and their certainty.
+    """Find the parameters that meet the targets, and how certain they are.
 
     `runs` come from `repose.strategies.runs.checked_runs`; the strategy need not have asked for them. Unless
     `proposal` is the answer, it is the best that these runs give.
@@ -127,7 +128,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
         },
         "warning": noise.warning,
         "definitions": dict(config.get("definitions", {})),
-        "steps": _steps(study, runs, samples, model, best.probability, noise.warning),
+        "steps": _steps(study, runs, len(samples), model, best.probability, noise.warning),
     }
     return Calibration(
         study=study,
@@ -146,7 +147,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
 
 
 def posterior_settings(study: Studied, freedom: int) -> dict[str, Any]:
-    """The section `posterior`; without a correlation where too few samples were run again for one."""
+    """Return the section `posterior`; without a correlation where too few samples were run again for one."""
     few = freedom < len(study.targets) + FREEDOM
     return study.config["posterior"] | ({"measured_correlation": 0.0} if few else {})
 
@@ -186,7 +187,7 @@ def card_of(result: Calibration, folder: Path) -> dict[str, Any]:
 
 
 def as_answer(result: Calibration, folder: Path) -> Result:
-    """The answer in the form for the material card; it was not simulated again."""
+    """Put the answer in the form for the material card; it was not simulated again."""
     return Result(
         label=result.study.config["label"],
         parameters=result.summary["representative"],
@@ -203,7 +204,7 @@ def as_answer(result: Calibration, folder: Path) -> Result:
 
 
 def describe(result: Calibration) -> str:
-    """The answer as text for people."""
+    """Write the answer as text for people."""
     study, chance = result.study, result.probability
     lines = [as_answer(result, Path()).verdict, "The calibrated parameters [95 % interval]:"]
     for name, row in result.intervals.items():
@@ -225,8 +226,8 @@ def describe(result: Calibration) -> str:
     return "\n".join(lines)
 
 
-def _samples(study, runs):
-    """Means of the samples with standard errors."""
+def _samples(study: Studied, runs: pd.DataFrame) -> pd.DataFrame:
+    """Average the runs of each sample, with standard errors."""
     ok = runs[runs["status"] == OK].groupby("sample", sort=False)
     first = runs.drop_duplicates("sample").set_index("sample")
     table = first[list(study.parameters.names)].assign(runs=ok.size().reindex(first.index, fill_value=0))
@@ -236,22 +237,22 @@ def _samples(study, runs):
     return table.reset_index()
 
 
-def _steps(study, runs, samples, model, probability, warning):
-    """The way to the answer, in sentences."""
+def _steps(
+    study: Studied, runs: pd.DataFrame, samples: int, model: Predictor, chance: Mapping[str, float], warning: str | None
+) -> list[str]:
+    """Describe the way to the answer, in sentences."""
     config, failed = study.config, int((runs["status"] != OK).sum())
     name = model.name.replace("_", " ")
     known = " of the samples' means with their known errors" if model.name == "kriging" and warning is None else ""
     chances = (
-        f"within 1 % with probability {probability['within_1_percent']:.2f}, "
-        f"within 2 % with {probability['within_2_percent']:.2f}."
+        f"within 1 % with probability {chance['within_1_percent']:.2f}, "
+        f"within 2 % with {chance['within_2_percent']:.2f}."
     )
+    chosen, tolerance = f"that of the strategy {config['strategy']}", config["sequential"]["tolerance_percent"]
     if config["strategy"] == "sequential":
-        tolerance = config["sequential"]["tolerance_percent"]
         chosen = f"the set that lies within {tolerance:g} % of all targets most probably"
-    else:
-        chosen = f"that of the strategy {config['strategy']}"
     return [
-        f"Simulation in {config.get('simulator', 'repose')}: {len(runs)} runs of {len(samples)} parameter sets, "
+        f"Simulation in {config.get('simulator', 'repose')}: {len(runs)} runs of {samples} parameter sets, "
         f"{failed} failed.",
         f"Model: {name}{known}." if warning is None else f"Model: {name}. Warning: {warning}",
         f"Answer: {chosen}; {chances}",

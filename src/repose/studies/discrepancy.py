@@ -30,13 +30,12 @@ MODEL = ("particle", "tension", "filling")
 def of_targets(
     targets: Targets, runs: pd.DataFrame, percent: float, correlation: float, study: np.ndarray | None = None
 ) -> np.ndarray:
-    """Covariance S_d (k, k) of the discrepancies of a study's k targets."""
+    """Compute the covariance S_d (k, k) of the discrepancies of a study's k targets."""
     if study is not None:
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
-    apparatus = [
-        response.apparatus for response in targets.responses
-    ]  # responses of a user's own simulator are not registered
+    # responses of a user's own simulator are not registered
+    apparatus = [response.apparatus for response in targets.responses]
     sd = percent / 100 * np.array([target.whole_value for target in targets])
     return covariance(targets.names, sd, means, correlation, apparatus)
 
@@ -50,7 +49,7 @@ class OfModels(NamedTuple):
 
 
 def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfModels:
-    """Mean and covariance of the responses over the plausible models of a shape study.
+    """Compute mean and covariance of the responses over the plausible models of a shape study.
 
     The weight of a model is exp(-d^2 / 2), with its distance d from the published piles in standard deviations. The
     definitions of one model count as one. The pours of a combination are few: the mean square of its standard errors is
@@ -69,9 +68,8 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     squares = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
     models = 1 / squares if len(plausible) else 0.0
     if models < FEWEST_MODELS:
-        raise InputError(
-            combinations_csv, "eligible", f"{models:.1f} models by their weights", f"at least {FEWEST_MODELS}"
-        )
+        found = f"{models:.1f} models by their weights"
+        raise InputError(combinations_csv, "eligible", found, f"at least {FEWEST_MODELS}")
     values, errors = (plausible[list(of)].to_numpy(float) for of in (columns, targets.errors))
     raw = np.atleast_2d(np.cov(values.T, aweights=weight, ddof=0)) / (1 - squares)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
@@ -100,7 +98,7 @@ def _checked(path: str | os.PathLike, table: pd.DataFrame, errors: Sequence[str]
 def sizes(
     names: Sequence[str], means: np.ndarray, percent: Mapping[str, float] | float, smallest: Mapping[str, float]
 ) -> np.ndarray:
-    """Standard deviation (k,) of each discrepancy: `percent` of the mean, no less than `smallest` of its unit."""
+    """Compute the standard deviations (k,) of discrepancies: `percent` of the mean, at least `smallest` of the unit."""
     discrepancies = []
     for name, mean in zip(names, means, strict=True):
         own = percent[name] if isinstance(percent, Mapping) else percent
@@ -112,7 +110,7 @@ def sizes(
 def covariance(
     names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float, apparatus: Sequence[str] | None = None
 ) -> np.ndarray:
-    """Covariance S_d (k, k) of the discrepancies; different bench tests are independent."""
+    """Compute the covariance S_d (k, k) of the discrepancies; different bench tests are independent."""
     matrix = np.diag(sd**2)
     if apparatus is None:
         apparatus = [response(name).apparatus for name in names]
@@ -125,8 +123,8 @@ def covariance(
     return matrix
 
 
-def _signs(means):
-    """Signs (k,) of the responses in their first principal component, the first response's +1."""
+def _signs(means: np.ndarray) -> np.ndarray:
+    """Find the signs (k,) of the responses in their first principal component; the first response has +1."""
     there = means[np.isfinite(means).all(axis=1)]
     if there.shape[1] == 1 or len(there) < 2:
         return np.ones(means.shape[1])

@@ -52,7 +52,7 @@ def curve(
     observed: Observation,
     study: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> pd.DataFrame:
-    """Information and intervals over the size of the discrepancy, a row for each size and correlation."""
+    """Compute information and intervals over the size of the discrepancy, a row for each size and correlation."""
     several = len(targets.apparatus) < len(targets)
     rows = [
         {"discrepancy_percent": percent, "discrepancy_correlation": correlation, "evidence": "stated"}
@@ -71,19 +71,19 @@ def curve(
 
 
 def _bits(points: Points, space: ParameterSpace, observation: tuple) -> dict[str, Any]:
-    """Joint bits, effective points, and interval and bits of each parameter."""
+    """Compute joint bits, effective points, and interval and bits of each parameter."""
     log_weight = log_likelihood(points.predicted, points.covariance, *observation)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     row: dict[str, Any] = {"information_bits": joint_bits(weight), "effective_points": 1 / float(weight @ weight)}
-    for k, name in enumerate(space.free):
-        row |= _marginal(name, points, k, weight, space, row["effective_points"])
+    for k in range(space.dimensions):
+        row |= _marginal(points, k, weight, space, row["effective_points"])
     return row
 
 
-def _marginal(name, points, k, weight, space, effective):
-    """Interval and bits of one parameter."""
-    quantile = points.quantile[:, k]
+def _marginal(points: Points, k: int, weight: np.ndarray, space: ParameterSpace, effective: float) -> dict[str, float]:
+    """Compute interval and bits of one parameter."""
+    name, quantile = space.free[k], points.quantile[:, k]
     order = np.argsort(quantile)
     tails = np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2])
     ends = np.interp(tails, np.cumsum(weight[order]), quantile[order])
@@ -95,13 +95,13 @@ def _marginal(name, points, k, weight, space, effective):
 
 
 def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Distance (n,) of the worst response from its measurement, in standard deviations (C97)."""
+    """Compute how far (n,) the worst response is from its measurement, in standard deviations (C97)."""
     variance = np.diagonal(points.covariance, axis1=1, axis2=2) + np.diagonal(covariance)
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
 def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
-    """Share of the prior that is not implausible, and the projections of this region on pairs of parameters."""
+    """Find the share of the prior that is not implausible, and project this region on pairs of parameters."""
     kept = implausible < IMPLAUSIBLE
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
     tables = []
@@ -121,13 +121,13 @@ def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tu
 
 
 def joint_bits(weight: np.ndarray) -> float:
-    """Kullback-Leibler divergence of weighted points from equal weights, in bits."""
+    """Compute the Kullback-Leibler divergence of weighted points from equal weights, in bits."""
     heavy = weight[weight > NEGLIGIBLE]
     return float(heavy @ np.log2(heavy * len(weight)))
 
 
 def message(table: pd.DataFrame, share: float) -> str:
-    """The curve and the region as text."""
+    """Write the curve and the region as text."""
     lines = []
     stated = table[table["evidence"] == "stated"]
     for correlation, own in stated.groupby("discrepancy_correlation"):

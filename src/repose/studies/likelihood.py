@@ -26,7 +26,7 @@ from repose.core.targets import Targets
 
 
 def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Physical means (k,) and the part S_y + S_d (k, k) of their covariance that does not depend on the parameters."""
+    """Return the physical means (k,) and the part S_y + S_d (k, k) of their covariance that no parameter changes."""
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
         raise ValueError(f"correlation is {correlation.tolist()}; allowed: a positive definite matrix")
@@ -35,7 +35,7 @@ def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarr
 
 
 def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
-    """Correlation (k, k) of the measured responses: of simulated runs, or a stated number for two of one bench test."""
+    """Correlate the measured responses (k, k) as simulated runs are, or by a stated number within a bench test."""
     if isinstance(stated, str):
         return simulated
     bench = np.array([target.response.apparatus for target in targets])
@@ -47,7 +47,7 @@ def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float 
 def log_likelihood(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
-    """Log (n,) of the normal density N(mean; responses, covariance + covariances)."""
+    """Compute the log (n,) of the normal density N(mean; responses, covariance + covariances)."""
     total = covariance + covariances
     off = mean - responses
     distance = _squared_distance(off, total)
@@ -58,12 +58,12 @@ def log_likelihood(
 def misfit(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> dict[str, float]:
-    """Deviation of the best draw from the measurements; arguments as for `log_likelihood`."""
+    """Measure how far the best draw is from the measurements; arguments as for `log_likelihood`."""
     off = mean - responses
     best = float(_squared_distance(off, covariance + covariances).min())
     return {"squared_distance": best, "p_value": float(stats.chi2.sf(best, off.shape[1]))}
 
 
 def _squared_distance(off: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Squared distances (n,) of deviations (n, k) in standard deviations of their covariances (n, k, k)."""
+    """Square the distances (n,) of deviations (n, k), in standard deviations of their covariances (n, k, k)."""
     return np.einsum("ni,ni->n", off, np.linalg.solve(total, off[:, :, None])[:, :, 0])

@@ -57,10 +57,8 @@ def measured_runs(
     berry: Mapping[str, Any],
     out_dir: str | os.PathLike,
 ) -> pd.DataFrame:
-    """All responses of saved runs: a row for each run and response, with apparatus, sample, response and value."""
-    every = [
-        {"response": response.name, "apparatus": test.name} for test in bench_tests() for response in test.responses
-    ]
+    """Measure all responses of saved runs: a row for each run and response, with apparatus, sample and value."""
+    every = [{"response": one.name, "apparatus": test.name} for test in bench_tests() for one in test.responses]
     scene = Scene.of(dict(config) | {"targets": every}, {}, berry, particle)
     rows = []
     for path in map(Path, pours):
@@ -75,7 +73,7 @@ def measured_runs(
 
 
 def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float) -> pd.DataFrame:
-    """Bits that the mean of `repetitions` measurements of each response would add, most first.
+    """Compute the bits that the mean of `repetitions` measurements of each response would add, most first.
 
     Responses with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are left out.
     """
@@ -127,7 +125,7 @@ def run(
 
 
 def message(table: pd.DataFrame) -> str:
-    """The table in lines, most informative response first."""
+    """Write the table in lines, most informative response first."""
     lines = [
         f"{row.response} ({row.apparatus}): {row.bits:.2f} bits ({row.bits_low:.2f} to {row.bits_high:.2f})"
         f" by the mean of {row.repetitions}"

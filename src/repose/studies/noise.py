@@ -31,7 +31,7 @@ class NoiseFloor(NamedTuple):
 
 
 def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """All runs of a study, including failed runs, from the table of `repose.chain.dataset`."""
+    """Read all runs of a study, including failed runs, from the table of `repose.chain.dataset`."""
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
         sizes = usable(runs, (name,)).groupby("sample").size()
@@ -42,12 +42,12 @@ def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
 
 
 def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
-    """The runs with status ok and a number for each of the responses."""
+    """Select the runs with status ok and a number for each of the responses."""
     return runs[(runs["status"] == "ok") & runs[list(names)].notna().all(axis=1)]
 
 
 def within_correlation(runs: pd.DataFrame, targets: Targets) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
-    """Correlation (k, k) of the responses from run to run of one sample, 0 between bench tests, and its pairs."""
+    """Correlate the responses (k, k) from run to run of one sample, 0 between bench tests; also pair by pair."""
     matrix, pairs = np.eye(len(targets)), {}
     for bench in targets.apparatus:
         rows = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
@@ -63,12 +63,12 @@ def within_correlation(runs: pd.DataFrame, targets: Targets) -> tuple[np.ndarray
 
 
 def correlation_record(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """Correlations as in the JSON files: by the names of the pair, or the only pair by itself."""
+    """Return correlations as in the JSON files: by the names of the pair, or the only pair by itself."""
     return next(iter(pairs.values())) if len(pairs) == 1 else pairs
 
 
 def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
-    """Variance components of every target, and the gain from more seeds."""
+    """Compute the variance components of every target, and the gain from more seeds."""
     seeds = np.arange(1, MOST_SEEDS + 1)
     table, rows = pd.DataFrame({"seeds": seeds}), []
     for target in targets:
@@ -104,7 +104,7 @@ def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLik
 
 
 def message(summary: dict[str, Any], targets: Targets) -> str:
-    """The noise floor as text, a line for each response."""
+    """Write the noise floor as text, a line for each response."""
     lines = []
     for target in targets:
         name, unit, row = target.name, target.response.unit, summary["responses"][target.name]
@@ -117,7 +117,7 @@ def message(summary: dict[str, Any], targets: Targets) -> str:
 
 
 def _row(target: Target, components: Components, ok: pd.DataFrame, failed: pd.DataFrame) -> dict[str, Any]:
-    """The row of noise.csv of one response."""
+    """Make the row of noise.csv for one response."""
     row = {
         "response": target.name,
         "samples": components.groups,

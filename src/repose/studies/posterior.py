@@ -7,7 +7,7 @@ The likelihood is defined in `repose.studies.likelihood`; `repose.studies.sample
 import functools
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ from repose.core.targets import Targets
 from repose.studies import discrepancy, implausibility, noise
 from repose.studies.likelihood import log_likelihood, measured_correlation, misfit, observation
 from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
-from repose.surrogate.base import Predictor
+from repose.surrogate.base import Predictor, Surrogate
 from repose.surrogate.support import Support
 
 CREDIBLE = 0.95
@@ -65,24 +65,23 @@ def infer(
     unknown = discrepancy.of_targets(targets, runs, *assumed, study)
     mean, covariance = observed(unknown)
 
-    def likelihood(unit):
+    def likelihood(unit: np.ndarray) -> np.ndarray:
         X = space.values(unit)
         return log_likelihood(model.predict(X), model.covariance(X), mean, covariance)
 
-    def log_density(unit):
+    def log_density(unit: np.ndarray) -> np.ndarray:
         return likelihood(unit) + space.log_prior(unit)
 
-    chains = sample(log_density, space.dimensions, settings["walkers"], settings["steps"], settings["seed"])
+    seed = settings["seed"]
+    chains = sample(log_density, space.dimensions, settings["walkers"], settings["steps"], seed)
     r_hat, effective = split_r_hat(chains.points), chains.log_density.size / chains.times
     unit = chains.points.reshape(-1, space.dimensions)
     # at random: draws at a regular distance in time may all be of one walker
-    rows = np.random.default_rng(settings["seed"]).permutation(len(unit))[:DRAWS_KEPT]
+    rows = np.random.default_rng(seed).permutation(len(unit))[:DRAWS_KEPT]
     kept = unit[np.sort(rows)]
     drawn = chains.log_density.ravel() - space.log_prior(unit)
     independent = drawn.size / chains.density_time
-    bits = joint_information_bits(
-        likelihood, drawn, independent, space.dimensions, settings["seed"], from_prior=space.from_prior
-    )
+    bits = joint_information_bits(likelihood, drawn, independent, space.dimensions, seed, from_prior=space.from_prior)
     table = _parameters(space, unit, r_hat, effective, chains.times, references)
 
     X = space.values(kept)
@@ -145,8 +144,7 @@ def run(
         allowed = "enough runs a sample for the correlation of the responses"
         raise InputError(files["runs"], "runs", str(error), allowed) from None
     out = Path(out_dir)
-    further = _further_studies(model, space, targets, settings, runs, study, out)
-    result.summary.update(further)
+    result.summary.update(_further_studies(model, space, targets, settings, runs, study, out))
     if models is not None:
         result.summary["discrepancy_models"] = models.models
         result.summary["discrepancy_mean"] = models.mean.tolist()
@@ -156,8 +154,10 @@ def run(
     return result.summary
 
 
-def _observed(runs, targets, settings):
-    """Function from S_d to the physical means and their covariance, and the pairs of correlations."""
+def _observed(
+    runs: pd.DataFrame, targets: Targets, settings: Mapping[str, Any]
+) -> tuple[Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], dict[str, dict[str, float]]]:
+    """Return a function from S_d to the physical means and their covariance, and the pairs of correlations."""
     stated = settings.get("measured_correlation", "simulated")
     try:
         simulated, pairs = noise.within_correlation(runs, targets)
@@ -171,8 +171,8 @@ def _observed(runs, targets, settings):
     return functools.partial(observation, targets, correlation), pairs
 
 
-def _check_freedom(targets, pairs):
-    """ValueError for a bench test with fewer repeated runs than a correlation of its responses needs.
+def _check_freedom(targets: Targets, pairs: Mapping[str, Mapping[str, float]]) -> None:
+    """Raise ValueError for a bench test with fewer repeated runs than a correlation of its responses needs.
 
     The matrix would be singular, or nearly so.
     """
@@ -184,12 +184,20 @@ def _check_freedom(targets, pairs):
                 raise ValueError(f"{freedom} degrees of freedom within samples of {bench}; allowed: at least {least}")
 
 
-def _further_studies(model, space, targets, settings, runs, study, out):
+def _further_studies(
+    model: Surrogate,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    runs: pd.DataFrame,
+    study: np.ndarray | None,
+    out: Path,
+) -> dict[str, Any]:
     """Write discrepancy.csv and region.csv; return their entries of the summary."""
     observed, _ = _observed(runs, targets, settings)
     points = implausibility.Points(model, space)
 
-    def stated(percent, between):
+    def stated(percent: float, between: float) -> tuple[np.ndarray, np.ndarray]:
         return observed(discrepancy.of_targets(targets, runs, percent, between))
 
     chosen = settings["discrepancy_percent"], settings["discrepancy_correlation"]
@@ -203,7 +211,7 @@ def _further_studies(model, space, targets, settings, runs, study, out):
 
 
 def statement(row: Mapping[str, Any]) -> str:
-    """A sentence on one parameter, from its row of posterior.csv."""
+    """Say in a sentence how well one parameter is determined, from its row of posterior.csv."""
     bits, name = row["information_bits"], row["parameter"]
     where = f"{row['credible_low']:.3g} to {row['credible_high']:.3g}"
     share = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
@@ -219,7 +227,7 @@ def statement(row: Mapping[str, Any]) -> str:
 
 
 def message(summary: Mapping[str, Any]) -> str:
-    """Statements, fit and convergence as text."""
+    """Write statements, fit and convergence as text."""
     lines = list(summary["statements"].values())
     fit = summary["misfit"]
     bits, error = summary["information_bits"], summary["information_se_bits"]
@@ -248,7 +256,7 @@ def _parameters(
     times: np.ndarray,
     references: Mapping[str, pd.DataFrame],
 ) -> pd.DataFrame:
-    """Rows of posterior.csv, a row for each free parameter."""
+    """Make the rows of posterior.csv, a row for each free parameter."""
     shares, ends = space.prior_cdf(unit), _prior_interval(space)
     rows = []
     for k, name in enumerate(space.free):
@@ -264,7 +272,7 @@ def _parameters(
 
 
 def _prior_interval(space: ParameterSpace) -> np.ndarray:
-    """Widths (d,) of the priors' central intervals of probability CREDIBLE."""
+    """Find the widths (d,) of the priors' central intervals of probability CREDIBLE."""
     width = CREDIBLE * (space.high - space.low)
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
     low, high = space.values(space.from_prior(np.array([tail, 1 - tail])))
@@ -276,7 +284,7 @@ def _prior_interval(space: ParameterSpace) -> np.ndarray:
 def _marginal(
     draws: np.ndarray, shares: np.ndarray, low: float, high: float, prior_width: float, effective: float
 ) -> dict[str, float]:
-    """Mean, interval, width and information of one parameter's draws (n,) in [0, 1]; shares: of the prior below."""
+    """Summarise one parameter's draws (n,) in [0, 1]; `shares` are the shares of the prior below them."""
     values = low + draws * (high - low)
     interval = _interval(values)
     return {
@@ -292,7 +300,7 @@ def _marginal(
 
 
 def _interval(values: np.ndarray) -> dict[str, float]:
-    """Central credible interval."""
+    """Find the central credible interval."""
     tail = (1 - CREDIBLE) / 2
     ends = np.quantile(values, [tail, 1 - tail])
     return {"low": float(ends[0]), "high": float(ends[1])}
@@ -301,7 +309,7 @@ def _interval(values: np.ndarray) -> dict[str, float]:
 def _reference(
     other: str, space: ParameterSpace, k: int, draws: np.ndarray, first: float, last: float
 ) -> dict[str, float]:
-    """A reference interval of free parameter k, with its probability by the posterior and by the prior."""
+    """Give a reference interval of free parameter k its probability by the posterior and by the prior."""
     first, last, low, high = float(first), float(last), space.low[k], space.high[k]
     values = low + draws * (high - low)
     prior = max(0.0, min(last, high) - max(first, low)) / (high - low)

@@ -6,10 +6,13 @@ several independent ensembles are drawn, and R-hat compares these.
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy import optimize, stats
+
+if TYPE_CHECKING:
+    import emcee
 
 ENSEMBLES = 4
 BURN_IN = 0.5  # share of the steps that is dropped
@@ -41,7 +44,7 @@ def sample(
     """
     import emcee
 
-    def inside(points):
+    def inside(points: np.ndarray) -> np.ndarray:
         value = np.full(len(points), -np.inf)
         allowed = ((points >= 0) & (points <= 1)).all(axis=1)
         if allowed.any():
@@ -65,8 +68,10 @@ def sample(
     return Chains(np.array(chains), np.array(densities), time[:-1], float(time[-1]))
 
 
-def _ensemble(walkers, dimensions, log_density, random):
-    """An ensemble of walkers, drawn with the state of a random generator."""
+def _ensemble(
+    walkers: int, dimensions: int, log_density: Density, random: np.random.RandomState
+) -> "emcee.EnsembleSampler":
+    """Make an ensemble of walkers, drawn with the state of a random generator."""
     import emcee
 
     # not the snooker move: as of emcee 3.1.6 its acceptance has half the exponent, and draws are too narrow
@@ -76,32 +81,35 @@ def _ensemble(walkers, dimensions, log_density, random):
     return sampler
 
 
-def _start(log_density, dimensions, random):
-    """Draws (POPULATION, d) of a density, about (Del Moral et al. 2006, J. R. Stat. Soc. B 68, 411).
+def _start(log_density: Density, dimensions: int, random: np.random.RandomState) -> np.ndarray:
+    """Draw (POPULATION, d) from a density, approximately (Del Moral et al. 2006, J. R. Stat. Soc. B 68, 411).
 
     Powers of the density lead from the cube to the whole density; each halves the effective number of points.
     """
     points, power = random.uniform(size=(POPULATION, dimensions)), 0.0
     value = log_density(points)
+
+    def kept(step: float) -> float:
+        weight = np.exp(step * (value - value.max()))
+        return weight.sum() ** 2 / (weight**2).sum() / POPULATION - 0.5
+
+    def tempered(places: np.ndarray) -> np.ndarray:
+        return power * log_density(places)
+
     while power < 1.0:
-
-        def kept(step, value=value):
-            weight = np.exp(step * (value - value.max()))
-            return weight.sum() ** 2 / (weight**2).sum() / POPULATION - 0.5
-
         rest = 1.0 - power
         step = rest if kept(rest) >= 0.0 else optimize.brentq(kept, 0.0, rest)
         weight = np.exp(step * (value - value.max()))
         power += step
         points = points[random.choice(POPULATION, POPULATION, p=weight / weight.sum())]
-        sampler = _ensemble(POPULATION, dimensions, lambda u, power=power: power * log_density(u), random)
+        sampler = _ensemble(POPULATION, dimensions, tempered, random)
         last = sampler.run_mcmc(points, MOVES, skip_initial_state_check=True)
         points, value = last.coords, last.log_prob / power
     return points[random.permutation(POPULATION)]
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
-    """R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4)."""
+    """Compute R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4)."""
     chains = np.asarray(chains, dtype=float)
     if chains.ndim != 3 or chains.shape[1] < 4:
         raise ValueError(f"chains has shape {chains.shape}; allowed: (chains, steps, dimensions), 4 steps or more")
@@ -113,7 +121,7 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
 
 
 def information_bits(draws: np.ndarray, effective: float) -> float:
-    """Kullback-Leibler divergence of one parameter's posterior from its prior, in bits, at least 0.
+    """Compute the Kullback-Leibler divergence of one parameter's posterior from its prior, in bits, at least 0.
 
     It is the divergence of a histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2
     effective ln 2), is subtracted (Miller 1955, Note on the bias of information estimates).
@@ -122,7 +130,7 @@ def information_bits(draws: np.ndarray, effective: float) -> float:
 
 
 def bits_of_shares(share: np.ndarray, effective: float) -> float:
-    """`information_bits` of a histogram: the share of the draws in each of the BINS."""
+    """Compute `information_bits` from a histogram: the share of the draws in each of the BINS."""
     filled = share[share > 0]
     excess = (len(filled) - 1) / (2 * effective * math.log(2))
     return max(0.0, float(filled @ np.log2(filled * BINS)) - excess)
@@ -137,7 +145,7 @@ def joint_information_bits(
     prior_draws: int = PRIOR_DRAWS,
     from_prior: Density | None = None,
 ) -> tuple[float, float]:
-    """Kullback-Leibler divergence of the whole posterior from the prior, in bits, and its standard error.
+    """Compute the Kullback-Leibler divergence of the whole posterior from the prior, in bits, and its standard error.
 
     It is E_posterior[log L] - log E_prior[L]. The second mean is over a scrambled Sobol sequence; its standard error is
     computed as for independent points, which makes it too large rather than too small.
@@ -147,7 +155,6 @@ def joint_information_bits(
     prior = np.concatenate([log_likelihood(part) for part in np.array_split(points, max(1, prior_draws // 2048))])
     likelihood = np.exp(prior - prior.max())
     evidence = prior.max() + math.log(likelihood.mean())
-    error = math.hypot(
-        likelihood.std() / likelihood.mean() / math.sqrt(prior_draws), drawn.std() / math.sqrt(effective)
-    )
+    of_prior = likelihood.std() / likelihood.mean() / math.sqrt(prior_draws)
+    error = math.hypot(of_prior, drawn.std() / math.sqrt(effective))
     return float((drawn.mean() - evidence) / math.log(2)), float(error / math.log(2))

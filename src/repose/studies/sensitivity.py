@@ -34,7 +34,7 @@ Function = Callable[[np.ndarray], np.ndarray]
 def indices(
     function: Function, low: np.ndarray, high: np.ndarray, samples: int, resamples: int, seed: int
 ) -> dict[str, np.ndarray]:
-    """First-order and total Sobol indices with intervals, each (outputs, d)."""
+    """Compute first-order and total Sobol indices with intervals, each (outputs, d)."""
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples!r}; allowed: a power of two")
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
@@ -47,7 +47,7 @@ def indices(
     if not (f_A.std(axis=1) > ROUNDING * np.abs(f_A).max(axis=1)).all():
         raise ValueError("an output of the function does not vary; allowed: outputs that do")
 
-    def of(rows):
+    def of(rows: np.ndarray | slice) -> np.ndarray:
         # scipy centres its arguments in place
         values = {"f_A": f_A[:, rows].copy(), "f_B": f_B[:, rows].copy(), "f_AB": f_AB[:, :, rows].copy()}
         result = stats.sobol_indices(func=values, n=samples)
@@ -71,7 +71,7 @@ def main_effects(
     points: int = EFFECT_POINTS,
     draws: int = EFFECT_DRAWS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs."""
+    """Compute values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(draws)
     grid = np.linspace(low, high, points, axis=1)
@@ -89,9 +89,9 @@ def main_effects(
 def analyse(
     model: Surrogate, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Tables sobol.csv and main_effects.csv of a surrogate: Sobol indices and mean responses."""
+    """Make the tables sobol.csv and main_effects.csv of a surrogate: Sobol indices and mean responses."""
 
-    def respond(values):
+    def respond(values: np.ndarray) -> np.ndarray:
         return model.predict(space.complete(values))
 
     table = indices(respond, space.low, space.high, settings["samples"], settings["resamples"], settings["seed"])
@@ -132,12 +132,12 @@ def run(
 
 
 def _values(function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Outputs (outputs, n) at points (n, d) of the unit cube."""
+    """Compute the outputs (outputs, n) at points (n, d) of the unit cube."""
     return np.asarray(function(low + (high - low) * unit), dtype=float).reshape(len(unit), -1).T
 
 
 def message(table: pd.DataFrame) -> str:
-    """First-order and total indices as text, a line for each response."""
+    """Write first-order and total indices as text, a line for each response."""
     lines = []
     for response, rows in table.groupby("response", sort=False):
         order = rows.sort_values("total", ascending=False)
