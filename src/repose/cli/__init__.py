@@ -1,4 +1,4 @@
-"""The command line: one module for each family of verbs, the options of a verb beside the function that runs it.
+"""The command line: one module for each family of verbs, the options of a verb next to its function.
 
 The verbs hand files and settings to the modules of `repose`, which are imported inside the verbs, so that help and
 parsing load none of them.
@@ -39,7 +39,7 @@ EXTRAS = ("cv2", "llvmlite", "matplotlib", "numba", "PIL", "trimesh")  # librari
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a verb, by default that of the command line.
+    """Run a verb, by default the one on the command line.
 
     Status 0, 1 where a verification misses, 2 for faulty input, 3 where `card check` finds targets that are not met.
     """

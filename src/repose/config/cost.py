@@ -33,7 +33,7 @@ Pours = Sequence[tuple[str, int, int]]
 def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
     """Estimate the wall time of a run of a bench test on one core, without its measurement.
 
-    `berry_step_s` is the cost of a step of one berry, as of `measured_berry_step_s`.
+    `berry_step_s` is the cost of a step of one grain, from `measured_berry_step_s`.
     """
     section, duration = config[name], bench(name).duration_s(SceneSettings(config))
     # a filling height: taken as the funnel's number, as the grain is not known here

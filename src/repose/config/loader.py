@@ -117,7 +117,7 @@ def layers(files: Sequence[str | os.PathLike], read: Read = read, *more: Mapping
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
     """Return the file of the built-in crop if a configuration uses it in a folder that has no configuration.
 
-    None also if one of the files lies beside it, and so is made for it.
+    None also if one of the files is in the same folder, and so is made for it.
     """
     own = places.root() / places.DEFAULT_CONFIG
     if places.configs()[-1] != own:

@@ -290,7 +290,7 @@ class Target(Section):
         description="a pair [low, high] of numbers with low < high"
     )
     weight: float = Field(default=1.0, gt=0, le=1.0e6)
-    profile: OfProfile = ABSENT  # of which it is a score; `repose.config.profiles` writes it
+    profile: OfProfile = ABSENT  # it is a score of this; `repose.config.profiles` writes it
 
     def contradictions(self) -> Contradictions:
         """Refuse a response of no bench test, and values outside the allowed range."""

@@ -50,7 +50,7 @@ class OwnTarget(Section):
     unit: Line = ""
     definition: Line = ABSENT
     noise_sd: Annotated[float, Field(gt=0, le=LARGEST)] = ABSENT
-    profile: OfProfile = ABSENT  # of which it is a score; `repose.config.profiles` writes it
+    profile: OfProfile = ABSENT  # it is a score of this; `repose.config.profiles` writes it
 
     def contradictions(self) -> Contradictions:
         """Refuse a target of 0, which has no relative tolerance."""

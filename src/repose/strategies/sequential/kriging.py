@@ -91,8 +91,8 @@ class Observed(NamedTuple):
 class Kriging(Combined):
     """Model of the mean responses over all parameters, from the pours.
 
-    The error of a sample's mean is known, not fitted (ANS10). A variance from few pours is a poor estimate, so it is
-    moderated by that of all samples (S04). `noise` (k, k) is the covariance of a single pour; None means the
+    The error of a sample's mean is known, not fitted (ANS10). A variance from few pours is a poor estimate, so the
+    variance of all samples moderates it (S04). `noise` (k, k) is the covariance of a single pour; None means the
     pours' own. ValueError if the pours have too few replicates for the noise, or there are fewer than two samples.
 
     Each process has a linear part (R06): without it a process returns to its mean in the corners, where the largest and
