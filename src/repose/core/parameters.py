@@ -73,11 +73,11 @@ def named(names: Iterable[str]) -> tuple[str, ...]:
     return (*PARAMETERS, *(name for name in FURTHER if name in given))
 
 
-NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+NUMBER = re.compile(r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE)
 
 
 def plain_number(value: object) -> float:
-    """Read a number as tables write it; ValueError for what only Python takes for one: 1_0, full-width digits, nan."""
+    """Read a number as tables write it; ValueError for what only Python takes for one: 1_0, full-width digits."""
     if isinstance(value, str) and not NUMBER.fullmatch(value):
         raise ValueError(f"{value!r} is no number")
     return float(value)  # type: ignore[arg-type]
