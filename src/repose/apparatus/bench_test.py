@@ -74,6 +74,12 @@ class Scene:
         return self.settings.simulation
 
     @property
+    def mm_per_pixel(self) -> float:
+        """Scale of a silhouette; other keys of `measure` are a pile's."""
+        scale: float = self.settings.config["measure"]["mm_per_pixel"]
+        return scale
+
+    @property
     def measure(self) -> "MeasureSettings":
         """Settings of the measurement of a pile."""
         from repose.measure.settings import MeasureSettings

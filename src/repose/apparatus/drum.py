@@ -152,7 +152,7 @@ class RotatingDrum(BenchTest[R]):
         from repose.measure import bed
 
         section = self.section(scene.settings)
-        radius, pixel = Drum.of(section).radius_m, scene.measure.mm_per_pixel
+        radius, pixel = Drum.of(section).radius_m, scene.mm_per_pixel
         return bed.measure_surface(position, quaternion, scene.particle, radius, pixel, section.fit_share, scale)
 
     def surface_angles(
@@ -193,7 +193,7 @@ class RotatingDrum(BenchTest[R]):
 
 def no_surface(scene: Scene) -> str:
     """Say why a bed has no surface."""
-    scale = scene.measure.mm_per_pixel
+    scale = scene.mm_per_pixel
     return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
 
 

@@ -185,7 +185,7 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
 
         if not profiles:
             return {}
-        radius, pixel = drum.Drum.of(self.section(scene.settings)).radius_m, scene.measure.mm_per_pixel
+        radius, pixel = drum.Drum.of(self.section(scene.settings)).radius_m, scene.mm_per_pixel
         occupied = bed.occupied_share(position, quaternion, scene.particle, radius, pixel, scale)
         found = {}
         for name, kept in profiles.items():

@@ -41,10 +41,7 @@ KEYS = {
     "validate": ("parameters", "targets", "measure", "validation.published_simulated", SCENE),
     "silhouette": ("measure",),
     "measure_silhouette": ("measure",),
-    "drum_tables": (
-        "measure.mm_per_pixel",
-        *_keys("drum", "fit_share", "depth_bin_mm", "outer_diameter_mm", "wall_thickness_mm", "length_mm"),
-    ),
+    "drum_tables": ("measure.mm_per_pixel", "drum"),
     "noise": ("targets",),
     "posterior": ("parameters", "targets", "posterior"),
     "sensitivity": ("parameters", "targets", "sensitivity"),
