@@ -20,11 +20,6 @@ from repose.strategies import names, strategy
 Config = Mapping[str, Any]
 
 
-def _keys(section: str, *names: str) -> tuple[str, ...]:
-    """Make dotted keys of a section."""
-    return tuple(f"{section}.{name}" for name in names)
-
-
 # Entries that are no keys: what `responses` gives, the hash of `scene`, the keys by which any bench test is measured.
 RESPONSES, SCENE, MEASURED_BY = "responses", "scene", "measured_by"
 # Each rule says these again; tests compare them with the rules, and with the keys that the stages read.

@@ -57,14 +57,7 @@ rule drum:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads(
-            "measure.mm_per_pixel",
-            "drum.fit_share",
-            "drum.depth_bin_mm",
-            "drum.outer_diameter_mm",
-            "drum.wall_thickness_mm",
-            "drum.length_mm",
-        ),
+        depends=reads("measure.mm_per_pixel", "drum"),
         code=room_hash("apparatus", "measure"),
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer"
