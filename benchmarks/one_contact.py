@@ -18,7 +18,9 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from repose import dem
-from repose.apparatus.scene import berry_simulation
+from repose.apparatus import Scene
+from repose.apparatus.scene import grain_simulation
+from repose.apparatus.settings import SceneSettings
 
 SET = "calibrated"
 # On the plate at no overlap, the long axis level: the middle sphere is the largest one.
@@ -71,12 +73,10 @@ def ours(name, case, step_s):
         "gravity_m_s2": case.gravity,
         "time_step_s": step_s,
     }
-    config = config | {"simulation": config["simulation"] | simulation}
-    made = berry_simulation(
-        config,
-        one_pile.their_rolling(SET, job) if rolling == "spring" else one_pile.SETS[SET],
-        particle,
-        berry,
+    values = one_pile.their_rolling(SET, job) if rolling == "spring" else one_pile.SETS[SET]
+    laws = one_pile.Limited.model_construct(**config["simulation"] | simulation)
+    made = grain_simulation(
+        Scene(SceneSettings(config, {"simulation": laws}), values, berry, particle),
         len(case.places),
         walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
         lower=(-0.3, -0.3, 0.0),

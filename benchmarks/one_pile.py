@@ -29,7 +29,7 @@ from scipy.spatial import cKDTree
 
 from repose import export
 from repose.apparatus import Scene, funnel, scene
-from repose.apparatus.settings import SceneSettings
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.config.study import Study
 from repose.core.places import configs
 from repose.dem.rotations import rotation_matrices
@@ -112,16 +112,27 @@ def study(set_name):
     return config, berry, particle, job
 
 
+class Limited(SimulationSettings):
+    """Laws with another limit of friction than their tension's; without a configuration's bounds."""
+
+    friction_limit: str
+
+    @property
+    def laws(self):
+        return super().laws | {"friction_limit": self.friction_limit}
+
+
 def pour_ours(name, set_name, seed):
     """Places of the spheres (N, M, 3) of a pour with this engine, and its status."""
     config, berry, particle, job = study(set_name)
     limit, rolling, law = OURS[name]
     laws = {"friction_limit": limit, "contact_law": law, "rolling_law": rolling}
-    config = config | {"simulation": config["simulation"] | laws}
+    simulation = Limited.model_construct(**config["simulation"] | laws)
     values = their_rolling(set_name, job) if rolling == "spring" else SETS[set_name]
-    poured = funnel.FunnelTest().pour(Scene.of(config, values, berry, particle, seed))
+    settings = SceneSettings(config, {"simulation": simulation})
+    poured = funnel.FunnelTest().pour(Scene(settings, values, berry, particle, seed))
     turned = np.einsum("nij,mj->nmi", rotation_matrices(poured.quaternions), particle.spheres_m[:, :3])
-    status = funnel.FunnelTest().status_of(poured, SceneSettings(config))[0]
+    status = funnel.FunnelTest().status_of(poured, settings)[0]
     if status == "not_at_rest" and poured.kinetic_energy_j < REST_J * GRAINS[set_name]:
         status = "ok"
     return poured.centres_m[:, None] + turned, status

@@ -5,7 +5,8 @@ python examples/bench_tests/beside.py
 
 from pathlib import Path
 
-from repose.apparatus import Scene, bench
+from repose.apparatus import bench
+from repose.apparatus.job import run_once
 from repose.config.study import Study
 from repose.core.runs import mean_and_error
 
@@ -28,8 +29,7 @@ def main():
         test, values = bench(name), study.parameters.centre
         measured = []
         for seed in SEEDS:
-            run = test.run(Scene.of(study.config, values, study.grain, study.particle, seed))
-            measured += [test.measure(run.record, run.arrays, Scene.of(study.config, {}, study.grain, study.particle))]
+            measured += [run_once(test, study.scene(values, seed))[0]]
         for response in responses:
             angles = [one[response] for one in measured if one.get(response) is not None]
             mean, error = mean_and_error(angles)

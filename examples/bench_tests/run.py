@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import sketches
 
-from repose.apparatus import Scene, bench
+from repose.apparatus import bench
 from repose.apparatus.drum import Drum
 from repose.config.study import Study
-from repose.core.parameter_space import ParameterSpace
 from repose.pictures import film
 
 HERE = Path(__file__).parent
@@ -35,19 +34,19 @@ def main(name, out="results/examples", pictures=48, width=420):
     """Run the bench test at the centre of the ranges and write the pictures; returns the measured run."""
     study = Study.load("config/config.yaml", HERE / f"{name}.yaml")
     test, config = bench(name), study.config
-    values = ParameterSpace.of(config["parameters"]).centre
+    scene = study.scene(study.parameters.centre, 1)
     elevation, azimuth, interval_s = VIEWS[name]
-    run = test.run(Scene.of(config, values, study.grain, study.particle, 1), interval_s)
-    measured = test.measure(run.record, run.arrays, Scene.of(config, {}, study.grain, study.particle))
-    print(test.in_words.format(**measured) if measured["status"] == "ok" else measured)
+    run = test.run(scene, interval_s)
+    measured = test.result(run.record, run.arrays, scene)
+    print(test.summary.format(**measured) if measured["status"] == "ok" else measured)
     out = Path(out)
     sketches.draw(name, out / f"{name}.png", config)
     frames = run.frames | {"shape": np.zeros(len(run.frames["scale"]), int)}
-    scene = test.build(Scene.of(config, values, study.grain, study.particle))
+    simulation = test.build(scene)
     if name == "turning":  # its caps are endless planes; the picture has discs
-        scene.walls.planes[:, 6] = Drum.of(config[name]).radius_m
+        simulation.walls.planes[:, 6] = Drum.of(test.section(scene.settings)).radius_m
     view = {"elevation_deg": elevation, "azimuth_deg": azimuth, "width": width, "colour": config["colour"]}
-    film.animate(scene, frames, out / f"{name}.gif", pictures, **view)
+    film.animate(simulation, frames, out / f"{name}.gif", pictures, **view)
     return measured
 
 

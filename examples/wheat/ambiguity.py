@@ -11,7 +11,8 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
-from repose.apparatus import Scene, bench, drum
+from repose.apparatus import Scene, bench, turning
+from repose.apparatus.job import run_once
 from repose.config.study import Study
 from repose.core.files import read_json, write_json
 from repose.core.runs import mean_and_error
@@ -98,12 +99,12 @@ def ran(study: Study, name: str, of: str, seed: int) -> dict:
     if not path.exists():
         test, config = bench(shown.test), study.config | {"lifted_cylinder": LIFTED, "turning": TURNING}
         began = time.process_time()
-        run = test.run(Scene.of(config, PAIRS[of].values(shown.wall), study.grain, study.particle, seed))
-        measured = test.measure(run.record, run.arrays, Scene.of(config, {}, study.grain, study.particle))
+        scene = Scene.of(config, PAIRS[of].values(shown.wall), study.grain, study.particle, seed)
+        measured, run = run_once(test, scene)
         took = {"cpu_s": time.process_time() - began}
         if shown.test == "turning":  # whether the flow is steady
             frames = (run.arrays[key] for key in ("position", "quaternion", "scale"))
-            took["frames_deg"] = drum.surface_angles(*frames, config, study.particle, "turning").tolist()
+            took["frames_deg"] = turning.TurningTest().surface_angles(*frames, scene).tolist()
         write_json(path, {"run": measured, **took})
         print(f"{name} {of} {seed}: {measured['status']} {measured[shown.response]}", flush=True)
     return read_json(path)

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import Scene, bench
+from repose.apparatus import bench
 from repose.apparatus.job import run_once
 from repose.chain import dataset, invert, train
 from repose.config import stands_on
@@ -126,11 +126,10 @@ def seeds_of(study_seed, stream, number, count):
 def pouring(study, keys, X):
     """Pours and measures a task: `row` of X, `seed`."""
     test, names = bench(BENCH), study.targets.names
-    particle, grain = study.particle, study.grain
 
     def pour(task):
         values = dict(zip(study.parameters.names, X[task["row"]].tolist(), strict=True))
-        run, _ = run_once(test, Scene.of(study.config, values, grain, particle, task["seed"]))
+        run, _ = run_once(test, study.scene(values, task["seed"]))
         kept = {key: task[key] for key in (*keys, "seed")} | {"status": run["status"]}
         return kept | {"reason": run.get("reason") or ""} | {name: run.get(name, np.nan) for name in names}
 

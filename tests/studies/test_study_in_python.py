@@ -117,6 +117,7 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: Study([1], {"y": (1.0, 0.1)}), "parameters is"),
         (lambda: Study({"a": (0, 1)}, None), "targets is None"),
         (lambda: Study({"a\nb": (0, 1)}, {"y": (1.0, 0.1)}), "one line of text"),
+        (lambda: Study({"turn": (0, 1)}, {"y": (1.0, 0.1)}), "none of sample, run, status, turn"),
         (lambda: Study.of([1]), "a mapping of sections"),
         (lambda: Study.load(None), "the path of a file"),
         (lambda: Study.resume(None), "the path of a file"),

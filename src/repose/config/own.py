@@ -28,7 +28,7 @@ from repose.core.responses import Response
 from repose.core.section import ABSENT, AUTO, Contradictions, Section, refuse
 from repose.core.targets import Target, Targets
 
-RESERVED = ("sample", "run", "status")  # columns of the table that are neither parameter nor response
+RESERVED = ("sample", "run", "status", "turn")  # columns of the table that are neither parameter nor response
 BENCH = "own"  # bench test of the responses
 SEEDS = 2  # runs of each sample
 SURROGATE = "gaussian_process"

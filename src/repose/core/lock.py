@@ -19,6 +19,7 @@ try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
+LOCK_EX, LOCK_SH, LOCK_NB = (fcntl.LOCK_EX, fcntl.LOCK_SH, fcntl.LOCK_NB) if fcntl else (0, 0, 0)
 
 # Errors of a file system without locks.
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
@@ -33,14 +34,14 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     mine = (folder / WORKFLOW).open("a+", encoding="utf-8")
-    if not _locked(mine, exclusively=True):
+    if not _locked(mine, LOCK_EX):
         mine.seek(0)
         raise InputError(folder, "workflow", mine.read() or "running", "one at a time; wait until it has ended")
     with (folder / JOBS).open("a", encoding="utf-8") as jobs:
-        if not _locked(jobs, exclusively=True):
+        if not _locked(jobs, LOCK_EX):
             message = f"repose: {folder}: waiting until the jobs of a workflow that was killed have ended"
             print(message, file=sys.stderr, flush=True)
-            fcntl.flock(jobs, fcntl.LOCK_EX)
+            _flock(jobs, LOCK_EX)
     mine.truncate(0)
     mine.write(f"process {os.getpid()} on {os.uname().nodename}")
     mine.flush()
@@ -55,7 +56,7 @@ def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
         yield
         return
     with path.open("a+", encoding="utf-8") as jobs:
-        _locked(jobs, exclusively=False)
+        _locked(jobs, LOCK_SH)
         try:
             yield
         finally:
@@ -65,31 +66,28 @@ def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
 @contextmanager
 def exclusive(path: str | os.PathLike) -> Iterator[None]:
     """Hold a file against other processes of this program while it is read, changed and written."""
-    beside = Path(path).with_name(f".{Path(path).name}.lock")
-    if fcntl is None:
-        print(f"repose: {path}: no locks on this system; one process at a time may add to it", file=sys.stderr)
-        yield
-        return
-    with beside.open("a+", encoding="utf-8") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX)
-        except OSError as error:
-            if error.errno not in NO_LOCKS:
-                raise
-            print(f"repose: {path}: the file system has no locks; one process at a time may add to it", file=sys.stderr)
+    with Path(path).with_name(f".{Path(path).name}.lock").open("a+", encoding="utf-8") as file:
+        if not _flock(file, LOCK_EX):
+            print(f"repose: {path}: no locks on this system; one process at a time may add to it", file=sys.stderr)
         yield
 
 
-def _locked(file: IO[str], exclusively: bool) -> bool:
-    """Take a lock; False if another process holds it."""
-    if fcntl is None:
-        return True
-    kind = fcntl.LOCK_EX if exclusively else fcntl.LOCK_SH
+def _locked(file: IO[str], kind: int) -> bool:
+    """Take a lock, or none where there are none; False if another process holds it."""
     try:
-        fcntl.flock(file, kind | fcntl.LOCK_NB)
+        _flock(file, kind | LOCK_NB)
     except BlockingIOError:
         return False
+    return True
+
+
+def _flock(file: IO[str], kind: int) -> bool:
+    """Wait for a lock and take it; False where the system or the disk has none."""
+    try:
+        if fcntl is not None:
+            fcntl.flock(file, kind)
     except OSError as error:
         if error.errno not in NO_LOCKS:
             raise
-    return True
+        return False
+    return fcntl is not None
