@@ -48,7 +48,7 @@ def _faults(given: Any, known: Any, source: str, prefix: str = "") -> Iterator[I
         if key not in known and prefix[:-1] not in FREE_NAMES:
             near = get_close_matches(str(key), known, 1)
             hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
-            yield YamlError(source, name, value, f"no such key; {hint}")
+            yield YamlError(source, name, value, f"a known key; {hint}")
             continue
         like = known.get(key, next(iter(known.values())))
         like = float(like) if "minutes" in name and type(like) is int else like

@@ -151,7 +151,7 @@ def main() -> None:
     parser.add_argument("--files", type=Path, help="the published run's own grains at the speed of --rpm, not a drum")
     asked = parser.parse_args()
     if asked.files and len(asked.rpm) > 1:
-        parser.error(f"--rpm is {asked.rpm}; allowed: the one speed of the files in {asked.files}")
+        parser.error(f"--rpm is {asked.rpm}; expected the one speed of the files in {asked.files}")
     shares = INSERTED if asked.inserted else SHARES
     data = pd.read_csv(Path(__file__).with_name("surface.csv"), comment="#", index_col="x_mm").loc[-24:24]
     for rpm, seed in itertools.product(asked.rpm, [0] if asked.files else asked.seeds):

@@ -161,7 +161,7 @@ def main():
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     args = parser.parse_args()
     if args.emulator != "process" and args.out == TABLE:
-        parser.error(f"--emulator {args.emulator}: --out is the table of the Gaussian process; allowed: another file")
+        parser.error(f"--emulator {args.emulator}: --out is the table of the Gaussian process; expected another file")
 
     columns = ["responses", "method", "truth", "noise_percent", "pours", "error_percent", "probability"]
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)

@@ -134,7 +134,7 @@ def response_surface(simulator, goal, targets, config, random, budgets):
         best = surface.best_point(models, targets)
         total = seeds * sum(len(table) for table in (first, path, second))
         if total > budget:
-            raise ValueError(f"{total} pours; allowed: at most {budget}")
+            raise ValueError(f"{total} pours; expected at most {budget}")
         yield budget, surface.natural_unit(second, best.coded, space)[0], np.nan
 
 

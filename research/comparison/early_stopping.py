@@ -38,7 +38,7 @@ class EarlyStoppingBP:
     def fit(self, X: np.ndarray, Y: np.ndarray) -> Self:
         """Train on X (samples, inputs) and Y (samples, outputs); fewer than four samples raise ValueError."""
         if len(X) < 4:
-            raise ValueError(f"{len(X)} samples; allowed: at least 4")
+            raise ValueError(f"{len(X)} samples; expected at least 4")
         ends = {"input_min": X.min(axis=0), "input_max": X.max(axis=0)}
         ends |= {"output_min": Y.min(axis=0), "output_max": Y.max(axis=0)}
         x = scale(X, ends["input_min"], ends["input_max"], SCALED_RANGE)

@@ -90,7 +90,7 @@ def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed
     """
     covariance = points.covariance()
     if covariance is None:
-        raise ValueError("too few points have two runs or more; allowed: some, for the noise")
+        raise ValueError("too few points have two runs or more; expected some, for the noise")
     parts = np.array_split(np.random.default_rng(seed).permutation(len(points.X)), FOLDS)
     shares = {}
     for name, model in CANDIDATES.items():

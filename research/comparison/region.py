@@ -30,7 +30,7 @@ class Region:
         self.points = unit[V == 0]
         self.share = len(self.points) / points
         if len(self.points) < FEWEST_FEASIBLE:
-            raise ValueError(f"{len(self.points)} of {points} points are feasible; allowed: at least {FEWEST_FEASIBLE}")
+            raise ValueError(f"{len(self.points)} of {points} points are feasible; expected at least {FEWEST_FEASIBLE}")
         self.cloud = self.points[:CLOUD]
         self.volume = _volume(self.points)
         random = np.random.default_rng(seed)

@@ -45,7 +45,7 @@ def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
     6, or n below 29.
     """
     if d != COMPOSITE_DIMENSIONS or n < 29:
-        raise ValueError(f"n is {n}, d {d}; allowed: at least 29 points in 6 dimensions")
+        raise ValueError(f"n is {n}, d {d}; expected at least 29 points in 6 dimensions")
     fraction = next(k for k in GENERATORS if 2 ** (d - k) + 2 * d + 1 <= n)
     free = d - fraction
     corners = 1 - 2.0 * ((np.arange(2**free)[:, None] >> np.arange(free)) & 1)

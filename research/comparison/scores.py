@@ -48,7 +48,7 @@ def bootstrap(
     """
     m = len(means)
     if m < 3:
-        raise ValueError(f"{m} points; allowed: at least 3")
+        raise ValueError(f"{m} points; expected at least 3")
     rows = np.random.default_rng(seed).integers(m, size=(resamples, m))
     y, p, noise = means[rows], predicted[rows], (errors**2)[rows].sum(axis=1)
     square = ((y - p) ** 2).sum(axis=1)

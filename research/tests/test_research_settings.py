@@ -30,10 +30,10 @@ def test_unknown_keys_and_wrong_types_are_reported_together(tmp_path, monkeypatc
     for words in (
         "research.yaml: poool is",
         "did you mean pool?",
-        "pool.seeds is 2.5; allowed: an integer, such as 4",
-        "pool.sead is 1; allowed: no such key; did you mean seed?",
+        "pool.seeds is 2.5; expected an integer, such as 4",
+        "pool.sead is 1; expected a known key; did you mean seed?",
         "compare_whole.samples is",
-        "compare_search is 3; allowed: a section",
+        "compare_search is 3; expected a section",
     ):
         assert words in str(caught.value), words
 

@@ -58,7 +58,7 @@ def test_a_bad_setting_ends_in_one_message_before_any_work(project):
     done = snakemake(project, "pool", "-n", *RULES)
     (project / "research.yaml").unlink()
     assert done.returncode == 2
-    assert "repose: error: research.yaml: pool.sead is 5; allowed: no such key; did you mean seed?" in done.stderr
+    assert "repose: error: research.yaml: pool.sead is 5; expected a known key; did you mean seed?" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def test_a_folder_that_no_snapshot_made_is_left_as_it_is(tmp_path, where):
     (tmp_path / "thesis/chapter.tex").write_text("years of work")
     (tmp_path / "a_file").write_text("text")
     before = content(tmp_path)
-    with pytest.raises(InputError, match=r"allowed: a (new )?folder"):
+    with pytest.raises(InputError, match=r"expected a (new )?folder"):
         snapshot.take(results, tmp_path / where)
     assert content(tmp_path) == before
 
@@ -87,7 +87,7 @@ def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_pat
     for name in ("notes.txt", "dataset.csv"):
         (out / name).write_text("mine")
         before = content(tmp_path)
-        with pytest.raises(InputError, match=f"content is '{name}'; allowed: a new folder"):
+        with pytest.raises(InputError, match=f"content is '{name}'; expected a new folder"):
             snapshot.take(results, out)
         assert content(tmp_path) == before
         (out / name).unlink()

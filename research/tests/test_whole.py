@@ -78,7 +78,7 @@ def test_samples_join_datasets_and_know_the_scatter_of_a_pour(files):
 def test_a_usable_sample_without_runs_is_named(files, tmp_path):
     runs = pd.read_csv(files / "runs.csv")
     runs[runs["sample"] != 7].to_csv(tmp_path / "runs.csv", index=False)
-    with pytest.raises(InputError, match="sample is 7; allowed: runs of each usable sample"):
+    with pytest.raises(InputError, match="sample is 7; expected runs of each usable sample"):
         whole.read_samples([files / "dataset.csv"], [tmp_path / "runs.csv"], SPACE, NAMES)
 
 

@@ -137,7 +137,7 @@ def test_a_job_that_is_no_run_of_its_bench_test_is_refused(drop, config, tmp_pat
     path = tmp_path / "001.pours.json"
     for name, status, message in (
         ("shaker", "ok", "apparatus is 'shaker'"),
-        ("drop", "jammed", "status is 'jammed'; allowed: ok, unstable"),
+        ("drop", "jammed", "status is 'jammed'; expected ok, unstable"),
     ):
         path.write_text(json.dumps({"apparatus": name, "pours": [{"seed": 1, "status": status}]}))
         with pytest.raises(InputError, match=message):

@@ -165,7 +165,7 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, capsys):
     assert Study.of(config | {"targets": targets}).targets.names == ("drawdown_above_deg", "drawdown_below_deg")
     for more, allowed in (
         (["--lens", "box0.png"], "--lens is .*nothing with --bench drawdown"),
-        (["--mm-per-pixel", "0.2"], "--mm-per-pixel is 0.2; allowed: nothing with"),
+        (["--mm-per-pixel", "0.2"], "--mm-per-pixel is 0.2; expected nothing with"),
     ):
         assert main([*words, "--points", *points, "--out", "other", *more]) == 2
         assert re.search(allowed, capsys.readouterr().err)

@@ -171,7 +171,7 @@ def test_a_study_may_leave_out_the_taps():
     assert "cylinder.taps" not in study.definitions["tapped_density_kg_m3"]
     assert study.definitions["bulk_density_kg_m3"]["cylinder.height_mm"] == 150.0
     study.config["targets"][0] |= {"response": "tapped_density_kg_m3", "range": None}
-    with pytest.raises(InputError, match=r"cylinder\.taps is null; allowed: 1 or more"):
+    with pytest.raises(InputError, match=r"cylinder\.taps is null; expected 1 or more"):
         Study.of(study.config)
 
 

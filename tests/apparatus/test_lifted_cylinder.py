@@ -65,7 +65,7 @@ def test_a_tube_that_cannot_be_filled_or_lifted_is_refused():
         ("lift_from_s", 1.4, "above 1.495, when the last berry appears"),
         ("plate_diameter_mm", 104.0, "above 104, the tube's outer diameter"),
         ("lifting_mm_s", 0.0, "0.1 to 5000"),
-        ("speed", 20.0, "no such key"),
+        ("speed", 20.0, "a known key"),
     ]
     wrong = [({key: value}, rf"lifted_cylinder\.{key}.*{allowed}") for key, value, allowed in cases]
     assert not not_refused(lambda keys: Study.of(config(berries=300, **keys)), wrong, InputError)
@@ -74,13 +74,13 @@ def test_a_tube_that_cannot_be_filled_or_lifted_is_refused():
 def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
     name = r"lifted_cylinder\."
     wrong = [
-        ({"berries": 300}, rf"{name}filling_height_mm is 90.0; allowed: no such key beside berries"),
-        ({"filling_height_mm": None}, rf"{name}filling_height_mm is null; allowed: .*1 to 5000"),
-        ({"length_mm": 100.0}, rf"{name}length_mm is 100.0; allowed: at least 111.*, the filling height"),
-        ({"lift_from_s": 1.0}, rf"{name}lift_from_s is 1.0; allowed: above 1\.\d+, when the last of some 3\d\d"),
+        ({"berries": 300}, rf"{name}filling_height_mm is 90.0; expected nothing: berries gives the level"),
+        ({"filling_height_mm": None}, rf"{name}filling_height_mm is null; expected .*1 to 5000"),
+        ({"length_mm": 100.0}, rf"{name}length_mm is 100.0; expected at least 111.*, the filling height"),
+        ({"lift_from_s": 1.0}, rf"{name}lift_from_s is 1.0; expected above 1\.\d+, when the last of some 3\d\d"),
         (
             {"diameter_mm": 1000.0, "plate_diameter_mm": 2000.0},
-            rf"{name}filling_height_mm is 90.0; allowed: below \d+.*some 20000 berries",
+            rf"{name}filling_height_mm is 90.0; expected below \d+.*some 20000 berries",
         ),
     ]
 
@@ -92,7 +92,7 @@ def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
     assert not not_refused(study, wrong, InputError)
     neither = example("lifted_cylinder")
     del neither["lifted_cylinder"]["filling_height_mm"]
-    with pytest.raises(InputError, match=rf"{name}filling_height_mm is null; allowed: 1 to 5000, or berries"):
+    with pytest.raises(InputError, match=rf"{name}filling_height_mm is null; expected 1 to 5000, or berries"):
         Study.of(neither)
 
 

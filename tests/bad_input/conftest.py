@@ -38,7 +38,7 @@ def refused(tmp_path, monkeypatch, capsys):
             assert len(lines) == len(output.splitlines()), output
             for line in lines:
                 assert re.match(
-                    r"repose: error: (.+: .+ is .+; allowed: .+|.+\[Errno \d+\] .+|unknown .+: expected .+)",
+                    r"repose: error: (.+: .+ is .+; expected .+|.+\[Errno \d+\] .+|unknown .+: expected .+)",
                     line,
                     re.DOTALL,
                 ), line

@@ -188,7 +188,7 @@ def test_a_card_and_a_configuration_of_two_studies(refused):
     """Wheat's friction with another crop's density would be a deck of no grain."""
     words = ["export", "--to=edem", f"--card={CARD}"]
     message = refused(*words, "--config=config/config.yaml")
-    assert f"{CARD}: material is 'wheat'; allowed: recommended, as in config/config.yaml" in message
+    assert f"{CARD}: material is 'wheat'; expected recommended, as in config/config.yaml" in message
     for key in ("grain.density_kg_m3", "grain.shear_modulus_pa", "grain.mean_axes_mm", "wall.poisson_ratio"):
         assert key in message
     assert "--config is None" in refused(*words)

@@ -298,7 +298,7 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     with pytest.raises(InputError) as caught:
         card.check(bad, "mine.json")
     assert "grain.density_kg_m3 is -1" in str(caught.value)
-    assert "laws is None; allowed: a material card: the key is missing" in str(caught.value)
+    assert "laws is None; expected a material card: the key is missing" in str(caught.value)
 
 
 def test_numbers_that_no_material_has_are_refused(config, solutions):
@@ -309,7 +309,7 @@ def test_numbers_that_no_material_has_are_refused(config, solutions):
         parameters = made(config, solutions)["parameters"]
         return {"parameters": parameters | {name: parameters[name] | keys}}
 
-    bad = [(of("e_gg", value=value), r"e_gg\.value is .*; allowed: .* 0\.01 to 1") for value in (0.0, -0.5, 5)]
+    bad = [(of("e_gg", value=value), r"e_gg\.value is .*; expected .* 0\.01 to 1") for value in (0.0, -0.5, 5)]
     bad += [(of("mus_gg", value=value), r"mus_gg\.value is .* a finite number") for value in (math.nan, math.inf)]
     bad += [(of("mus_gg", low=0.5, high=high), "low and high, or null for both") for high in (None, 0.4)]
     bad += [({"correlations": {"mus_gg": {}, "mur_gg": {}}}, "correlations.mus_gg")]
@@ -318,7 +318,7 @@ def test_numbers_that_no_material_has_are_refused(config, solutions):
 
 def test_a_card_states_its_probabilities_if_its_runs_give_them(config, solutions):
     card.check(made(config, solutions, runs=1, within=None), "card")
-    with pytest.raises(InputError, match=r"mine: within\.2 % is None; allowed: .* as each test has 2 runs"):
+    with pytest.raises(InputError, match=r"mine: within\.2 % is None; expected .* as each test has 2 runs"):
         card.check(made(config, solutions, runs=2, within=None), "mine")
 
 

@@ -141,4 +141,4 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
 def test_what_a_crop_has_no_section_for_is_refused_in_one_line(words, section, monkeypatch, capsys):
     monkeypatch.chdir(CROPS / "wheat")
     assert main(["stage", *words, "--config", "config.yaml"]) == 2
-    assert f"configuration: {section} is None; allowed: a section of this name" in capsys.readouterr().err
+    assert f"configuration: {section} is None; expected a section of this name" in capsys.readouterr().err

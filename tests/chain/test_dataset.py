@@ -86,13 +86,13 @@ def edit(path, change):
         (lambda job: job.update(runs=[]), r"002.json: runs is \[\]"),
         (lambda job: job.update(sample=9), r"002.json: sample is 9"),
         (lambda job: job.update(sample=1), r"002.json: sample is 1; .*001.json"),
-        (lambda job: job["parameters"].update(mus_gg=0.61), r"002.json: parameters.mus_gg is 0.61; allowed: 0.6"),
+        (lambda job: job["parameters"].update(mus_gg=0.61), r"002.json: parameters.mus_gg is 0.61; expected 0.6"),
         (lambda job: job["parameters"].pop("e_gp"), r"002.json: parameters.e_gp is None"),
         (lambda job: job["runs"][0].update(status="fine"), r"002.json: runs\[0\].status is 'fine'"),
         (lambda job: job["runs"][0].update(aor_deg=None), r"002.json: runs\[0\].aor_deg is None"),
         (lambda job: job["runs"][0].update(height_mm=math.nan), r"002.json: runs\[0\].height_mm is nan"),
-        (lambda job: job["runs"][0].update(aor_deg=1000), r"runs\[0\].aor_deg is 1000; allowed: .* up to 89"),
-        (lambda job: job["runs"][0].update(seed=2), r"002.json: seed is \[2, 2, 3\]; allowed: .* none twice"),
+        (lambda job: job["runs"][0].update(aor_deg=1000), r"runs\[0\].aor_deg is 1000; expected .* up to 89"),
+        (lambda job: job["runs"][0].update(seed=2), r"002.json: seed is \[2, 2, 3\]; expected .* none twice"),
         (lambda job: job["runs"][0].pop("seed"), r"002.json: seed is \[None, 2, 3\]"),
     ],
 )
@@ -121,7 +121,7 @@ def test_bad_tables_of_samples_are_named(study):
     with pytest.raises(InputError, match=r"short.csv: column mur_gp"):
         write(folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
-    with pytest.raises(InputError, match=r"twice.csv: sample is 1; allowed: each sample once"):
+    with pytest.raises(InputError, match=r"twice.csv: sample is 1; expected each sample once"):
         write(folder / "twice.csv", paths, folder)
 
 
@@ -169,7 +169,7 @@ def test_a_job_that_is_missing_twice_or_of_another_bench_test_is_named(study):
         dataset.run(folder / "samples.csv", paths[:-1], *arguments)
     with pytest.raises(InputError, match=r"sample is 3; .*once; also in .*drum_003"):
         dataset.run(folder / "samples.csv", [*paths, paths[-1]], *arguments)
-    with pytest.raises(InputError, match=r"apparatus is 'drum'; allowed: a bench test of the targets, funnel"):
+    with pytest.raises(InputError, match=r"apparatus is 'drum'; expected a bench test of the targets, funnel"):
         dataset.run(folder / "samples.csv", paths, TARGETS, *arguments[1:])
 
 

@@ -210,7 +210,7 @@ def test_another_definition_or_other_responses_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"network\.json: definition of aor_deg is .*flank.*secant.*my\.yaml"):
         invert.run(*arguments, definitions=secant, source="my.yaml")
     one = Targets(TARGETS[:1])
-    with pytest.raises(InputError, match=r"network\.json: outputs is .*; allowed: the targets aor_deg"):
+    with pytest.raises(InputError, match=r"network\.json: outputs is .*; expected the targets aor_deg"):
         invert.run(network_json, SPACE, one, SETTINGS, table3, tmp_path)
 
 

@@ -151,13 +151,13 @@ def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_benc
         apart = i != j and 2 in (i, j)
         assert covariance[i, j] == pytest.approx(0 if apart else np.mean(errors[:, i] * errors[:, j]))
     for wrong in (errors[:3], np.zeros((5, 3)), errors[:0]):
-        with pytest.raises(InputError, match=r"my\.csv: validation samples is \d; allowed: more than 3"):
+        with pytest.raises(InputError, match=r"my\.csv: validation samples is \d; expected more than 3"):
             train.error_covariance(wrong, three, "my.csv")
 
 
 def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     paths = write_tables(tmp_path, samples=12)
-    with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):
+    with pytest.raises(InputError, match=r"usable samples is 11; expected at least 12"):
         train.run(*paths, TARGETS, SETTINGS, tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
     with pytest.raises(InputError, match=r"dataset.csv: column mus_gp"):
@@ -199,7 +199,7 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
     train.restore(*files)
     column = "height_predicted_mm" if name == "network" else "height_final_mm"
     table.assign(**{column: table[column] + 1}).to_csv(out / "predictions.csv", index=False)
-    with pytest.raises(InputError, match=r"predictions is 'others'; allowed: those of .*network\.json"):
+    with pytest.raises(InputError, match=r"predictions is 'others'; expected those of .*network\.json"):
         train.restore(*files)
 
 

@@ -124,7 +124,7 @@ def test_the_sets_of_the_repository_are_those_of_the_article_and_one_of_another_
 
 
 def test_too_few_solutions_are_named(study):
-    with pytest.raises(InputError, match=r"feasible.csv: solutions is 12; allowed: at least 21"):
+    with pytest.raises(InputError, match=r"feasible.csv: solutions is 12; expected at least 21"):
         select(study, count=20)
 
 

@@ -121,7 +121,7 @@ def test_the_module_runs_as_a_program_and_exits_with_2_on_bad_input():
     assert done.returncode == 2
     assert done.stderr == (
         "repose: error: nowhere.yaml: file is 'No such file or directory'; "
-        "allowed: an existing YAML or JSON file that may be read\n"
+        "expected an existing YAML or JSON file that may be read\n"
     )
 
 

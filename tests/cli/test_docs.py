@@ -29,7 +29,10 @@ def test_the_pages_are_listed_and_printed(capsys):
 
 def test_a_mistyped_page_is_guessed(capsys):
     assert main(["docs", "fotographs"]) == 2
-    assert "docs is 'fotographs'; allowed: did you mean photographs? `repose docs`" in capsys.readouterr().err
+    assert (
+        "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
+        in capsys.readouterr().err
+    )
 
 
 def test_messages_name_pages_that_a_wheel_has():

@@ -22,6 +22,6 @@ def test_in_a_crops_folder_it_is_that_of_the_sizes(tmp_path, monkeypatch):
 def test_sizes_without_a_grain_are_reported(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n")
-    with pytest.raises(InputError, match=r"sizes\.csv: rows is 0; allowed: at least 2 berries"):
+    with pytest.raises(InputError, match=r"sizes\.csv: rows is 0; expected at least 2 berries"):
         _settings(NOTHING_GIVEN)
     assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0

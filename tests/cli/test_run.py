@@ -122,7 +122,7 @@ def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatc
     """A crop with two free parameters has too few for a Box-Behnken design."""
     monkeypatch.chdir(places.root() / "crops/wheat")
     assert main(["run", "--list"]) == 0
-    assert "not with this configuration: response_surface.surface; allowed: " in capsys.readouterr().out
+    assert "not with this configuration: response_surface.surface; expected " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -130,10 +130,10 @@ def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatc
     [
         (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
         (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
-        (["--config", "label"], "command line: --config is 'label'; allowed: KEY=VALUE"),
+        (["--config", "label"], "command line: --config is 'label'; expected KEY=VALUE"),
         (
             ["--config", "label=a", "uncertainty"],
-            "command line: --config is 'uncertainty'; allowed: KEY=VALUE; a target goes before",
+            "command line: --config is 'uncertainty'; expected KEY=VALUE; a target goes before",
         ),
     ],
 )
@@ -157,5 +157,5 @@ def test_a_target_that_nothing_makes_is_bad_input(tmp_path):
     words = ["repose", "run", "nonsense", "-c1", "-s", "Snakefile", "--workflow-profile", "none", "--logger", "repose"]
     done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 2
-    assert "repose: error: command line: target is 'nonsense'; allowed: a target" in done.stderr
+    assert "repose: error: command line: target is 'nonsense'; expected a target" in done.stderr
     assert "MissingRuleException" not in done.stderr

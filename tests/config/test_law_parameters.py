@@ -71,15 +71,15 @@ def test_the_card_names_the_convention_of_the_surface_energy():
 @pytest.mark.parametrize(
     ("law", "parameters", "message"),
     [
-        ("jkr", {}, r"contact_law is 'jkr'; allowed: jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
-        ("jkr", {"gamma_gg": [0.0, 0.1]}, r"allowed: jkr with parameters.gamma_gp \(surface energy"),
-        ("sjkr", COHESION, r"allowed: sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
+        ("jkr", {}, r"contact_law is 'jkr'; expected jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
+        ("jkr", {"gamma_gg": [0.0, 0.1]}, r"expected jkr with parameters.gamma_gp \(surface energy"),
+        ("sjkr", COHESION, r"expected sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
         (
             "hertz_mindlin",
             {"gamma_gg": [0.0, 0.1]},
-            "gamma_gg is .*; allowed: absent: it belongs to .* jkr or eepa, not hertz",
+            "gamma_gg is .*; expected absent: it belongs to .* jkr or eepa, not hertz",
         ),
-        ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; allowed: a pair .* from 0 to"),
+        ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; expected a pair .* from 0 to"),
     ],
 )
 def test_parameters_and_law_belong_together(law, parameters, message):

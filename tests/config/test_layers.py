@@ -30,12 +30,12 @@ def test_numbers_may_be_written_in_any_way(tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("heap:\n  seeds: 3\n  seeds: 4\n", "line 3: seeds is 'given again'; allowed: each key once"),
+        ("heap:\n  seeds: 3\n  seeds: 4\n", "line 3: seeds is 'given again'; expected each key once"),
         ("heap:\n  seeds: [3\n", "valid YAML"),
         ("heap:\n\tseeds: 3\n", "line 2 .*valid YAML .indent by spaces, no tabs"),
         ("", "content is 'empty'"),
-        ("# mine\nlabel lentil\n\nberry:\n  sizes: a.csv\n", "line 2 is 'label lentil'; allowed: KEY: VALUE"),
-        ("berry:\n  sizes: a.csv\nlabel:lentil\n", "line 3 is 'label:lentil'; allowed: KEY: VALUE"),
+        ("# mine\nlabel lentil\n\nberry:\n  sizes: a.csv\n", "line 2 is 'label lentil'; expected KEY: VALUE"),
+        ("berry:\n  sizes: a.csv\nlabel:lentil\n", "line 3 is 'label:lentil'; expected KEY: VALUE"),
         # lines that are good, and an error below
         ("a: [1,\n2,\n3]\nb: {x: 1\n", "valid YAML"),
         ('a: "one\ntwo words"\nb: [\n', "valid YAML"),

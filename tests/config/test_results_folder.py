@@ -38,7 +38,7 @@ NOT_A_STUDYS = (
 def test_a_folder_that_is_not_a_studys_own_is_refused(config):
     def refused(folder):
         config["results_dir"] = folder
-        with pytest.raises(InputError, match=r"results_dir is .*; allowed: a folder"):
+        with pytest.raises(InputError, match=r"results_dir is .*; expected a folder"):
             Study.of(config)
 
     check_all(refused, [(repr(folder), folder) for folder in NOT_A_STUDYS])

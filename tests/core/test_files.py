@@ -54,26 +54,26 @@ def test_a_writer_that_fails_leaves_the_earlier_file(tmp_path):
     with pytest.raises(TypeError, match="object cannot be written as JSON"):
         files.write_json(path, {"bad": object()})
     assert files.read_json(path) == {"whole": True}
-    with pytest.raises(InputError, match=r"suffix is '\.nothing'; allowed: the suffix of a picture"):
+    with pytest.raises(InputError, match=r"suffix is '\.nothing'; expected the suffix of a picture"):
         files.write_image(tmp_path / "picture.nothing", np.zeros((2, 2), np.uint8))
 
 
 @pytest.mark.parametrize("read", [files.read_table, files.read_rows, files.read_json, files.read_npz])
 def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
     path = tmp_path / "given"
-    with pytest.raises(InputError, match=r"given: .* is .*No such file.*; allowed: a fine file"):
+    with pytest.raises(InputError, match=r"given: .* is .*No such file.*; expected a fine file"):
         read(path, what="a fine file")
-    with pytest.raises(InputError, match=r".* is .*directory.*; allowed: a fine file"):
+    with pytest.raises(InputError, match=r".* is .*directory.*; expected a fine file"):
         read(tmp_path, what="a fine file")
     path.write_bytes(b"\xff\xfe\x00broken\x00\x9d")
-    with pytest.raises(InputError, match="allowed: a fine file"):
+    with pytest.raises(InputError, match="expected a fine file"):
         read(path, what="a fine file")
 
 
 @pytest.mark.parametrize("column", ["aor_deg", "e_gg", *FURTHER])
 def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
     (tmp_path / "given.csv").write_text(f"sample,{column}\n1,0.5\n2,much\n")
-    with pytest.raises(InputError, match=rf"row 2: {column} is 'much'; allowed: a finite number"):
+    with pytest.raises(InputError, match=rf"row 2: {column} is 'much'; expected a finite number"):
         files.read_table(tmp_path / "given.csv", ("sample", column))
 
 
@@ -82,25 +82,25 @@ def test_missing_parts_are_reported_with_what_there_should_be(tmp_path):
     for read in (files.read_table, files.read_rows):
         with pytest.raises(
             InputError,
-            match=r"table\.csv: column height_mm is 'missing'; allowed: columns sample, height_mm; found: sample",
+            match=r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample",
         ):
             read(tmp_path / "table.csv", ("sample", "height_mm"))
     files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})
     for keys, message in (
-        (("sample", "time"), r"time is None; allowed: a key of a job"),
-        ({"runs": list}, r"runs is {}; allowed: a list in a job"),
-        ({"sample": (str, dict)}, r"sample is 3; allowed: a text or a mapping in a job"),
+        (("sample", "time"), r"time is None; expected a key of a job"),
+        ({"runs": list}, r"runs is {}; expected a list in a job"),
+        ({"sample": (str, dict)}, r"sample is 3; expected a text or a mapping in a job"),
     ):
         with pytest.raises(InputError, match=message):
             files.read_json(tmp_path / "a.json", keys, "a job")
     (tmp_path / "list.json").write_text(json.dumps([1]))
-    with pytest.raises(InputError, match=r"content is \[1\]; allowed: a job"):
+    with pytest.raises(InputError, match=r"content is \[1\]; expected a job"):
         files.read_json(tmp_path / "list.json", what="a job")
     files.write_npz(tmp_path / "a.npz", {"scale": np.ones(2)})
-    with pytest.raises(InputError, match=r"position is None; allowed: an array in a pour"):
+    with pytest.raises(InputError, match=r"position is None; expected an array in a pour"):
         files.read_npz(tmp_path / "a.npz", ("position",), "a pour")
     np.save(tmp_path / "plain.npy", np.ones(2))
-    with pytest.raises(InputError, match="allowed: a pour"):
+    with pytest.raises(InputError, match="expected a pour"):
         files.read_npz(tmp_path / "plain.npy", what="a pour")
 
 

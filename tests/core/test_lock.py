@@ -22,7 +22,7 @@ time.sleep(0.5)
 
 def test_a_second_workflow_is_refused_until_the_first_has_ended(tmp_path):
     first = take_folder(tmp_path)
-    with pytest.raises(InputError, match=r"workflow is 'process \d+ on .*'; allowed: one at a time"):
+    with pytest.raises(InputError, match=r"workflow is 'process \d+ on .*'; expected one at a time"):
         take_folder(tmp_path)
     first.close()
     take_folder(tmp_path).close()

@@ -119,7 +119,7 @@ def test_the_origin_follows_the_files_and_names_the_engine(tmp_path):
 
 def test_runs_of_two_settings_are_refused_and_both_are_named(tmp_path):
     paths = [pour(tmp_path / "a.json"), pour(tmp_path / "b.json", changed(simulation={"gravity_m_s2": 1.62}))]
-    with pytest.raises(InputError, match=r"b\.json: provenance\.origin is '\w{16}'; allowed: .* as in .*a\.json"):
+    with pytest.raises(InputError, match=r"b\.json: provenance\.origin is '\w{16}'; expected .* as in .*a\.json"):
         run("measure_runs", paths, lambda: None)
     run("measure_runs", [paths[0], pour(tmp_path / "c.json", apparatus="drum")], lambda: None)
 
@@ -220,7 +220,7 @@ def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
     assert main(["provenance", str(tmp_path / "samples.csv"), "--json"]) == 0
     assert set(json.loads(capsys.readouterr().out)) == KEYS
     assert main(["provenance", config]) == 2
-    assert "provenance is None; allowed: a result" in capsys.readouterr().err
+    assert "provenance is None; expected a result" in capsys.readouterr().err
 
 
 def test_the_commit_of_a_build_is_that_which_its_file_names(monkeypatch, tmp_path):

@@ -31,7 +31,7 @@ def test_numbers_are_reported_with_units_and_with_names_where_units_are_alike():
 
 
 def test_an_unknown_response_is_named_with_those_there_are():
-    with pytest.raises(InputError, match=r"targets: response is 'colour'; allowed: one of aor_deg, "):
+    with pytest.raises(InputError, match=r"targets: response is 'colour'; expected one of aor_deg, "):
         Targets.of([SLIP | {"response": "colour", "range": [0, 1]}])
 
 

@@ -181,11 +181,11 @@ def test_a_file_that_cannot_be_gone_on_from_is_named(saved, tmp_path):
         Simulation.load(target)
 
     cases = [
-        (lambda path, to: to, "file is None; allowed: an existing checkpoint"),
+        (lambda path, to: to, "file is None; expected an existing checkpoint"),
         (lambda path, to: to.write_bytes(path.read_bytes()[:-900]), "checkpoint is .*a whole file"),
         (lambda path, to: to.write_bytes(b"no archive at all"), "checkpoint is .*a whole file"),
-        (lambda path, to: rewritten(path, to, format=99), "format is 99; allowed: 1"),
-        (lambda path, to: rewritten(path, to, engine="0123"), "engine sources is '0123'; allowed: '"),
+        (lambda path, to: rewritten(path, to, format=99), "format is 99; expected 1"),
+        (lambda path, to: rewritten(path, to, engine="0123"), "engine sources is '0123'; expected '"),
         (lambda path, to: rewritten(path, to, walls={}), "content is .*a whole file"),
     ]
     wrong = [((k, damage), rf"bad_{k}\.npz.*{words}") for k, (damage, words) in enumerate(cases)]

@@ -351,21 +351,21 @@ def test_pictures_files_and_frames_of_clumps(tmp_path):
 def test_wrong_clumps_are_refused():
     good = {"spheres_m": BENT, "mass_kg": MASS, "inertia_kg_m2": BENT_INERTIA, "material": "body"}
     cases = [
-        ({"spheres_m": []}, r"spheres_m is \[\]; allowed: \(1 to 64, 4\) finite lengths"),
+        ({"spheres_m": []}, r"spheres_m is \[\]; expected \(1 to 64, 4\) finite lengths"),
         ({"spheres_m": [[0, 0, 0]]}, "spheres_m is .*allowed"),
         ({"spheres_m": [[0, 0, 0, 0.0]]}, "spheres_m is .*the last of each row above 0"),
         ({"spheres_m": [[0, 0, math.nan, 1.0]]}, "spheres_m is .*allowed"),
-        ({"spheres_m": np.ones((65, 4))}, r"allowed: \(1 to 64, 4\)"),
+        ({"spheres_m": np.ones((65, 4))}, r"expected \(1 to 64, 4\)"),
         ({"spheres_m": "round"}, "spheres_m is 'round'"),
-        ({"mass_kg": 0.0}, "mass_kg is 0.0; allowed: above 0"),
+        ({"mass_kg": 0.0}, "mass_kg is 0.0; expected above 0"),
         ({"inertia_kg_m2": (1.0, 1.0, 3.0)}, "inertia_kg_m2 is .*each at most the sum"),
-        ({"material": ""}, "material is ''; allowed: a name"),
+        ({"material": ""}, "material is ''; expected a name"),
     ]
     assert not not_refused(lambda changes: Clump(**{**good, **changes}), cases, ValueError)
 
 
 def test_smooth_bodies_and_clumps_do_not_mix():
-    with pytest.raises(ValueError, match=r"shapes has 'a': Clump, 'b': Shape; allowed: all of them a Shape or all"):
+    with pytest.raises(ValueError, match=r"shapes has 'a': Clump, 'b': Shape; expected all of them a Shape or all"):
         scene({"a": bent(), "b": Shape.sphere(RADIUS, DENSITY, "body")})
 
 

@@ -147,12 +147,12 @@ def test_a_contact_names_the_constants_that_its_law_needs():
         simulation(contact=Contact(0.3, 0.5, 0.0), contact_law="jkr")
     with pytest.raises(ValueError, match=r"'sjkr' needs constants\['cohesion_energy_density_j_m3'\]"):
         simulation(contact=coherent(0.1), contact_law="sjkr")
-    with pytest.raises(ValueError, match=r"surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; allowed: none"):
+    with pytest.raises(ValueError, match=r"surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; expected none"):
         simulation(contact=coherent(0.1))
     for wrong in (-0.1, math.inf, "much", None):
-        with pytest.raises(ValueError, match=r"surface_energy_j_m2 is .*; allowed: 0 or more J/m2"):
+        with pytest.raises(ValueError, match=r"surface_energy_j_m2 is .*; expected 0 or more J/m2"):
             simulation(contact=coherent(wrong), contact_law="jkr")
-    with pytest.raises(ValueError, match=r"constants is \[\]; allowed: name: number"):
+    with pytest.raises(ValueError, match=r"constants is \[\]; expected name: number"):
         Contact(0.3, 0.5, 0.0, constants=[])
 
 

@@ -256,5 +256,5 @@ def test_a_glued_body_carries_another_and_stays():
     assert np.array_equal(s.positions[0], np.zeros(3))
     assert s.positions[1, 2] == pytest.approx(0.012, abs=3e-4)
     assert s.masses_kg[0] == 0.0
-    with pytest.raises(ValueError, match="body is 2; allowed: an index below 2"):
+    with pytest.raises(ValueError, match="body is 2; expected an index below 2"):
         s.glue(2)

@@ -60,9 +60,9 @@ def test_a_linear_spring_touches_for_half_a_period_and_overlaps_by_its_amplitude
 def test_laws_are_chosen_by_name():
     for laws in (CONTACT_LAWS, ROLLING_LAWS):
         assert all(law.name == name for name, law in laws.items())
-    with pytest.raises(ValueError, match="contact_law is 'hooke'; allowed: 'hertz_mindlin', 'hertz_"):
+    with pytest.raises(ValueError, match="contact_law is 'hooke'; expected 'hertz_mindlin', 'hertz_"):
         simulation(contact_law="hooke")
-    with pytest.raises(ValueError, match="rolling_law is None; allowed: 'budget', 'constant_torque', 'epsd', 'epsd2'"):
+    with pytest.raises(ValueError, match="rolling_law is None; expected 'budget', 'constant_torque', 'epsd', 'epsd2'"):
         simulation(rolling_law=None)
     # a linear spring has a time step of its own
     assert head_on(0.5).longest_time_step() != simulation(SPHERE).longest_time_step()

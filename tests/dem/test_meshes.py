@@ -286,15 +286,15 @@ def test_meshes_refuse_what_makes_no_sense(tmp_path):
     (vertices, faces), no = sheet(2, 0.1), tmp_path / "no.stl"
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "cube.stl")
     cases = [
-        (lambda: Mesh(vertices[:, :2], faces, "wall"), r"vertices_m is (?s:.*)allowed: \(V, 3\) finite"),
-        (lambda: Mesh(vertices, np.vstack([faces, [[0, 1, 9]]]), "wall"), "faces has 0 to 9; allowed: 0 to 8"),
+        (lambda: Mesh(vertices[:, :2], faces, "wall"), r"vertices_m is (?s:.*)expected \(V, 3\) finite"),
+        (lambda: Mesh(vertices, np.vstack([faces, [[0, 1, 9]]]), "wall"), "faces has 0 to 9; expected 0 to 8"),
         (lambda: Mesh(vertices, faces.astype(float), "wall"), r"faces is (?s:.*)\(F, 3\) whole numbers"),
-        (lambda: Mesh(vertices, faces, "wall", 0.0), r"edge_radius_m is 0\.0; allowed: above 0"),
-        (lambda: box(0.02, 0.02, 0.02, radius=0.02), r"edge_radius_m is 0\.02; allowed: below 0\.00999"),
+        (lambda: Mesh(vertices, faces, "wall", 0.0), r"edge_radius_m is 0\.0; expected above 0"),
+        (lambda: box(0.02, 0.02, 0.02, radius=0.02), r"edge_radius_m is 0\.02; expected below 0\.00999"),
         (lambda: Mesh(vertices, [[0, 1, 2]], "wall"), "a triangle without area"),
         (lambda: Mesh(vertices, np.vstack([faces, [[0, 4, 2]]]), "wall"), r"one side of edge \[0, 4\]"),
-        (lambda: Mesh.from_stl(no, "wall", scale=0), "scale is 0; allowed: above 0"),
-        (lambda: Mesh.from_stl(no, "wall"), r"no\.stl: file is .*allowed: a mesh that trimesh can read"),
+        (lambda: Mesh.from_stl(no, "wall", scale=0), "scale is 0; expected above 0"),
+        (lambda: Mesh.from_stl(no, "wall"), r"no\.stl: file is .*expected a mesh that trimesh can read"),
         (lambda: Mesh.from_stl(tmp_path / "cube.stl", "wall", edge_radius_m=2.0), r"cube\.stl: edge_radius_m is"),
     ]
     assert not not_refused(lambda make: make(), cases, ValueError)

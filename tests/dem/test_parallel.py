@@ -125,5 +125,5 @@ def test_morton_numbers_of_a_small_grid():
 
 
 def test_a_wrong_number_of_threads_is_refused():
-    wrong = [(threads, f"threads is {threads}; allowed: 1 to 8") for threads in (0, 9, 1.5)]
+    wrong = [(threads, f"threads is {threads}; expected 1 to 8") for threads in (0, 9, 1.5)]
     assert not not_refused(falling, wrong, ValueError)

@@ -158,16 +158,16 @@ def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
     assert kept["position"].shape == (2, 3, 3)
     assert np.isnan(kept["position"][:, 1]).all()
     series(simulation)
-    with pytest.raises(ValueError, match="allowed: later than the last one"):
+    with pytest.raises(ValueError, match="expected later than the last one"):
         series(simulation)
 
 
 def test_wrong_names_are_reported(tmp_path):
-    with pytest.raises(ValueError, match=r"path is .*allowed: a file that ends in \.vtp"):
+    with pytest.raises(ValueError, match=r"path is .*expected a file that ends in \.vtp"):
         write_vtk(tmp_path / "a.vtk", None)
-    with pytest.raises(ValueError, match="content is 'bodies'; allowed: 'points', 'surfaces', 'walls'"):
+    with pytest.raises(ValueError, match="content is 'bodies'; expected 'points', 'surfaces', 'walls'"):
         write_vtk(tmp_path / "a.vtp", None, "bodies")
-    with pytest.raises(ValueError, match=r"allowed: a file that ends in \.pvd"):
+    with pytest.raises(ValueError, match=r"expected a file that ends in \.pvd"):
         VtkSeries(tmp_path / "a.vtp")
 
 

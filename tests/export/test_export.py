@@ -354,7 +354,7 @@ def test_each_law_is_written_as_the_program_has_it_or_refused(config, program, p
             deck = export.write(job_of(config, particle, *pair, **constants), program, tmp_path)[0]
             assert written[program, law] in deck.read_text()
         else:
-            with pytest.raises(InputError, match=rf"simulation.{key} is '{law}'; allowed: .*hertz|budget") as no:
+            with pytest.raises(InputError, match=rf"simulation.{key} is '{law}'; expected .*hertz|budget") as no:
                 export.write(job_of(config, particle, *pair, **constants), program, tmp_path)
             assert ("refuses cohesion" in str(no.value)) == ((program, law) == ("lammps", "jkr"))
 
@@ -407,4 +407,4 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys
     assert f"{value:.6g}" in (tmp_path / "deck" / "edem.md").read_text()
     berry["density_kg_m3"] = 841.0
     assert main(words) == 2
-    assert "grain.density_kg_m3 is 1250.0; allowed: 841.0" in capsys.readouterr().err
+    assert "grain.density_kg_m3 is 1250.0; expected 841.0" in capsys.readouterr().err

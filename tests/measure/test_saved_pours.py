@@ -240,9 +240,9 @@ def test_records_of_pours_hold_numbers_and_a_reason(saved):
         measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
     cases = (
-        ({"discharge_s": "long"}, "discharge_s is 'long'; allowed: a finite number, or null"),
+        ({"discharge_s": "long"}, "discharge_s is 'long'; expected a finite number, or null"),
         ({"discharge_s": math.nan}, "discharge_s is nan"),
-        ({"reason": 3}, "reason is 3; allowed: text"),
+        ({"reason": 3}, "reason is 3; expected text"),
         ({"seed": 2}, "each seed once"),
     )
     assert not_refused(measure, cases, InputError) == []

@@ -127,7 +127,7 @@ def test_a_figure_has_the_configured_formats_with_its_fonts_inside(inputs, tmp_p
     assert b"<text" not in files[".svg"], "its letters are outlines"
     figures.draw("sobol", given, tmp_path / "alone" / "it.pdf", config)
     assert [path.name for path in (tmp_path / "alone").glob("it*")] == ["it.pdf"]
-    with pytest.raises(InputError, match=r"it\.eps: ending is '\.eps'; allowed: \.png or \.pdf or \.svg"):
+    with pytest.raises(InputError, match=r"it\.eps: ending is '\.eps'; expected \.png or \.pdf or \.svg"):
         figures.draw("sobol", given, tmp_path / "it.eps", config)
 
 

@@ -138,7 +138,7 @@ def test_the_same_seed_gives_the_same_search_and_another_does_not():
     ],
 )
 def test_a_bad_setting_is_named(setting, value, allowed):
-    with pytest.raises(ValueError, match=f"{setting} is {value}; allowed: {allowed}"):
+    with pytest.raises(ValueError, match=f"{setting} is {value}; expected {allowed}"):
         MIGA(6, **{setting: value})
 
 
@@ -194,7 +194,7 @@ def test_islands_ga_succeeds_from_every_seed_on_easy_functions(dimensions):
     [
         (bowl, [0, 1], {}, r"bounds has shape \(2,\)"),
         (bowl, [(0, np.inf)], {}, "all finite"),
-        (bowl, [(0, 1), (2, 2)], {}, r"\[2.0, 2.0\]\]; allowed: each lowest below its highest"),
+        (bowl, [(0, 1), (2, 2)], {}, r"\[2.0, 2.0\]\]; expected each lowest below its highest"),
         (bowl, BOX, {"rounds": 0}, "rounds is 0"),
         (bowl, BOX, {"islands": 0}, "islands is 0"),
         (lambda x: x, BOX, {}, r"objective returned shape \(200, 3\)"),

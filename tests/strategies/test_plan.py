@@ -124,7 +124,7 @@ def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monke
 
 def test_runs_that_do_not_tell_the_noise_are_named():
     runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
-    with pytest.raises(InputError, match=r"a\.csv: runs that determine the noise is 0; allowed: at least 3"):
+    with pytest.raises(InputError, match=r"a\.csv: runs that determine the noise is 0; expected at least 3"):
         plan.measured_noise(runs, TARGETS, "a.csv")
 
 

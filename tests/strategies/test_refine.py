@@ -362,10 +362,10 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
     definitions = {"aor_deg": {"measure.response": "secant"}}
     with pytest.raises(InputError, match=r"b/dataset_summary\.json: definition of aor_deg"):
         batches.run_propose("refined", STUDY, copies, tmp_path, definitions, "config.json")
-    with pytest.raises(InputError, match=r"batch_1/dataset\.csv: sample is 1001; allowed: in one batch alone"):
+    with pytest.raises(InputError, match=r"batch_1/dataset\.csv: sample is 1001; expected in one batch alone"):
         batches.run_propose("refined", STUDY, [*folders, folders[1]], tmp_path)
     many = STUDY._replace(config=CONFIG | {"design": {"samples": 1000, "seed": 7}})
-    with pytest.raises(InputError, match=r"design\.samples is 1000; allowed: below 1000"):
+    with pytest.raises(InputError, match=r"design\.samples is 1000; expected below 1000"):
         batches.run_propose("refined", many, folders[:1], tmp_path)
 
 
@@ -388,7 +388,7 @@ def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
 def test_the_answer_comes_last_and_says_whether_the_targets_are_met(loop):
     out, _, verdicts = loop
     folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts) + 1))]
-    with pytest.raises(InputError, match=r"proposal\.json: answer is False; allowed: true in the last folder"):
+    with pytest.raises(InputError, match=r"proposal\.json: answer is False; expected true in the last folder"):
         batches.run_conclude("refined", STUDY, folders[:-1], out)
     files = (out / name for name in ("summary.json", "representative.csv", "solutions.csv"))
     text = str(answer.read(configuration(TARGETS, SPACE), *files, strategy="refined"))

@@ -50,7 +50,7 @@ def walked(request, tmp_path_factory):
 
 def test_strategies_are_known_by_name():
     assert {"published", "refined", "response_surface", "sequential"} <= set(strategies.names())
-    with pytest.raises(InputError, match="strategy is 'brute'; allowed: one of published, "):
+    with pytest.raises(InputError, match="strategy is 'brute'; expected one of published, "):
         strategies.strategy("brute")
 
 
@@ -103,7 +103,7 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     asked = study.ask()
     returned = simulate(asked)
     for bad, words in (
-        (returned.assign(sample=99), r"sample and run is \['99', '1'\]; allowed: one of the 24 runs that `ask` gave"),
+        (returned.assign(sample=99), r"sample and run is \['99', '1'\]; expected one of the 24 runs that `ask` gave"),
         (returned.drop(columns="time"), "also time"),
         (returned.assign(friction=0.5), "friction is 'changed'"),
         (returned.assign(time=np.inf), "time is 'inf'"),
@@ -115,22 +115,22 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     failed = returned.assign(time=returned["time"].mask(returned["sample"] == 3))
     study.tell(failed)
     assert (study.runs["status"] != "ok").sum() == 2
-    with pytest.raises(InputError, match="seed is 1; allowed: 2, as asked for"):
+    with pytest.raises(InputError, match="seed is 1; expected 2, as asked for"):
         repose.Study(**STUDY | {"seed": 2}, file=tmp_path / "study.csv")
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"file": "study.json"}, "file is 'study.json'; allowed: a path that ends in .csv"),
+        ({"file": "study.json"}, "file is 'study.json'; expected a path that ends in .csv"),
         ({"strategie": "published"}, "did you mean strategy"),
         ({"strategy": "brute"}, "published or refined or response_surface or sequential"),
-        ({"design": {"samples": 3}}, "design.samples is 3; allowed: an integer from 12"),
-        ({"surrogate": "crystal"}, "surrogate is 'crystal'; allowed: .*gaussian_process"),
-        ({"targets": {"time": 4.0}}, "targets.time is 4.0; allowed: a section"),
+        ({"design": {"samples": 3}}, "design.samples is 3; expected an integer from 12"),
+        ({"surrogate": "crystal"}, "surrogate is 'crystal'; expected .*gaussian_process"),
+        ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
         (
             {"strategy": "response_surface", "response_surface": {"most_factors": 2}},
-            "most_factors is 2; allowed: at least 3",
+            "most_factors is 2; expected at least 3",
         ),
     ],
 )

@@ -79,7 +79,7 @@ def test_a_model_counts_by_how_well_it_describes_the_piles(tmp_path):
 
 def test_a_study_that_says_too_little_is_refused(tmp_path):
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
-    with pytest.raises(InputError, match=r"combinations.csv: eligible is '4.0 models.*'; allowed: at least 5"):
+    with pytest.raises(InputError, match=r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"):
         discrepancy.of_shape_study(few, TARGETS)
     with pytest.raises(InputError, match="drum_slip_difference_deg"):
         discrepancy.of_shape_study(few, targets_of(drum_slip_deg=40.0))

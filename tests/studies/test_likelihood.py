@@ -20,7 +20,7 @@ def test_observation_adds_discrepancy_to_the_error_of_the_mean():
     assert mean.tolist() == [30.0, 60.0]
     # standard errors 1 and 2, discrepancies 0.6 and 1.2
     assert covariance == pytest.approx(np.array([[1 + 0.36, 1.0], [1.0, 4 + 1.44]]))
-    with pytest.raises(ValueError, match="allowed: a positive definite matrix"):
+    with pytest.raises(ValueError, match="expected a positive definite matrix"):
         likelihood.observation(TARGETS, correlated(1.0), np.zeros((2, 2)))
 
 

@@ -64,5 +64,5 @@ def test_plausible_sets_are_draws(tmp_path):
     for values in written[list(PARAMETERS)].to_numpy():
         assert np.isclose(draws.to_numpy(), values, rtol=1e-9).all(axis=1).sum() == 1
     draws[:3].to_csv(tmp_path / "draws.csv", index=False)
-    with pytest.raises(InputError, match="rows is 3; allowed: 16 or more"):
+    with pytest.raises(InputError, match="rows is 3; expected 16 or more"):
         next_measurement.plausible_sets(tmp_path / "draws.csv", 3, tmp_path / "samples.csv")

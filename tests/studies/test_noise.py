@@ -86,7 +86,7 @@ def test_responses_of_different_bench_tests_are_independent():
 
 
 def test_too_few_runs_are_reported_with_the_file(tmp_path):
-    with pytest.raises(InputError, match=r"runs a sample is 1; allowed: 2 or more"):
+    with pytest.raises(InputError, match=r"runs a sample is 1; expected 2 or more"):
         noise.run(write_runs(tmp_path, 1), TWO, tmp_path / "out")
     runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
     runs.to_csv(tmp_path / "runs.csv", index=False)

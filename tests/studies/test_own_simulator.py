@@ -236,7 +236,7 @@ def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table)
 
 
 def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
-    with pytest.raises(InputError, match=r"is 0; allowed: at least 3: .*noise_sd .* at least 8 samples"):
+    with pytest.raises(InputError, match=r"is 0; expected at least 3: .*noise_sd .* at least 8 samples"):
         noise_of(study, table[:14:2])
     alike = table.assign(angle_deg=table.groupby("sample")["angle_deg"].transform("first"))
     alike["time_s"] += np.linspace(0, 1e-7, len(alike))  # no row twice
@@ -276,22 +276,22 @@ def cell(row, name, value):
 
 
 BAD = {
-    "no parameter": (without("friction"), "column friction is 'missing'; allowed: .*; found: sample, run, rolling"),
+    "no parameter": (without("friction"), "column friction is 'missing'; expected .*; found: sample, run, rolling"),
     "no response": (without("time_s"), "column time_s is 'missing'"),
-    "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; allowed: a finite number"),
-    "nan": (cell(3, "angle_deg", np.nan), "row 4: angle_deg is nan; allowed: a finite number; a run that failed"),
-    "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; allowed: a finite number"),
+    "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; expected a finite number"),
+    "nan": (cell(3, "angle_deg", np.nan), "row 4: angle_deg is nan; expected a finite number; a run that failed"),
+    "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; expected a finite number"),
     "infinite": (cell(0, "time_s", np.inf), "row 1: time_s is inf"),
-    "out of range": (cell(2, "friction", 0.9), "row 3: friction is 0.9; allowed: from 0.2 to 0.8, its range"),
-    "not as fixed": (cell(2, "restitution", 0.5), "row 3: restitution is 0.5; allowed: 0.4, as it is fixed"),
-    "few samples": (lambda table: table[:6], "samples with a good run is 3; allowed: at least 4"),
+    "out of range": (cell(2, "friction", 0.9), "row 3: friction is 0.9; expected from 0.2 to 0.8, its range"),
+    "not as fixed": (cell(2, "restitution", 0.5), "row 3: restitution is 0.5; expected 0.4, as it is fixed"),
+    "few samples": (lambda table: table[:6], "samples with a good run is 3; expected at least 4"),
     "no rows": (lambda table: table[:0], "rows is 0"),
-    "an id twice": (cell(2, "sample", 1), "row 3: sample is '1'; allowed: one set of parameters for each sample"),
-    "two ids": (cell(1, "sample", 99), "row 2: sample is '99'; allowed: 1, the sample of row 1"),
-    "a run twice": (cell(1, "run", 1), r"row 2: sample and run is \[1, '1'\]; allowed: each once"),
+    "an id twice": (cell(2, "sample", 1), "row 3: sample is '1'; expected one set of parameters for each sample"),
+    "two ids": (cell(1, "sample", 99), "row 2: sample is '99'; expected 1, the sample of row 1"),
+    "a run twice": (cell(1, "run", 1), r"row 2: sample and run is \[1, '1'\]; expected each once"),
     "a row twice": (
         lambda table: pd.concat([table, table[:1]]).drop(columns="run"),
-        "row 33: row is 'there twice'; allowed: a run of its own",
+        "row 33: row is 'there twice'; expected a run of its own",
     ),
 }
 
@@ -320,11 +320,11 @@ def changed(key, value):
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("seed", None, "seed is null; allowed: an integer from 0 to 2147483647; the key is missing"),
-        ("seed", "one", "seed is 'one'; allowed: an integer"),
-        ("colour", "red", "no such key; keys here: design, "),
+        ("seed", None, "seed is null; expected an integer from 0 to 2147483647; the key is missing"),
+        ("seed", "one", "seed is 'one'; expected an integer"),
+        ("colour", "red", "a known key; keys here: design, "),
         ("parameters.friction", [0.8, 0.2], "low < high"),
-        ("parameters.run", [0.1, 0.2], "parameters.run is .*; allowed: another name"),
+        ("parameters.run", [0.1, 0.2], "parameters.run is .*; expected another name"),
         ("parameters", {"friction": {"fixed": 1}}, "at least one range or prior"),
         ("parameters", {"friction": {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.6, 0.9]}}, "a range that meets"),
         ("targets", {}, "at least one response"),
@@ -335,14 +335,14 @@ def changed(key, value):
         ("targets.time_s.repetitions", 1.5, "an integer from 1"),
         ("targets.time_s.range", [5, 6], "about the value, 4"),
         ("targets.time_s.range", 5, r"a pair \[low, high\]"),
-        ("targets.time_s.colour", "red", "no such key"),
+        ("targets.time_s.colour", "red", "a known key"),
         ("targets.time_s.unit", 3, "text of one line"),
         ("targets.time_s", 3, "a section with the keys value, sd, "),
         ("simulator", "", "text of one line"),
-        ("targets.time_s.noise_sd", 0, "targets.time_s.noise_sd is 0; allowed: a number above 0"),
+        ("targets.time_s.noise_sd", 0, "targets.time_s.noise_sd is 0; expected a number above 0"),
         ("sequential", {"seeds": 0}, "an integer from 1"),
-        ("sequential", {"pours": 1}, "no such key"),
-        ("targets.time_s.noise_sd", 1e-12, "targets.time_s.noise_sd is 1e-12; allowed: at least 4e-09"),
+        ("sequential", {"pours": 1}, "a known key"),
+        ("targets.time_s.noise_sd", 1e-12, "targets.time_s.noise_sd is 1e-12; expected at least 4e-09"),
         ("sequential", {"most_runs": 31}, "at least sequential.start_samples times"),
     ],
 )
@@ -377,7 +377,7 @@ def test_the_verbs_want_an_own_configuration(tmp_path, capsys):
     for verb in ("ask", "tell", "calibrate"):
         words = [] if verb == "ask" else [str(tmp_path / "runs.csv")]
         assert main([verb, *words, "--config", str(path), "--out", str(tmp_path / "x")]) == 2
-        assert "simulator is None; allowed: the name of your simulator" in capsys.readouterr().err
+        assert "simulator is None; expected the name of your simulator" in capsys.readouterr().err
 
 
 @pytest.mark.slow

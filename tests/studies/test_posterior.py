@@ -77,7 +77,7 @@ def test_a_correlation_of_more_responses_than_repeated_runs_is_refused_unless_it
     targets = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, base_radius_mm=30.0)
     few = runs_of(targets, seeds=2, samples=4)
     slopes = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg")]
-    with pytest.raises(ValueError, match="4 degrees of freedom within samples of funnel; allowed: at least 5"):
+    with pytest.raises(ValueError, match="4 degrees of freedom within samples of funnel; expected at least 5"):
         inferred(targets, slopes, runs=few)
     drum = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, drum_slip_deg=30.0, drum_rest_deg=30.0)
     one_each = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg", "e_gp")]

@@ -59,7 +59,7 @@ def test_main_effect_is_the_mean_over_the_other_inputs():
 
 
 def test_bad_arguments_are_reported():
-    with pytest.raises(ValueError, match="samples is 100; allowed: a power of two"):
+    with pytest.raises(ValueError, match="samples is 100; expected a power of two"):
         sensitivity.indices(ishigami, LOW, HIGH, 100, 20, 1)
     with pytest.raises(ValueError, match="does not vary"):
         sensitivity.indices(lambda X: np.ones(len(X)), LOW, HIGH, 64, 20, 1)

@@ -186,7 +186,7 @@ def test_wrong_samples_are_refused(name, fitted):
     for arguments in ((X[:5], Y), (X, np.full_like(Y, np.nan)), (X[:1], Y[:1])):
         with pytest.raises(ValueError, match=r"allowed|finite"):
             make(name, SETTINGS).fit(*arguments)
-    with pytest.raises(ValueError, match=r"allowed: \(samples, 3\)"):
+    with pytest.raises(ValueError, match=r"expected \(samples, 3\)"):
         fitted[name].predict(X[:, :2])
 
 
@@ -194,7 +194,7 @@ def test_a_quadratic_surface_is_exact_for_a_quadratic_function():
     X, fresh = points(11, 0), points(20, 1)
     model = make("quadratic", {}).fit(X, truth(X))
     assert model.predict(fresh) == pytest.approx(truth(fresh))
-    with pytest.raises(ValueError, match="10 samples; allowed: at least 11"):
+    with pytest.raises(ValueError, match="10 samples; expected at least 11"):
         make("quadratic", {}).fit(X[:10], truth(X[:10]))
 
 
@@ -222,7 +222,7 @@ def test_a_surrogate_is_registered_once():
 
     with pytest.raises(ValueError, match="registered already, by QuadraticSurface"):
         base.register("quadratic")(Other)
-    with pytest.raises(InputError, match=f"surrogate is 'cubic'; allowed: one of {', '.join(sorted(names()))}"):
+    with pytest.raises(InputError, match=f"surrogate is 'cubic'; expected one of {', '.join(sorted(names()))}"):
         make("cubic", {})
 
 
@@ -253,7 +253,7 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
     (tmp_path / "bad.json").write_text(json.dumps(damaged))
     with pytest.raises(InputError, match="not all finite"):  # the mean of a network holds without it
         load(tmp_path / "bad.json")
-    with pytest.raises(InputError, match=r"outputs is \['x_deg', 'y_mm'\]; allowed: the targets y_mm, x_deg"):
+    with pytest.raises(InputError, match=r"outputs is \['x_deg', 'y_mm'\]; expected the targets y_mm, x_deg"):
         load(tmp_path / "good.json", ("y_mm", "x_deg"))
 
 

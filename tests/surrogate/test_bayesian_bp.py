@@ -276,12 +276,12 @@ def test_bad_data_is_refused(X, y, weights, fault):
     ],
 )
 def test_bad_settings_are_named(setting, value, allowed):
-    with pytest.raises(ValueError, match=rf"{setting} is .*allowed: {allowed}"):
+    with pytest.raises(ValueError, match=rf"{setting} is .*expected {allowed}"):
         BayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))
 
 
 def test_predict_refuses_other_inputs_and_an_unfitted_network(fitted):
-    with pytest.raises(ValueError, match=r"shape \(4, 5\); allowed: \(samples, 6\)"):
+    with pytest.raises(ValueError, match=r"shape \(4, 5\); expected \(samples, 6\)"):
         BayesianBP.predict(fitted[0], np.ones((4, 5)))
     with pytest.raises(ValueError, match="before fit"):
         BayesianBP().predict(np.ones((4, 5)))

@@ -146,7 +146,7 @@ def test_known_noise_is_kept_where_a_few_means_cannot_tell_it():
     model = BayesianBP(hidden=4, starts=2, goal=0.0, prior="inputs", epochs=200)
     model.fit(X, Y, noise_covariance=covariance, noise_freedom=1e6)
     np.testing.assert_allclose(model.noise_std_, np.sqrt(np.diagonal(covariance)), rtol=1e-3)
-    with pytest.raises(ValueError, match=r"noise_freedom is 3; allowed: from 0, and 0 without noise_cov"):
+    with pytest.raises(ValueError, match=r"noise_freedom is 3; expected from 0, and 0 without noise_cov"):
         model.fit(X, Y, noise_freedom=3)
 
 
@@ -160,7 +160,7 @@ def test_known_noise_is_kept_where_a_few_means_cannot_tell_it():
 )
 def test_what_is_no_covariance_is_refused(covariance, allowed):
     X, Y = noisy_data(20, 33)
-    with pytest.raises(ValueError, match=rf"(?s)noise_covariance is .*allowed: {allowed}"):
+    with pytest.raises(ValueError, match=rf"(?s)noise_covariance is .*expected {allowed}"):
         BayesianBP().fit(X, Y, noise_covariance=covariance)
     with pytest.raises(ValueError, match="precision differs between outputs"):
         BayesianBP().fit(X, Y, precision=1 + Y**2, noise_covariance=CORRELATED)

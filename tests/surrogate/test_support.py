@@ -88,5 +88,5 @@ def test_a_fixed_parameter_plays_no_part():
 
 
 def test_points_of_another_shape_are_refused():
-    with pytest.raises(ValueError, match=r"points has shape \(3, 2\); allowed: at least two rows of 6"):
+    with pytest.raises(ValueError, match=r"points has shape \(3, 2\); expected at least two rows of 6"):
         Support(np.zeros((3, 2)), np.zeros(6), np.ones(6))

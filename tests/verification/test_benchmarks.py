@@ -82,7 +82,7 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):
     limit = 2.868 * (mass**2 / (0.003335 * young**2 * 2.0)) ** 0.2 / 8.0
     for row in rows:
         if len(row) == 2:
-            named = float(re.search(r"allowed: above 0, at most ([-+.e\d]+)", row[1]).group(1))
+            named = float(re.search(r"expected above 0, at most ([-+.e\d]+)", row[1]).group(1))
             assert named == pytest.approx(limit, rel=2e-3)
     finest = next(row for row in rows if row[1] == "restitution")
     assert finest[2] == pytest.approx(0.2, rel=0.01)

@@ -113,7 +113,7 @@ def test_a_misfit_is_reported_before_any_work(project):
     words = ("--configfile", "config/quick.yaml", "--config", "strategy=response_surface")
     done = snakemake(project, "-n", "--quiet", "all", *words, "response_surface={centres: 2}")
     assert done.returncode != 0
-    assert "centres is 2; allowed: at least 3 where surface is box_behnken" in done.stderr
+    assert "centres is 2; expected at least 3 where surface is box_behnken" in done.stderr
 
 
 END = {"conclude_refined", "draw_approach", "refined", "total"}

@@ -110,7 +110,7 @@ def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_th
     (tmp_path / "config/config.yaml").write_text(yaml.safe_dump({"wheat": crop}))
     wrong = snakemake(tmp_path, "-n", "wheat_all")
     assert wrong.returncode == 2
-    assert "repose: error: configuration: funnel.seads is 3; allowed: no such key; did you mean seeds?" in wrong.stderr
+    assert "repose: error: configuration: funnel.seads is 3; expected a known key; did you mean seeds?" in wrong.stderr
 
 
 @pytest.mark.slow

@@ -64,5 +64,5 @@ def test_a_program_in_a_folder_with_braces_is_refused_before_any_work(tmp_path):
     (tmp_path / "{x}").symlink_to(ROOT)
     done = run_snakemake(tmp_path, tmp_path / "{x}/Snakefile")
     assert done.returncode == 2
-    assert "{x}/Snakefile'; allowed: a folder without braces" in done.stderr
+    assert "{x}/Snakefile'; expected a folder without braces" in done.stderr
     assert not (tmp_path / "results").exists()

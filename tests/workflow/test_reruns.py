@@ -27,7 +27,7 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
         lock.close()
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith("repose: error: results/quick: workflow is 'process ")
-    assert done.stderr.splitlines()[-1].endswith("; allowed: one at a time; wait until it has ended")
+    assert done.stderr.splitlines()[-1].endswith("; expected one at a time; wait until it has ended")
     assert {path.name for path in folder.iterdir()} == {".lock", ".jobs"}
 
     done = snakemake(project, TARGET, *QUICK)
@@ -88,7 +88,7 @@ def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(pro
     for more in ((), ("-n",)):
         done = snakemake(project, *words, *more)
         assert done.returncode == 2
-        assert f"repose: error: {TARGET}: content is 'something else'; allowed: " in done.stderr
+        assert f"repose: error: {TARGET}: content is 'something else'; expected " in done.stderr
     path.unlink()
     assert snakemake(project, *words).returncode == 0
     assert path.read_text() == good
@@ -101,7 +101,7 @@ def test_somebodys_file_in_the_place_of_a_result_stops_the_workflow_and_stays(pr
     path.write_text("mine")
     done = snakemake(project, "network", *QUICK)
     assert done.returncode == 2
-    result = "repose: error: results/quick/network/network.json: file is 'there already'; allowed: a file that repose"
+    result = "repose: error: results/quick/network/network.json: file is 'there already'; expected a file that repose"
     assert result in done.stderr
     assert path.read_text() == "mine"
     path.unlink()

@@ -80,16 +80,16 @@ def test_the_small_run_has_the_same_rules(project):
     [
         (
             ["--config", "funnel={seeds: 0}"],
-            "repose: error: command line (--config): funnel.seeds is 0; allowed: an integer from 1 to 100",
+            "repose: error: command line (--config): funnel.seeds is 0; expected an integer from 1 to 100",
         ),
         (
             ["--config", "simulation={time_step_s: 2e-3}"],
-            "repose: error: command line (--config): simulation.time_step_s is 0.002; allowed: at most 0.00062, "
+            "repose: error: command line (--config): simulation.time_step_s is 0.002; expected at most 0.00062, "
             "the stable step of a body between two of berry (restitution 0.1)",
         ),
         (
             ["--configfile", "mine.yaml"],
-            "repose: error: mine.yaml: funnel.seads is 3; allowed: no such key; did you mean seeds?",
+            "repose: error: mine.yaml: funnel.seads is 3; expected a known key; did you mean seeds?",
         ),
     ],
 )

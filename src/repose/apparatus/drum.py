@@ -76,7 +76,7 @@ class Drum:
         room = self.radius_m - berry_radius_m
         half_y = 0.5 * self.length_m - berry_radius_m
         if not (abs(height_m) < room and half_y > 0.0):
-            raise ValueError(f"height_m is {height_m!r}; allowed: below {room:.4g}, in a drum longer than a berry")
+            raise ValueError(f"height_m is {height_m!r}; expected below {room:.4g}, in a drum longer than a berry")
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:

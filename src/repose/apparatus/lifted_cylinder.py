@@ -77,7 +77,7 @@ class LiftedCylinderSettings(Poured):
         if self.berries is self.filling_height_mm is ABSENT:
             yield "filling_height_mm", f"1 to 5000, or berries, 1 to {MOST_BERRIES}, in its place"
         elif ABSENT not in (self.berries, self.filling_height_mm):
-            yield "filling_height_mm", "no such key beside berries, which gives the level already"
+            yield "filling_height_mm", "nothing: berries gives the level already"
 
 
 # --- build and run --------------------------------------------------------------------------------

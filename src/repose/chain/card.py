@@ -321,7 +321,7 @@ def read_own(card_json: str | PathLike) -> dict[str, Any]:
     """Read the card of a study that this program simulated; the card of another simulator raises InputError."""
     card = read(card_json)
     if "simulator" in card:
-        raise InputError(card_json, "simulator", card["simulator"], "none: a card whose study repose simulated")
+        raise InputError(card_json, "simulator", card["simulator"], "the card of a study that repose simulated")
     return card
 
 

@@ -15,7 +15,7 @@ FEWEST_RUNS = 2  # successful runs of each bench test, for the probability that 
 POSTERIOR: Final = "central 95 % of the posterior"
 RANGE: Final = "range of the parameter sets found"
 MISSING = "the key is missing"
-WORDS = {"missing": MISSING, "extra_forbidden": "no such key"}  # by the type of pydantic's error
+WORDS = {"missing": MISSING, "extra_forbidden": "a known key"}  # by the type of pydantic's error
 Faults = Iterator[tuple[str, Any, str]]  # key, value, what is allowed
 
 Positive = Annotated[float, Field(gt=0)]

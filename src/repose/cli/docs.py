@@ -26,8 +26,8 @@ def docs(args: argparse.Namespace) -> None:
         return
     if args.name not in known:
         near = difflib.get_close_matches(args.name, known, 1)
-        meant = f"did you mean {near[0]}? " if near else ""
-        raise InputError("command line", "docs", args.name, f"{meant}`{PROGRAM} docs` lists the pages")
+        meant = f"; did you mean {near[0]}?" if near else ""
+        raise InputError("command line", "docs", args.name, f"a page that `{PROGRAM} docs` lists{meant}")
     text = known[args.name].read_text(encoding="utf-8")
     if not sys.stdout.isatty():
         print(text, end="")

@@ -187,7 +187,7 @@ def _faults(errors: list[_Error], config: Any, source: str | Origin, model: type
             extra = f"{key}.{error.unknown}" if key else str(error.unknown)
             # a key such as null or 1.5 is no text in the file, and is one in the error
             value = {str(name): value for name, value in _at(config, error.path).items()}[str(error.unknown)]
-            yield YamlError(origin_of(source, extra), extra, value, f"no such key; {hint}")
+            yield YamlError(origin_of(source, extra), extra, value, f"a known key; {hint}")
         elif error.type == "missing":
             if key not in meant:
                 words = f"{allowed_by(subschema(error.path, model))}; the key is missing"

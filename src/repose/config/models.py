@@ -134,7 +134,7 @@ class _Parameter:
             if key not in keys:
                 near = difflib.get_close_matches(str(key), keys, 1)
                 hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(keys)}"
-                yield str(key), f"no such key; {hint}"
+                yield str(key), f"a known key; {hint}"
         if "fixed" in given and len(given) > 1:
             yield "", "fixed alone, or prior with or without range"
         elif "fixed" in given and not self._is_within(given["fixed"]):

@@ -54,7 +54,7 @@ def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dic
     status of its failed runs, and its numbers are None.
     """
     if not runs:
-        raise ValueError("runs is empty; allowed: at least one run")
+        raise ValueError("runs is empty; expected at least one run")
     ok = [run for run in runs if run["status"] == "ok"]
     failed = [run for run in runs if run["status"] != "ok"]
     usable = len(ok) > 0 and 2 * len(ok) >= len(runs)

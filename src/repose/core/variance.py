@@ -46,7 +46,7 @@ class Components(NamedTuple):
     def seeds_for(self, standard_error: float) -> int:
         """Find the fewest seeds for a standard error of a sample's mean, above 0, in the response's unit."""
         if not standard_error > 0:
-            raise ValueError(f"standard_error is {standard_error!r}; allowed: above 0")
+            raise ValueError(f"standard_error is {standard_error!r}; expected above 0")
         return max(1, math.ceil(self.within / standard_error**2 * (1 - 1e-12)))
 
 
@@ -61,13 +61,13 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
 
     values, groups = np.asarray(values, dtype=float), np.asarray(groups)
     if values.ndim != 1 or values.shape != groups.shape:
-        raise ValueError(f"values has shape {values.shape}, groups {groups.shape}; allowed: (n,) both")
+        raise ValueError(f"values has shape {values.shape}, groups {groups.shape}; expected (n,) both")
     if not np.isfinite(values).all():
         raise ValueError("values must be finite")
     number, size, mean = _groups(values, groups)
     k, n = len(size), len(values)
     if k < 2 or n == k:
-        raise ValueError(f"{n} values in {k} groups; allowed: at least two groups, one of them with two values")
+        raise ValueError(f"{n} values in {k} groups; expected at least two groups, one of them with two values")
     residuals = values - mean[number]
     within = float(residuals @ residuals / (n - k))  # MSW
     between_square = float(size @ (mean - values.mean()) ** 2 / (k - 1))  # MSB
@@ -108,9 +108,9 @@ def residual_correlation(first: ArrayLike, second: ArrayLike, groups: ArrayLike)
 
     covariance, freedom = within_covariance(np.column_stack([first, second]), groups)
     if freedom < 4:
-        raise ValueError(f"{freedom} degrees of freedom within samples; allowed: at least 4")
+        raise ValueError(f"{freedom} degrees of freedom within samples; expected at least 4")
     if not (np.diagonal(covariance) > 0).all():
-        raise ValueError("a response does not vary within samples; allowed: a response that varies")
+        raise ValueError("a response does not vary within samples; expected a response that varies")
     correlation = float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
     # variance 1 / (n - 3) for n - 1 degrees of freedom
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)

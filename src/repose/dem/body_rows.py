@@ -35,7 +35,7 @@ def checked_body(
     rotation = vector("quaternion", quaternion, 4)
     length = np.linalg.norm(rotation)
     if not length > 0.0:
-        raise ValueError("quaternion is 0; allowed: four finite numbers that are not all 0")
+        raise ValueError("quaternion is 0; expected four finite numbers that are not all 0")
     position = vector("position_m", position_m)
     velocity = vector("velocity_m_s", velocity_m_s)
     turning = vector("angular_velocity_rad_s", angular_velocity_rad_s)

@@ -20,7 +20,7 @@ def is_number(value: Any, *, finite: bool = True) -> bool:
 def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -> float:
     """A finite number that `accepts` accepts; `allowed` says in words which numbers are accepted."""
     if not (is_number(value) and accepts(value)):
-        raise ValueError(f"{name} is {shown(value)}; allowed: {allowed}")
+        raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
     return float(value)
 
 
@@ -37,14 +37,14 @@ def not_negative(name: str, value: Any) -> float:
 def height(name: str, value: Any) -> float:
     """A number that may be infinite: a height that no body reaches."""
     if not is_number(value, finite=False):
-        raise ValueError(f"{name} is {shown(value)}; allowed: a number, or -inf for none")
+        raise ValueError(f"{name} is {shown(value)}; expected a number, or -inf for none")
     return float(value)
 
 
 def whole_number(name: str, value: Any, least: int) -> int:
     """A whole number, `least` or more."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
-        raise ValueError(f"{name} is {shown(value)}; allowed: a whole number, {least} or more")
+        raise ValueError(f"{name} is {shown(value)}; expected a whole number, {least} or more")
     return int(value)
 
 
@@ -58,7 +58,7 @@ def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
     """Copies of two corners, the lower one below the upper one in every direction."""
     corners = vector("lower", lower), vector("upper", upper)
     if not np.all(corners[0] < corners[1]):
-        raise ValueError(f"lower is {lower!r}, upper {upper!r}; allowed: lower below upper in every direction")
+        raise ValueError(f"lower is {lower!r}, upper {upper!r}; expected lower below upper in every direction")
     return corners
 
 
@@ -70,7 +70,7 @@ def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.nda
     except (TypeError, ValueError):
         numbers = None
     if numbers is None or numbers.shape != shape or not np.all(np.isfinite(numbers)):
-        raise ValueError(f"{name} is {shown(value)}; allowed: {allowed}")
+        raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
     return numbers
 
 
@@ -79,7 +79,7 @@ def direction(name: str, value: Any) -> np.ndarray:
     along = vector(name, value)
     length = np.linalg.norm(along)
     if not length > 0.0:
-        raise ValueError(f"{name} is {shown(value)}; allowed: a vector that is not zero")
+        raise ValueError(f"{name} is {shown(value)}; expected a vector that is not zero")
     return along / length
 
 
@@ -91,7 +91,7 @@ def is_name(value: Any) -> bool:
 def name_of(what: str, value: Any) -> str:
     """The name of a shape, a material or a wall; `what` is named in the error."""
     if not is_name(value):
-        raise ValueError(f"{what} is {shown(value)}; allowed: a name, text that is not empty")
+        raise ValueError(f"{what} is {shown(value)}; expected a name, text that is not empty")
     return value
 
 
@@ -99,12 +99,12 @@ def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
     """Names and objects of some classes, as a new dictionary; `words` is the name of the classes in the error."""
     good = isinstance(value, Mapping) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
     if not good:
-        raise ValueError(f"{name} is {shown(value)}; allowed: names, each with a {words}")
+        raise ValueError(f"{name} is {shown(value)}; expected names, each with a {words}")
     return dict(value)
 
 
 def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
     """The value of a name among named choices."""
     if not (isinstance(value, str) and value in choices):
-        raise ValueError(f"{name} is {shown(value)}; allowed: {', '.join(map(repr, choices))}")
+        raise ValueError(f"{name} is {shown(value)}; expected {', '.join(map(repr, choices))}")
     return choices[value]

@@ -35,7 +35,7 @@ class Constant(NamedTuple):
             number = math.nan
         if not (self.least <= number <= self.most and math.isfinite(number)):
             end = f"to {self.most:g}" if self.most < math.inf else "or more"
-            raise ValueError(f"{self.name} is {value!r}; allowed: {self.least:g} {end} {self.unit}")
+            raise ValueError(f"{self.name} is {value!r}; expected {self.least:g} {end} {self.unit}")
         return number
 
 

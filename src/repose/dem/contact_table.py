@@ -23,16 +23,16 @@ class MaterialNumbers(NamedTuple):
 def pairs_of(contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str, Material]) -> Pairs:
     """Contacts by pairs of names in both orders; ValueError for unknown names, no Contact, or two that differ."""
     if not isinstance(contacts, Mapping):
-        raise ValueError(f"contacts is {contacts!r}; allowed: (material, material): Contact")
+        raise ValueError(f"contacts is {contacts!r}; expected (material, material): Contact")
     both: Pairs = {}
     for pair, contact in contacts.items():
         named = isinstance(pair, tuple) and len(pair) == 2 and all(is_name(name) for name in pair)
         if not (named and isinstance(contact, Contact)):
-            raise ValueError(f"contacts has {pair!r}: {contact!r}; allowed: (material, material): Contact")
+            raise ValueError(f"contacts has {pair!r}: {contact!r}; expected (material, material): Contact")
         if not set(pair) <= set(materials):
-            raise ValueError(f"contacts has {pair!r}; allowed: pairs of {', '.join(materials)}")
+            raise ValueError(f"contacts has {pair!r}; expected pairs of {', '.join(materials)}")
         if both.get(pair, contact) != contact:
-            raise ValueError(f"contacts has {pair!r} in both orders; allowed: one of them, or the same for both")
+            raise ValueError(f"contacts has {pair!r} in both orders; expected one of them, or the same for both")
         both[pair] = both[pair[::-1]] = contact
     return both
 
@@ -49,7 +49,7 @@ def number_materials(
     names += dict.fromkeys(name for name in of_walls if name not in names)
     for name in names:
         if name not in materials:
-            raise ValueError(f"material is {name!r}; allowed: {', '.join(materials)}")
+            raise ValueError(f"material is {name!r}; expected {', '.join(materials)}")
     for a in of_bodies:
         for b in names:
             if (a, b) not in contacts:
@@ -69,7 +69,7 @@ def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None
                 if name not in known:
                     raise ValueError(
                         f"contacts of ({a!r}, {b!r}): {name} is no constant of contact_law {law.name!r}; "
-                        f"allowed: {', '.join(known) or 'none'}"
+                        f"expected {', '.join(known) or 'none'}"
                     )
                 if name not in given:
                     raise ValueError(

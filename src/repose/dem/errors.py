@@ -21,4 +21,4 @@ class InputError(ValueError):
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
-        super().__init__(f"{source}: {key} is {shown(value)}; allowed: {allowed}")
+        super().__init__(f"{source}: {key} is {shown(value)}; expected {allowed}")

@@ -75,7 +75,7 @@ class Contact:
         if self.twisting_friction is not None:
             not_negative("twisting_friction", self.twisting_friction)
         if not (isinstance(self.constants, Mapping) and all(is_name(name) for name in self.constants)):
-            raise ValueError(f"constants is {self.constants!r}; allowed: name: number")
+            raise ValueError(f"constants is {self.constants!r}; expected name: number")
 
 
 def effective_moduli(a: Material, b: Material) -> tuple[float, float]:

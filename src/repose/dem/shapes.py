@@ -23,7 +23,7 @@ def _semi_axes(value: object) -> np.ndarray:
         axes = np.zeros((1, 3))
     good = axes.ndim == 2 and axes.shape[1] == 3 and 1 <= len(axes) <= MOST_PARTS
     if not (good and np.all(np.isfinite(axes)) and np.all(axes > 0.0)):
-        raise ValueError(f"semi_axes_m is {shown(value)}; allowed: (1 to {MOST_PARTS}, 3) lengths above 0")
+        raise ValueError(f"semi_axes_m is {shown(value)}; expected (1 to {MOST_PARTS}, 3) lengths above 0")
     return axes
 
 
@@ -32,7 +32,7 @@ def _inertia(value: object) -> np.ndarray:
     inertia = vector("inertia_kg_m2", value)
     if not (np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum()):
         raise ValueError(
-            f"inertia_kg_m2 is {shown(value)}; allowed: three moments above 0, each at most the sum of the others"
+            f"inertia_kg_m2 is {shown(value)}; expected three moments above 0, each at most the sum of the others"
         )
     return inertia
 
@@ -96,7 +96,7 @@ class Shape:
         """
         axes = vector("semi_axes_m", semi_axes_m)
         if not np.all(axes > 0.0):
-            raise ValueError(f"semi_axes_m is {semi_axes_m!r}; allowed: three lengths above 0")
+            raise ValueError(f"semi_axes_m is {semi_axes_m!r}; expected three lengths above 0")
         positive("density_kg_m3", density_kg_m3)
         a, b, c = axes.tolist()
         mass = density_kg_m3 * 4.0 / 3.0 * math.pi * a * b * c
@@ -213,7 +213,7 @@ def _spheres(value: object) -> np.ndarray:
     good = spheres.ndim == 2 and spheres.shape[1] == 4 and 1 <= len(spheres) <= MOST_SPHERES
     if not (good and np.all(np.isfinite(spheres)) and np.all(spheres[:, 3] > 0.0)):
         raise ValueError(
-            f"spheres_m is {shown(value)}; allowed: (1 to {MOST_SPHERES}, 4) finite lengths, "
+            f"spheres_m is {shown(value)}; expected (1 to {MOST_SPHERES}, 4) finite lengths, "
             "the last of each row above 0"
         )
     return spheres
@@ -341,12 +341,12 @@ class Clump:
 def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
     """Whether shapes are all clumps; ValueError if they are a mixture, or there is none."""
     if not shapes:
-        raise ValueError("shapes is empty; allowed: names, each with a Shape or Clump, at least one")
+        raise ValueError("shapes is empty; expected names, each with a Shape or Clump, at least one")
     of_clumps = isinstance(next(iter(shapes.values())), Clump)
     if any(isinstance(shape, Clump) != of_clumps for shape in shapes.values()):
         raise ValueError(
             f"shapes has {', '.join(f'{k!r}: {type(v).__name__}' for k, v in shapes.items())}; "
-            "allowed: all of them a Shape or all of them a Clump (a sphere is a clump of one)"
+            "expected all of them a Shape or all of them a Clump (a sphere is a clump of one)"
         )
     return of_clumps
 

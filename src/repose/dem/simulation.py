@@ -217,7 +217,7 @@ class Simulation(Observables):
             For a name that is not a wall's, or a motion that is no `Motion`.
         """
         if not isinstance(motion, Motion):
-            raise ValueError(f"motion is {motion!r}; allowed: a Motion")
+            raise ValueError(f"motion is {motion!r}; expected a Motion")
         self.wall_set = self.wall_set.with_motion(wall, motion)
         self.walls = self._wall_arrays(self.walls, self.wall_set.names.index(wall))
         present = self.bodies.presence[: self.n_bodies] == st.PRESENT
@@ -232,7 +232,7 @@ class Simulation(Observables):
     @threads.setter
     def threads(self, threads: int) -> None:
         if not (isinstance(threads, int | np.integer) and 1 <= threads <= parallel.SHARES):
-            raise ValueError(f"threads is {threads!r}; allowed: 1 to {parallel.SHARES}")
+            raise ValueError(f"threads is {threads!r}; expected 1 to {parallel.SHARES}")
         rows = tl.LAW_ROW + self.contact_law.n_rows
         self._tiles = st.zeros(threads, rows * st.LANES)
         self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)
@@ -521,14 +521,14 @@ def _recorders(record: Any) -> list[Callable[[Simulation], Any]]:
     """The argument `record` of `Simulation.run` as a list."""
     recorders = [] if record is None else list(record) if isinstance(record, list | tuple) else [record]
     if not all(callable(recorder) for recorder in recorders):
-        raise ValueError(f"record is {record!r}; allowed: a function of the simulation, or a list of them")
+        raise ValueError(f"record is {record!r}; expected a function of the simulation, or a list of them")
     return recorders
 
 
 def _steps_between(record_every_s: float | None, dt: float) -> int:
     """Steps between two records."""
     if record_every_s is None:
-        raise ValueError("record_every_s is None; allowed: above 0 where there is something to record")
+        raise ValueError("record_every_s is None; expected above 0 where there is something to record")
     return max(1, round(positive("record_every_s", record_every_s) / dt))
 
 

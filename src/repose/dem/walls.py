@@ -63,7 +63,7 @@ def _check_common(surface: "Wall") -> None:
     """Raise ValueError unless a wall's material is a name and its motion a `Motion`."""
     name_of("material", surface.material)
     if not isinstance(surface.motion, Motion):
-        raise ValueError(f"motion is {surface.motion!r}; allowed: a Motion")
+        raise ValueError(f"motion is {surface.motion!r}; expected a Motion")
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class Cone:
         m_r, m_z, _offset, first, last, e_r, e_z = vector("line", self.line, 7)
         if max(abs(math.hypot(m_r, m_z) - 1.0), abs(math.hypot(e_r, e_z) - 1.0)) > 1e-6 or not first < last:
             raise ValueError(
-                f"line is {self.line!r}; allowed: unit vectors (m_r, m_z) and (e_r, e_z), first below last place"
+                f"line is {self.line!r}; expected unit vectors (m_r, m_z) and (e_r, e_z), first below last place"
             )
         frame_of(self)
 
@@ -190,7 +190,7 @@ class Cone:
         not_negative("base_radius_m", base_radius_m)
         not_negative("top_radius_m", top_radius_m)
         if base_radius_m == top_radius_m == 0.0:
-            raise ValueError("base_radius_m and top_radius_m are 0; allowed: at most one of them")
+            raise ValueError("base_radius_m and top_radius_m are 0; expected at most one of them")
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r, e_z = (top_radius_m - base_radius_m) / length, height / length
         line = (e_z, -e_r, e_z * base_radius_m, e_r * base_radius_m, e_r * top_radius_m + e_z * height, e_r, e_z)
@@ -329,26 +329,26 @@ class Mesh:
     def __post_init__(self) -> None:
         vertices = np.asarray(self.vertices_m, float)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
-            raise ValueError(f"vertices_m is {self.vertices_m!r}; allowed: (V, 3) finite numbers")
+            raise ValueError(f"vertices_m is {self.vertices_m!r}; expected (V, 3) finite numbers")
         faces = np.asarray(self.faces)
         if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu":
-            raise ValueError(f"faces is {self.faces!r}; allowed: (F, 3) whole numbers, at least one triangle")
+            raise ValueError(f"faces is {self.faces!r}; expected (F, 3) whole numbers, at least one triangle")
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise ValueError(
-                f"faces has {faces.min()} to {faces.max()}; allowed: 0 to {len(vertices) - 1}, rows of vertices_m"
+                f"faces has {faces.min()} to {faces.max()}; expected 0 to {len(vertices) - 1}, rows of vertices_m"
             )
         if not (math.isfinite(self.edge_radius_m) and self.edge_radius_m > 0.0):
-            raise ValueError(f"edge_radius_m is {self.edge_radius_m!r}; allowed: above 0")
+            raise ValueError(f"edge_radius_m is {self.edge_radius_m!r}; expected above 0")
         corners = vertices[faces]
         sides = corners[:, 1:] - corners[:, :1]
         thin = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
         thin = np.flatnonzero(thin <= 1e-12 * np.max(np.sum(np.ptp(vertices, axis=0) ** 2)))
         if len(thin):
             raise ValueError(
-                f"faces has {faces[thin[0]].tolist()}, a triangle without area; allowed: triangles with an area"
+                f"faces has {faces[thin[0]].tolist()}, a triangle without area; expected triangles with an area"
             )
         if not isinstance(self.motion, Motion):
-            raise ValueError(f"motion is {self.motion!r}; allowed: a Motion")
+            raise ValueError(f"motion is {self.motion!r}; expected a Motion")
         object.__setattr__(self, "vertices_m", vertices)
         object.__setattr__(self, "faces", faces.astype(np.int64))
         object.__setattr__(self, "part", split(vertices, self.faces, float(self.edge_radius_m)))
@@ -390,7 +390,7 @@ class Mesh:
         import trimesh  # slow to import: where a mesh is read
 
         if not (math.isfinite(scale) and scale > 0.0):
-            raise ValueError(f"scale is {scale!r}; allowed: above 0")
+            raise ValueError(f"scale is {scale!r}; expected above 0")
         try:
             source: Any = path
             mesh: Any = trimesh.load(source, force="mesh")
@@ -439,7 +439,7 @@ class WallSet:
     def with_motion(self, name: str, motion: Motion) -> "WallSet":
         """The same walls, one of them with another motion; ValueError if no wall has this name."""
         if name not in self.surfaces:
-            raise ValueError(f"wall is {name!r}; allowed: {', '.join(self.names) or 'none, there are no walls'}")
+            raise ValueError(f"wall is {name!r}; expected {', '.join(self.names) or 'none, there are no walls'}")
         return WallSet({**self.surfaces, name: replace(self.surfaces[name], motion=motion)})
 
 

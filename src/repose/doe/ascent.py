@@ -9,7 +9,7 @@ def direction(slopes: ArrayLike) -> np.ndarray:
     slopes = np.asarray(slopes, dtype=float)
     length = np.linalg.norm(slopes)
     if not length > 0:
-        raise ValueError(f"slopes {slopes.tolist()}; allowed: at least one slope other than 0")
+        raise ValueError(f"slopes {slopes.tolist()}; expected at least one slope other than 0")
     return slopes / length
 
 
@@ -26,6 +26,6 @@ def towards(slopes: ArrayLike, missing: ArrayLike, scale: ArrayLike) -> np.ndarr
 def path(along: ArrayLike, steps: int, largest: float = 1.0) -> np.ndarray:
     """Points (steps + 1, k) at equal distances along a direction in coded units, the centre first."""
     if steps < 1:
-        raise ValueError(f"{steps} steps; allowed: at least 1")
+        raise ValueError(f"{steps} steps; expected at least 1")
     along = np.asarray(along, dtype=float)
     return np.linspace(0.0, largest, steps + 1)[:, None] * (along / np.abs(along).max())

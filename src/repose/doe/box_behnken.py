@@ -29,11 +29,11 @@ def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, n
     455-475. Blocks with equally many of the `centres` are orthogonal; simulations may ignore the blocks.
     """
     if factors not in BLOCKS:
-        raise ValueError(f"{factors} factors; allowed: 3 to 7")
+        raise ValueError(f"{factors} factors; expected 3 to 7")
     parts = BLOCKS[factors]
     centres = CENTRES[factors] if centres is None else centres
     if centres < len(parts):
-        raise ValueError(f"{centres} centre runs; allowed: at least {len(parts)}, one for each block")
+        raise ValueError(f"{centres} centre runs; expected at least {len(parts)}, one for each block")
     rows, blocks = [], []
     for number, part in enumerate(parts, start=1):
         for together in part:

@@ -19,12 +19,12 @@ def central_composite(factors: int, axial: str = "rotatable", centres: int | Non
     Statist. 28 (1957) 195-241.
     """
     if factors not in CENTRES:
-        raise ValueError(f"{factors} factors; allowed: 2 to 7")
+        raise ValueError(f"{factors} factors; expected 2 to 7")
     if axial not in ("rotatable", "face_centred"):
-        raise ValueError(f"axial runs {axial!r}; allowed: rotatable, face_centred")
+        raise ValueError(f"axial runs {axial!r}; expected rotatable, face_centred")
     centres = CENTRES[factors] if centres is None else centres
     if centres < 0:
-        raise ValueError(f"{centres} centre runs; allowed: 0 or more")
+        raise ValueError(f"{centres} centre runs; expected 0 or more")
     corners = two_level(factors if factors < HALF_FROM else factors - 1)
     if factors >= HALF_FROM:
         corners = np.column_stack([corners, corners.prod(axis=1)])

@@ -15,7 +15,7 @@ ORDERS = ("linear", "interaction", "quadratic")
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
     """Terms of a model besides its constant: single factors, then products of two, then squares."""
     if order not in ORDERS:
-        raise ValueError(f"order {order!r}; allowed: {', '.join(ORDERS)}")
+        raise ValueError(f"order {order!r}; expected {', '.join(ORDERS)}")
     groups: list[list[Term]] = [
         [(k,) for k in range(factors)],
         list(combinations(range(factors), 2)),
@@ -113,9 +113,9 @@ def fit(
     """Fit a polynomial to runs (n, k) in coded units."""
     coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
     if coded.ndim != 2 or coded.shape != (len(response), len(factors)):
-        raise ValueError(f"runs of shape {coded.shape}; allowed: {(len(response), len(factors))}")
+        raise ValueError(f"runs of shape {coded.shape}; expected {(len(response), len(factors))}")
     if not (np.isfinite(coded).all() and np.isfinite(response).all()):
-        raise ValueError("a run or a response is not finite; allowed: finite numbers")
+        raise ValueError("a run or a response is not finite; expected finite numbers")
     terms = terms_of(len(factors), order) if isinstance(order, str) else tuple(order)
     parts = [np.ones((len(coded), 1)), columns(coded, terms)]
     numbers = None if blocks is None else np.asarray(blocks)
@@ -124,7 +124,7 @@ def fit(
     matrix = np.hstack(parts)
     rank = int(np.linalg.matrix_rank(matrix))
     if rank < matrix.shape[1]:
-        raise ValueError(f"{len(coded)} runs determine {rank} coefficients; allowed: all {matrix.shape[1]}")
+        raise ValueError(f"{len(coded)} runs determine {rank} coefficients; expected all {matrix.shape[1]}")
     inverse = np.linalg.pinv(matrix)
     fitted = inverse @ response
     return Model(tuple(factors), terms, coded, response, numbers, matrix, inverse @ inverse.T, fitted)

@@ -25,12 +25,12 @@ def plackett_burman(factors: int, runs: int | None = None) -> np.ndarray:
     if runs is None:
         large = [number for number in GENERATORS if number >= factors + 4]
         if not large:
-            raise ValueError(f"{factors} factors; allowed: at most {max(GENERATORS) - 4}")
+            raise ValueError(f"{factors} factors; expected at most {max(GENERATORS) - 4}")
         runs = large[0]
     if runs not in GENERATORS:
-        raise ValueError(f"{runs} runs; allowed: {', '.join(map(str, GENERATORS))}")
+        raise ValueError(f"{runs} runs; expected {', '.join(map(str, GENERATORS))}")
     if not 1 <= factors < runs:
-        raise ValueError(f"{factors} factors in {runs} runs; allowed: 1 to {runs - 1}")
+        raise ValueError(f"{factors} factors in {runs} runs; expected 1 to {runs - 1}")
     first = np.array([1.0 if sign == "+" else -1.0 for sign in GENERATORS[runs]])
     rows = [np.roll(first, shift) for shift in range(runs - 1)]
     return np.vstack([*rows, -np.ones(runs - 1)])[:, :factors]

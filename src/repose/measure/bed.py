@@ -60,7 +60,7 @@ def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_sha
     z = (len(filled) - filled.argmax(axis=0)[columns]) * pixel_m - radius_m
     middle = np.abs(x - 0.5 * (x.min() + x.max())) <= 0.5 * fit_share * np.ptp(x) if len(x) else []
     if np.count_nonzero(middle) < SMALLEST_FIT:
-        raise ValueError(f"the bed is {len(x)} pixels wide; allowed: {SMALLEST_FIT} in the part that is fitted")
+        raise ValueError(f"the bed is {len(x)} pixels wide; expected {SMALLEST_FIT} in the part that is fitted")
     slope, height = np.polyfit(x[middle], z[middle], 1)
     ends = x[middle][[0, -1]]
     line = np.column_stack([ends, slope * ends + height])

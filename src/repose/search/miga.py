@@ -57,9 +57,9 @@ class MIGA:
         least = {"dimensions": 1, "islands": 1, "population": 2, "generations": 1, "tournament": 1}
         for name, limit in (least | {"mutation_amplitude": 0}).items():
             if not locals()[name] >= limit:
-                raise ValueError(f"{name} is {locals()[name]!r}; allowed: at least {limit}")
+                raise ValueError(f"{name} is {locals()[name]!r}; expected at least {limit}")
         if not 0 <= mutation_probability <= 1:
-            raise ValueError(f"mutation_probability is {mutation_probability!r}; allowed: 0 to 1")
+            raise ValueError(f"mutation_probability is {mutation_probability!r}; expected 0 to 1")
         self.shape = (islands, population, dimensions)
         self.generations, self.tournament = generations, tournament
         self.mutation_probability, self.mutation_amplitude = mutation_probability, mutation_amplitude
@@ -168,12 +168,12 @@ def islands_ga(
     """
     bounds = np.asarray(bounds, dtype=float)
     if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():
-        raise ValueError(f"bounds has shape {bounds.shape}; allowed: (dimensions, 2), all finite")
+        raise ValueError(f"bounds has shape {bounds.shape}; expected (dimensions, 2), all finite")
     low, high = bounds.T
     if not (low < high).all():
-        raise ValueError(f"bounds is {bounds.tolist()}; allowed: each lowest below its highest")
+        raise ValueError(f"bounds is {bounds.tolist()}; expected each lowest below its highest")
     if rounds < 1:
-        raise ValueError(f"rounds is {rounds!r}; allowed: at least 1")
+        raise ValueError(f"rounds is {rounds!r}; expected at least 1")
     miga = MIGA(len(bounds), **settings)
     half_width, history = (high - low) / 2, []
 
@@ -185,14 +185,14 @@ def islands_ga(
         if fitness.shape != (len(miga.ask()),) or np.isnan(fitness).any():
             raise ValueError(
                 f"objective returned shape {fitness.shape} with {np.isnan(fitness).sum()} NaN; "
-                f"allowed: ({len(miga.ask())},) without"
+                f"expected ({len(miga.ask())},) without"
             )
         miga.tell(fitness)
         history.append(miga.best_fitness)
         if target is not None and miga.best_fitness <= target:
             break
     if miga.best is None:
-        raise ValueError(f"objective is infinite at all {miga.evaluations} points; allowed: finite at one")
+        raise ValueError(f"objective is infinite at all {miga.evaluations} points; expected finite at one")
     success = None if target is None else miga.best_fitness <= target
     x, evaluations = in_units(miga.best), miga.evaluations
     return Minimum(x, miga.best_fitness, evaluations, miga.generation, success, np.array(history))

@@ -16,7 +16,7 @@ def others() -> tuple[str, ...]:
 def misfit(config: Mapping[str, Any]) -> str | None:
     """Say why a configuration cannot use its strategy; None if it can."""
     off = strategy(config["strategy"]).contradictions(config)
-    return next((f"not with this configuration: {key}; allowed: {allowed}" for key, allowed in off), None)
+    return next((f"not with this configuration: {key}; expected {allowed}" for key, allowed in off), None)
 
 
 def pours(config: Mapping[str, Any]) -> Pours | None:

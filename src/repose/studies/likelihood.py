@@ -29,7 +29,7 @@ def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarr
     """Return the physical means (k,) and the part S_y + S_d (k, k) of their covariance that no parameter changes."""
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
-        raise ValueError(f"correlation is {correlation.tolist()}; allowed: a positive definite matrix")
+        raise ValueError(f"correlation is {correlation.tolist()}; expected a positive definite matrix")
     error = targets.standard_error
     return targets.value, np.outer(error, error) * correlation + discrepancy
 

@@ -181,7 +181,7 @@ def _check_freedom(targets: Targets, pairs: Mapping[str, Mapping[str, float]]) -
         for pair in combinations(names, 2):
             freedom, least = pairs[", ".join(pair)]["degrees_of_freedom"], len(names) + FREEDOM
             if freedom < least:
-                raise ValueError(f"{freedom} degrees of freedom within samples of {bench}; allowed: at least {least}")
+                raise ValueError(f"{freedom} degrees of freedom within samples of {bench}; expected at least {least}")
 
 
 def _further_studies(

@@ -112,7 +112,7 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
     """Compute R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4)."""
     chains = np.asarray(chains, dtype=float)
     if chains.ndim != 3 or chains.shape[1] < 4:
-        raise ValueError(f"chains has shape {chains.shape}; allowed: (chains, steps, dimensions), 4 steps or more")
+        raise ValueError(f"chains has shape {chains.shape}; expected (chains, steps, dimensions), 4 steps or more")
     n = chains.shape[1] // 2
     halves = np.concatenate([chains[:, :n], chains[:, -n:]])
     within = halves.var(axis=1, ddof=1).mean(axis=0)  # W

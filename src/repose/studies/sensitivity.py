@@ -36,7 +36,7 @@ def indices(
 ) -> dict[str, np.ndarray]:
     """Compute first-order and total Sobol indices with intervals, each (outputs, d)."""
     if samples < 2 or samples & (samples - 1):
-        raise ValueError(f"samples is {samples!r}; allowed: a power of two")
+        raise ValueError(f"samples is {samples!r}; expected a power of two")
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     d = len(low)
     A, B = np.split(stats.qmc.Sobol(2 * d, rng=seed).random(samples), 2, axis=1)
@@ -45,7 +45,7 @@ def indices(
     f_A, f_B = _values(function, A, low, high), _values(function, B, low, high)
     f_AB = np.array([_values(function, points, low, high) for points in AB])
     if not (f_A.std(axis=1) > ROUNDING * np.abs(f_A).max(axis=1)).all():
-        raise ValueError("an output of the function does not vary; allowed: outputs that do")
+        raise ValueError("an output of the function does not vary; expected outputs that do")
 
     def of(rows: np.ndarray | slice) -> np.ndarray:
         # scipy centres its arguments in place

@@ -267,10 +267,10 @@ class BayesianBP(Surrogate):
     def _checked_settings(self) -> TrainingSettings:
         for name in ("hidden", "starts"):
             if not getattr(self, name) >= 1:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: at least 1")
+                raise ValueError(f"{name} is {getattr(self, name)!r}; expected at least 1")
         low, high = self.scaled_range
         if not low < high:
-            raise ValueError(f"scaled_range is {self.scaled_range!r}; allowed: its first below its second")
+            raise ValueError(f"scaled_range is {self.scaled_range!r}; expected its first below its second")
         return TrainingSettings(**{field.name: getattr(self, field.name) for field in fields(TrainingSettings)})
 
     def _stretch(self) -> np.ndarray:

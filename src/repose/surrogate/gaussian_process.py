@@ -57,7 +57,7 @@ class GaussianProcess(Combined, Surrogate):
     def _take(self, X: np.ndarray, Y: np.ndarray, precision: np.ndarray, noise_covariance: ArrayLike | None) -> None:
         """Keep the samples and the scaling that follows from them."""
         if len(Y) < 2:
-            raise ValueError(f"{len(Y)} samples; allowed: at least 2")
+            raise ValueError(f"{len(Y)} samples; expected at least 2")
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
         self.noise_covariance_ = noise_covariance
         self.low_, self.width_ = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))

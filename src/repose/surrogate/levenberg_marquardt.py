@@ -55,9 +55,9 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         for name, least in (("epochs", 1), ("goal", 0)):
             if not getattr(self, name) >= least:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: at least {least}")
+                raise ValueError(f"{name} is {getattr(self, name)!r}; expected at least {least}")
         if self.prior not in PRIORS:
-            raise ValueError(f"prior is {self.prior!r}; allowed: {', '.join(PRIORS)}")
+            raise ValueError(f"prior is {self.prior!r}; expected {', '.join(PRIORS)}")
 
 
 class _Data(NamedTuple):

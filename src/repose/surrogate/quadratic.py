@@ -57,7 +57,7 @@ class QuadraticSurface(Surrogate):
         A = self._terms(X)
         freedom = len(A) - A.shape[1]
         if freedom < 1:
-            raise ValueError(f"{len(A)} samples; allowed: at least {A.shape[1] + 1}, one more than the terms")
+            raise ValueError(f"{len(A)} samples; expected at least {A.shape[1] + 1}, one more than the terms")
         # one system of equations for all responses, unless their precisions differ
         groups = [slice(k, k + 1) for k in range(Y.shape[1])] if np.ptp(precision, axis=1).any() else [slice(None)]
         fits = [_weighted(A, Y[:, group], np.sqrt(precision[:, group][:, 0])) for group in groups]

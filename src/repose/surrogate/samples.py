@@ -19,13 +19,13 @@ def independent_mixing(noise_covariance: ArrayLike | None, stretch: np.ndarray, 
         return np.eye(len(stretch))
     covariance = np.asarray(noise_covariance, dtype=float)
     if covariance.shape != 2 * stretch.shape or not np.allclose(covariance, covariance.T):
-        raise ValueError(f"noise_covariance is {noise_covariance!r}; allowed: symmetric, {2 * stretch.shape}")
+        raise ValueError(f"noise_covariance is {noise_covariance!r}; expected symmetric, {2 * stretch.shape}")
     if np.ptp(precision, axis=1).any():
         raise ValueError("precision differs between outputs; allowed with noise_covariance: one per sample")
     try:
         root = np.linalg.cholesky(covariance / np.outer(stretch, stretch))
     except np.linalg.LinAlgError as error:
-        raise ValueError(f"noise_covariance is {noise_covariance!r}; allowed: positive definite") from error
+        raise ValueError(f"noise_covariance is {noise_covariance!r}; expected positive definite") from error
     return np.linalg.inv(root).T * np.prod(np.diagonal(root)) ** (1 / len(root))
 
 
@@ -61,7 +61,7 @@ def pure_error(
     if freedom == 0:
         return 0.0, 0.0
     if noise_covariance is None or not freedom > 0:
-        raise ValueError(f"noise_freedom is {freedom!r}; allowed: from 0, and 0 without noise_covariance")
+        raise ValueError(f"noise_freedom is {freedom!r}; expected from 0, and 0 without noise_covariance")
     scaled = np.asarray(noise_covariance, dtype=float) / np.outer(stretch, stretch)
     return float(freedom * np.trace(mixing.T @ scaled @ mixing)), float(freedom * len(mixing))
 
@@ -73,13 +73,13 @@ def checked_samples(
     X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     Y = Y[:, None] if Y.ndim == 1 else Y
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:
-        raise ValueError(f"X has shape {X.shape}, y {np.shape(y)}; allowed: two tables of equal length")
+        raise ValueError(f"X has shape {X.shape}, y {np.shape(y)}; expected two tables of equal length")
     count = np.ones(len(X)) if sample_weight is None else np.asarray(sample_weight, dtype=float)
     precision = np.ones(len(X)) if precision is None else np.asarray(precision, dtype=float)
     if count.shape != (len(X),):
-        raise ValueError(f"sample_weight has shape {count.shape}; allowed: {(len(X),)}")
+        raise ValueError(f"sample_weight has shape {count.shape}; expected {(len(X),)}")
     if precision.shape not in ((len(X),), Y.shape):
-        raise ValueError(f"precision has shape {precision.shape}; allowed: {(len(X),)} or {Y.shape}")
+        raise ValueError(f"precision has shape {precision.shape}; expected {(len(X),)} or {Y.shape}")
     if not all(np.isfinite(values).all() for values in (X, Y, count, precision)):
         raise ValueError("X, y, sample_weight and precision must be finite")
     if (count < 0).any() or (precision <= 0).any():
@@ -88,7 +88,7 @@ def checked_samples(
     counts = count > 0
     if np.count_nonzero(counts) < 2:
         raise ValueError(
-            f"{np.count_nonzero(counts)} samples have a weight above zero; allowed: at least 2 (n_samples = {len(X)})"
+            f"{np.count_nonzero(counts)} samples have a weight above zero; expected at least 2 (n_samples = {len(X)})"
         )
     return X[counts], Y[counts], count[counts], precision[counts]
 
@@ -97,5 +97,5 @@ def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
     """Parameter sets as an array (samples, inputs); ValueError for another shape."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
-        raise ValueError(f"X has shape {X.shape}; allowed: (samples, {inputs})")
+        raise ValueError(f"X has shape {X.shape}; expected (samples, {inputs})")
     return X

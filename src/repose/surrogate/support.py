@@ -36,7 +36,7 @@ class Support:
         self._free = self.high > self.low
         if points.ndim != 2 or len(points) < 2 or points.shape[1] != len(self.names):
             allowed = f"at least two rows of {len(self.names)}"
-            raise ValueError(f"points has shape {points.shape}; allowed: {allowed}")
+            raise ValueError(f"points has shape {points.shape}; expected {allowed}")
         unit = self._unit(points)
         self.tree = cKDTree(unit)
         left_out = self.tree.query(unit, k=2)[0][:, 1]  # the nearest one besides itself

@@ -23,7 +23,7 @@ def euler_solution(inertia: np.ndarray, first: float, third: float, time: np.nda
     twice_energy = i1 * first**2 + i3 * third**2
     square = (i1 * first) ** 2 + (i3 * third) ** 2
     if not square > twice_energy * i2:
-        raise ValueError(f"first is {first!r}, third {third!r}; allowed: L^2 above 2 E I_2")
+        raise ValueError(f"first is {first!r}, third {third!r}; expected L^2 above 2 E I_2")
     rate = math.sqrt((i3 - i2) * (square - twice_energy * i1) / (i1 * i2 * i3))
     modulus = (i2 - i1) * (twice_energy * i3 - square) / ((i3 - i2) * (square - twice_energy * i1))
     sn, cn, dn, _ = ellipj(rate * time, modulus)

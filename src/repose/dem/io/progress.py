@@ -26,7 +26,7 @@ def display(
         yield (lambda time_s: None) if progress is False else progress
         return
     if progress is not None:
-        raise ValueError(f"progress is {progress!r}; allowed: None, False, or a function of the simulated time")
+        raise ValueError(f"progress is {progress!r}; expected None, False, or a function of the simulated time")
     marks = deque([(time.perf_counter(), begin_s)])
     terminal = sys.stderr.isatty()
     # a line comes after a minute, a bar at once and at the end

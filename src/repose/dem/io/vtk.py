@@ -55,9 +55,9 @@ def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = 
     """
     path = Path(path)
     if path.suffix != ".vtp":
-        raise ValueError(f"path is {str(path)!r}; allowed: a file that ends in .vtp")
+        raise ValueError(f"path is {str(path)!r}; expected a file that ends in .vtp")
     if content not in CONTENTS:
-        raise ValueError(f"content is {content!r}; allowed: {', '.join(map(repr, CONTENTS))}")
+        raise ValueError(f"content is {content!r}; expected {', '.join(map(repr, CONTENTS))}")
     points, cells, point_data, cell_data = _CONTENT_OF[content](simulation)
     names = {"wall_names": simulation.wall_set.surfaces} if content == "walls" else {"shape_names": simulation.shapes}
     text = _poly_data(simulation.time_s, names, points, cells, point_data, cell_data)
@@ -184,7 +184,7 @@ class VtkSeries:
     def __init__(self, path: str | os.PathLike, surfaces: bool = False) -> None:
         self.path = Path(path)
         if self.path.suffix != ".pvd":
-            raise ValueError(f"path is {str(path)!r}; allowed: a file that ends in .pvd")
+            raise ValueError(f"path is {str(path)!r}; expected a file that ends in .pvd")
         self.content = "surfaces" if surfaces else "points"
         self._entries: list[tuple[float, list[str]]] = []
         self._walls: str | None = None
@@ -205,7 +205,7 @@ class VtkSeries:
         """
         number, time = len(self._entries), simulation.time_s
         if not math.isfinite(time) or (self._entries and time <= self._entries[-1][0]):
-            raise ValueError(f"time_s is {time!r}; allowed: later than the last one, {self._entries[-1][0]!r}")
+            raise ValueError(f"time_s is {time!r}; expected later than the last one, {self._entries[-1][0]!r}")
         bodies = f"{self.path.stem}/bodies_{number:06d}.vtp"
         write_vtk(self.path.parent / bodies, simulation, self.content)
         files = [bodies]

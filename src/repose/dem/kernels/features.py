@@ -68,7 +68,7 @@ def edge_table(faces):
     if count.max() > 1:
         k = int(np.argmax(count.max(axis=1)))
         raise ValueError(
-            f"faces has several triangles on one side of edge {edges[k].tolist()}; allowed: "
+            f"faces has several triangles on one side of edge {edges[k].tolist()}; expected "
             "at most two triangles at an edge, both with their normals outwards"
         )
     beside[number, column] = owner
@@ -156,7 +156,7 @@ def eroded(vertices, faces, steps, radius):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if keeps(middle) else (low, middle)
         raise ValueError(
-            f"edge_radius_m is {radius!r}; allowed: below {low:.3g}, the smallest triangles leave no room for more"
+            f"edge_radius_m is {radius!r}; expected below {low:.3g}, the smallest triangles leave no room for more"
         )
     return vertices + radius * steps
 

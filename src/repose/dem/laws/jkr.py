@@ -99,7 +99,7 @@ def circle_radius(a: Material, b: Material, contact: Contact, radius: float, ove
     unit = (2.0 * math.pi * work * radius**2 / young) ** (1.0 / 3.0)
     excess = overlap * radius / unit**2 + LEAST
     if excess < 0.0:
-        raise ValueError(f"overlap is {overlap!r}; allowed: at least {-LEAST * unit**2 / radius:.4g}")
+        raise ValueError(f"overlap is {overlap!r}; expected at least {-LEAST * unit**2 / radius:.4g}")
     return unit * _root(max(excess, NO_ROOT)) ** 2
 
 

@@ -79,12 +79,12 @@ class Observed(NamedTuple):
         residuals = self.residuals.reshape(-1, self.values.shape[2])
         k = residuals.shape[1]
         if self.freedom <= k:
-            raise ValueError(f"{self.freedom} pours beyond the first of a sample; allowed: at least {k + 1}")
+            raise ValueError(f"{self.freedom} pours beyond the first of a sample; expected at least {k + 1}")
         covariance = residuals.T @ residuals / self.freedom
         sd = np.sqrt(np.diagonal(covariance))
         alike = sd <= 1e-9 * np.abs(self.means).max(axis=0)
         if alike.any() or np.linalg.eigvalsh(covariance / np.outer(sd, sd))[0] < 1e-9:
-            raise ValueError("pours of a sample are all alike; allowed: seeds that differ")
+            raise ValueError("pours of a sample are all alike; expected seeds that differ")
         return covariance
 
 
@@ -111,7 +111,7 @@ class Kriging(Combined):
 
     def __init__(self, observed: Observed, noise: np.ndarray | None = None) -> None:
         if len(observed.unit) < 2:
-            raise ValueError(f"{len(observed.unit)} samples; allowed: at least 2")
+            raise ValueError(f"{len(observed.unit)} samples; expected at least 2")
         self.noise = observed.noise() if noise is None else noise
         self._combine(observed.means, _independent(observed, self.noise))
         self.unit = observed.unit - 0.5
