@@ -14,25 +14,27 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import response
 from repose.core.targets import Targets
+from repose.search.settings import MigaSettings
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import Support
 
 pytestmark = pytest.mark.slow
 
 MEASURE = every_bench_test()["measure"]
-NETWORK = {"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1, "split": [0.7, 0.15, 0.15]}
-MIGA = {
-    "islands": 3,
-    "population": 30,
-    "rounds": 20,
-    "generations": 10,
-    "tournament": 3,
-    "mutation_probability": 0.1,
-    "mutation_amplitude": 0.1,
-    "solutions": 10,
-    "distance": 0.02,
-    "answer": "least_expected_loss",
-    "seed": 1,
-}
+NETWORK = NetworkSettings.of({"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1})
+MIGA = MigaSettings(
+    islands=3,
+    population=30,
+    rounds=20,
+    generations=10,
+    tournament=3,
+    mutation_probability=0.1,
+    mutation_amplitude=0.1,
+    solutions=10,
+    distance=0.02,
+    answer="least_expected_loss",
+    seed=1,
+)
 PRIORS = {"e_gp": {"fixed": 0.3}, "mus_gp": {"prior": {"mean": 0.5, "sd": 0.02}, "range": [0.4, 0.8]}}
 # Each response: its value where all parameters are in the middle, what rolling and wall friction add, a run's scatter.
 LAW = {

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from shared import RANGES
+from shared import RANGES, settings_of
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -37,6 +37,10 @@ class Study(NamedTuple):
     parameters: ParameterSpace
     targets: Targets
     config: dict
+
+    @property
+    def settings(self):
+        return settings_of(self.config)
 
 
 def study(targets=None, space=None, **sections):
