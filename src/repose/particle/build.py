@@ -20,6 +20,7 @@ from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
 from repose.particle.mesh import body_of, ellipsoid_mesh, load_mesh, mesh_of, mesh_support, principal_pose, stl_of
 from repose.particle.particle import KINDS, MM, Body, Particle
+from repose.particle.settings import GrainSettings
 from repose.particle.support import support
 
 __all__ = [
@@ -182,12 +183,12 @@ def make(
     return Made(stl, particle, compare({name: particles[name] for name in KINDS}))
 
 
-def of_settings(berry: Mapping[str, Any], section: Mapping[str, Any]) -> Particle:
+def of_settings(berry: Mapping[str, Any], section: GrainSettings) -> Particle:
     """The particle of a configuration, the same as by `make`, without the comparison."""
-    scan = None if section["stl"] is None else load_mesh(section["stl"])
-    source = section["stl"] or MESH_FILE
-    mesh = mesh_of(_stl(berry, scan, section["mass_g"]), source)
-    how = section["particle"], section["spheres"], section["surface"]
+    scan = None if section.stl is None else load_mesh(section.stl)
+    source = section.stl or MESH_FILE
+    mesh = mesh_of(_stl(berry, scan, section.mass_g), source)
+    how: Any = section.particle, section.spheres, section.surface
     return make_particle(mesh, berry["density_kg_m3"], *how, MESH_FILE, source)
 
 
