@@ -30,11 +30,9 @@ class _Sections:
         if field is None:
             raise AttributeError(name)
         try:
-            value = (
-                _type(model, name).validate_python(config[name])
-                if name in config
-                else field.get_default(call_default_factory=True)
-            )
+            is_given = name in config or field.is_required()
+            value: Any = field.get_default(call_default_factory=True)
+            value = _type(model, name).validate_python(config.get(name)) if is_given else value
         except ValidationError:
             raise_together(one for one in faults.check(config, source, model).faults if one.key.startswith(name))
             raise

@@ -84,7 +84,7 @@ def make_particle(
     mesh: trimesh.Trimesh,
     density_kg_m3: float,
     kind: str,
-    spheres: int = 14,
+    spheres: int | str = 14,
     surface: str = "smooth",
     stl: str = "",
     source: object = "mesh",
@@ -188,8 +188,8 @@ def of_settings(berry: Mapping[str, Any], section: GrainSettings) -> Particle:
     scan = None if section.stl is None else load_mesh(section.stl)
     source = section.stl or MESH_FILE
     mesh = mesh_of(_stl(berry, scan, section.mass_g), source)
-    how: Any = section.particle, section.spheres, section.surface
-    return make_particle(mesh, berry["density_kg_m3"], *how, MESH_FILE, source)
+    kind, spheres, surface = section.particle, section.spheres, section.surface
+    return make_particle(mesh, berry["density_kg_m3"], kind, spheres, surface, MESH_FILE, source)
 
 
 def _stl(berry: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float | None) -> bytes:
