@@ -91,7 +91,6 @@ def made_up_tables(folder, targets=TARGETS):
 
 
 def write_network(path, outputs, W1, W2):
-    """The file of a network of these weights over the ranges, without offsets."""
     low, high = np.transpose([RANGES[name] for name in PARAMETERS])
     arrays = {"W1": W1, "b1": np.zeros(len(W1)), "W2": W2, "b2": np.full(len(W2), 0.5)}
     arrays |= {"input_min": low, "input_max": high}
@@ -147,7 +146,6 @@ def made_up_inputs(folder):
 
 
 def inputs_of(name, inputs):
-    """The figure's inputs, optional ones included, out of the made-up files."""
     files = {"stl": "berry", "berry": "axes"}
     if name == "figure14":
         files["published"] = "table3"
@@ -165,5 +163,4 @@ def inputs_of(name, inputs):
 
 
 def words(figure):
-    """All texts of a figure."""
     return " | ".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))

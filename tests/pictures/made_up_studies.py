@@ -13,7 +13,6 @@ from repose.studies import noise
 
 
 def write(folder, config):
-    """Write the tables of every study to a folder, for the targets and the parameters of a configuration."""
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     rng = np.random.default_rng(2)
     _noise(folder, rng, targets)

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from made_up import CONFIG, inputs_of, made_up_inputs, words, write_network
 from PIL import Image
-from refusals import not_refused
+from refusals import input_error, not_refused
 
 from repose.core.errors import InputError
 from repose.measure import pile, saved_pours
@@ -29,12 +29,10 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
-    """Made-up inputs of every figure: name of the file without its ending to its path."""
     return made_up_inputs(tmp_path_factory.mktemp("inputs"))
 
 
 def size_of(path):
-    """Width and height of a PNG from its header."""
     return struct.unpack(">II", path.read_bytes()[16:24])
 
 
@@ -65,7 +63,6 @@ def draw_small(name, inputs, path):
 
 @pytest.fixture(scope="module")
 def drawn(inputs, tmp_path_factory):
-    """A function that draws a figure by its name, once: the figure and its file."""
     folder = tmp_path_factory.mktemp("drawn")
     return functools.cache(lambda name: (draw_small(name, inputs, path := folder / f"{name}.png"), path))
 
@@ -216,8 +213,7 @@ def test_the_approach_shows_the_bars_and_why_it_stopped(drawn):
 
 def test_heap_file_without_positions_is_refused(tmp_path):
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
-    with pytest.raises(InputError, match="position_SEED"):
-        saved_pours.first_pour(tmp_path / "x.npz")
+    input_error("position_SEED", saved_pours.first_pour, tmp_path / "x.npz")
 
 
 def test_grains_are_counted_by_whole_numbers(drawn):

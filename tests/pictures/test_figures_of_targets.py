@@ -24,7 +24,6 @@ CHOICES = {1: TARGETS[:1], 2: TARGETS, 4: [*TARGETS, *FURTHER]}
 
 
 def config_of(count, **changes):
-    """A configuration with the given number of targets."""
     return {
         "targets": CHOICES[count],
         "parameters": RANGES,
@@ -34,7 +33,6 @@ def config_of(count, **changes):
 
 
 def made_up(folder, count, feasible=True):
-    """Smooth made-up tables for the given number of targets. Returns the paths by the inputs' names."""
     files = made_up_tables(folder, CHOICES[count])
     pd.read_csv(files["feasible"]).assign(feasible=feasible).to_csv(files["feasible"], index=False)
     return files
@@ -131,7 +129,6 @@ DRAWN = {
 
 
 def texts(figure):
-    """The texts of a figure, one by one."""
     return words(figure).split(" | ")
 
 

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 from PIL import Image
+from refusals import input_error
 
-from repose.core.errors import InputError
 from repose.dem.rotations import rotation_matrices
 from repose.dem.tessellation import tessellate
 from repose.particle import build
@@ -26,7 +26,6 @@ HEAP = {
 
 
 def particle_of(semi_axes_mm):
-    """A particle with these half axes (K, 3); what drawing does not need is left at nothing."""
     axes = np.array(semi_axes_mm) * 1e-3
     return build.Particle("test", axes, 840.0, 0.0, 0.0, np.zeros(3), axes.sum(axis=0).max(), 0.0, 0.0)
 
@@ -215,7 +214,6 @@ def test_a_large_picture_takes_few_bytes_for_each_ray():
 
 @pytest.fixture(scope="module")
 def trajectory(tmp_path_factory):
-    """Six frames in which three berries appear one after the other and fall."""
     time_s = np.linspace(0, 0.5, 6)
     position = np.full((6, 3, 3), np.nan, np.float32)
     for k in range(6):
@@ -235,10 +233,8 @@ def test_animation_has_its_frames_and_its_size(trajectory, tmp_path, ending):
         assert shown.n_frames == 6
         assert shown.size == (80, 100)
         assert shown.info["loop"] == 0
-    with pytest.raises(InputError, match="max_bytes"):
-        film.animate_pour(trajectory, BALL, out, frames=2, width=80, height=100, max_bytes=200)
+    input_error("max_bytes", film.animate_pour, trajectory, BALL, out, frames=2, width=80, height=100, max_bytes=200)
 
 
 def test_animation_in_an_unknown_format_is_refused(trajectory, tmp_path):
-    with pytest.raises(InputError, match=r"\.gif or \.webp"):
-        film.animate_pour(trajectory, BALL, tmp_path / "pour.mp4")
+    input_error(r"\.gif or \.webp", film.animate_pour, trajectory, BALL, tmp_path / "pour.mp4")

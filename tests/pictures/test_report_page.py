@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up_report import made_up_study
+from refusals import input_error
 from shared import RANGES, TARGETS
 
 from repose import __version__
@@ -70,7 +71,6 @@ def test_a_body_of_spheres_lacks_only_what_other_spheres_hide():
 
 
 def values_of(path):
-    """What the scripts of a page read."""
     text = path.read_text()
     return json.loads(re.search(r'id="content">(.*?)</script>', text, re.DOTALL).group(1)), text
 
@@ -195,8 +195,7 @@ def test_a_trimesh_without_a_fit_three_js_is_refused(monkeypatch):
     cases = zip(refused, (["NoSuchMesh"], [], []), ("no NoSuchMesh", "no three.js", "not a zip"), strict=True)
     for read, names, said in cases:
         monkeypatch.setattr(three.resources, "get_bytes", read)
-        with pytest.raises(InputError, match=rf"trimesh \d.*{said}.*expected a version of trimesh"):
-            three.library(names)
+        input_error(rf"trimesh \d.*{said}.*expected a version of trimesh", three.library, names)
 
 
 def test_faults_name_the_input(tmp_path):
@@ -204,12 +203,10 @@ def test_faults_name_the_input(tmp_path):
     with pytest.raises(InputError, match=r"photo.*one of dataset"):
         page.write(config, jobs, files | {"photo": "x"}, {}, tmp_path / "report.html")
     del files["table4"]
-    with pytest.raises(InputError, match="a report needs"):
-        page.write(config, jobs, files, {}, tmp_path / "report.html")
+    input_error("a report needs", page.write, config, jobs, files, {}, tmp_path / "report.html")
     (tmp_path / "photo.jpg").write_text("no picture")
     files["table4"], files["photograph"] = tmp_path / "table4.csv", tmp_path / "photo.jpg"
-    with pytest.raises(InputError, match=r"photo.jpg.*a PNG or JPEG"):
-        page.write(config, jobs, files, {}, tmp_path / "report.html")
+    input_error(r"photo.jpg.*a PNG or JPEG", page.write, config, jobs, files, {}, tmp_path / "report.html")
 
 
 def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_twice(tmp_path):

@@ -24,7 +24,6 @@ PARAMETERS_OF_A_STUDY = {name: [0.2, 0.6] if name in FREE else {"fixed": 0.3} fo
 
 
 def config_of(count):
-    """A configuration with a given number of targets; its first parameter is fixed, its second one has a prior."""
     target = {"value": 30.0, "sd": 2.0, "repetitions": 4, "range": [28.0, 32.0]}
     return {
         "targets": [{"response": name} | target for name in NAMES[:count]],
@@ -35,8 +34,6 @@ def config_of(count):
 
 @pytest.fixture
 def files(tmp_path):
-    """A function that makes up the files of all studies of a configuration."""
-
     def made(config):
         made_up_tables(tmp_path, config["targets"])
         made_up_studies.write(tmp_path, config)
@@ -46,7 +43,6 @@ def files(tmp_path):
 
 
 def drawn(figure):
-    """Number of panels that are shown, and all texts."""
     figure.canvas.draw()
     return sum(panel.axison for panel in figure.axes), words(figure)
 
