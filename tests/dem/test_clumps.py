@@ -347,9 +347,9 @@ def test_wrong_clumps_are_refused_and_one_knows_its_sizes():
     good = {"spheres_m": BENT, "mass_kg": MASS, "inertia_kg_m2": BENT_INERTIA, "material": "body"}
     cases = [
         ({"spheres_m": []}, r"spheres_m is \[\]; expected \(1 to 64, 4\) finite lengths"),
-        ({"spheres_m": [[0, 0, 0]]}, "spheres_m is .*allowed"),
+        ({"spheres_m": [[0, 0, 0]]}, "spheres_m is .*expected"),
         ({"spheres_m": [[0, 0, 0, 0.0]]}, "spheres_m is .*the last of each row above 0"),
-        ({"spheres_m": [[0, 0, math.nan, 1.0]]}, "spheres_m is .*allowed"),
+        ({"spheres_m": [[0, 0, math.nan, 1.0]]}, "spheres_m is .*expected"),
         ({"spheres_m": np.ones((65, 4))}, r"expected \(1 to 64, 4\)"),
         ({"spheres_m": "round"}, "spheres_m is 'round'"),
         ({"mass_kg": 0.0}, "mass_kg is 0.0; expected above 0"),

@@ -60,7 +60,7 @@ def test_six_factors_take_twelve_runs_and_leave_five_dummies():
 
 @pytest.mark.parametrize(("factors", "runs"), [(12, 12), (0, 12), (3, 10), (21, None)])
 def test_plackett_burman_refuses(factors, runs):
-    value_error("allowed", plackett_burman, factors, runs)
+    value_error("expected", plackett_burman, factors, runs)
 
 
 def test_three_factors_as_printed():
@@ -103,7 +103,7 @@ def test_centre_runs_are_spread_over_the_blocks():
 
 @pytest.mark.parametrize(("factors", "centres"), [(2, None), (8, None), (4, 2), (3, 0)])
 def test_box_behnken_refuses(factors, centres):
-    value_error("allowed", box_behnken, factors, centres)
+    value_error("expected", box_behnken, factors, centres)
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_a_face_centred_design_has_three_levels():
 
 @pytest.mark.parametrize("given", [(1,), (8,), (3, "far"), (3, "rotatable", -1)])
 def test_central_composite_refuses(given):
-    value_error("allowed", central_composite, *given)
+    value_error("expected", central_composite, *given)
 
 
 def test_the_path_of_a_textbook():

@@ -69,20 +69,10 @@ def made_up_tables(folder, targets=TARGETS):
     failed = [4, 50, 70]
     dataset.loc[failed, ["status", "reason"]] = ["jammed", "3 berries in the funnel at the end"]
     dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
-    comparison = pd.DataFrame(
-        {"method": ["random", "lhsdesign", "optimal"], "samples": 150, "min_distance": [0.13, 0.2, 0.4]}
-    )
-    frames = {
-        "samples": samples_,
-        "dataset": dataset,
-        "predictions": predictions.drop(failed),
-        "feasible": feasible,
-        "history": history,
-        "table4": table4,
-        "published": published,
-        "theirs": theirs,
-        "comparison": comparison,
-    }
+    comparison = pd.DataFrame({"method": ["random", "lhsdesign", "optimal"], "samples": 150})
+    frames = {"samples": samples_, "dataset": dataset, "predictions": predictions.drop(failed), "feasible": feasible}
+    frames |= {"history": history, "table4": table4, "published": published, "theirs": theirs}
+    frames |= {"comparison": comparison.assign(min_distance=[0.13, 0.2, 0.4])}
     for name, frame in frames.items():
         frame.to_csv(folder / f"{name}.csv", index=False)
     weights = rng.normal(size=(12, 6)), rng.normal(size=(len(targets), 12))
@@ -146,19 +136,12 @@ def made_up_inputs(folder):
 
 
 def inputs_of(name, inputs):
-    files = {"stl": "berry", "berry": "axes"}
-    if name == "figure14":
-        files["published"] = "table3"
-    if name == "validation":
-        files["published"] = "table4"
-    if name in ("plane", "figure13"):
-        files["pool"] = files["fresh"] = "dataset"
-    if name == "noise":
-        files["runs"] = "noise_runs"
-    if name in ("corner", "region"):
-        files["summary"] = "posterior_summary"
-    if name == "approach":
-        files["summary"] = "refined_summary"
+    further = {
+        "figure14": {"published": "table3"}, "validation": {"published": "table4"}, "noise": {"runs": "noise_runs"},
+        "plane": {"pool": "dataset"}, "figure13": {"fresh": "dataset"}, "corner": {"summary": "posterior_summary"},
+        "region": {"summary": "posterior_summary"}, "approach": {"summary": "refined_summary"},
+    }  # fmt: skip
+    files = {"stl": "berry", "berry": "axes"} | further.get(name, {})
     return {key: inputs[files.get(key, key)] for key in figures.FIGURES[name].all_inputs}
 
 

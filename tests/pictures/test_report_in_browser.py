@@ -94,7 +94,7 @@ def move(tab, slider, value):
     )
 
 
-def test_javascript_predicts_what_python_predicts(opened, folder):
+def test_javascript_predicts_what_python_predicts_with_one_network_and_several(opened, folder):
     model = load(folder / "network.json")
     rng = np.random.default_rng(2)
     X = rng.uniform(0.02, 0.8, (40, len(PARAMETERS)))  # within and beyond the samples
@@ -102,9 +102,6 @@ def test_javascript_predicts_what_python_predicts(opened, folder):
     mean, std = model.predict(X, return_std=True, noise=False)
     np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
     np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)  # the page has single precision
-
-
-def test_javascript_predicts_what_several_networks_predict(opened):
     random = np.random.default_rng(3)
     X = random.uniform(size=(40, len(PARAMETERS)))
     Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(0, 0.1, (40, 2))

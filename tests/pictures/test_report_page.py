@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from made_up_report import made_up_study
 from refusals import input_error
-from shared import RANGES, TARGETS
+from shared import RANGES, TARGETS, target
 
 from repose import __version__
 from repose.core.errors import InputError
@@ -27,10 +27,7 @@ from repose.pictures.report import page, prediction, scene, three
 from repose.surrogate import load
 
 BOTH = Targets.of(TARGETS)
-MORE = [
-    *TARGETS,
-    {"response": "drum_slip_deg", "apparatus": "drum", "value": 44, "sd": 2, "repetitions": 5, "range": [40, 48]},
-]
+MORE = [*TARGETS, target("drum_slip_deg", 44, 2, 40, 48, 5)]
 
 
 def test_positions_are_kept_within_half_a_step_and_the_absent_stay_absent():
@@ -63,11 +60,8 @@ def test_a_body_of_spheres_lacks_only_what_other_spheres_hide():
     outside = (distance > -1e-9).all(axis=1)
     assert outside[triangles].any(axis=1).all()
     assert np.abs(points[outside, 0]).max() == pytest.approx(8.0, abs=0.1)
-    corner = points[triangles]
-    facing = np.einsum(
-        "ij,ij->i", np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), normals[triangles[:, 0]]
-    )
-    assert (facing > 0).all()
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[triangles[:, 0]]) > 0).all()
 
 
 def values_of(path):

@@ -183,7 +183,7 @@ def test_correlated_noise_makes_correlated_errors_of_gaussian_processes():
 def test_wrong_samples_are_refused(name, fitted):
     X, Y = samples(60)
     for arguments in ((X[:5], Y), (X, np.full_like(Y, np.nan)), (X[:1], Y[:1])):
-        with pytest.raises(ValueError, match=r"allowed|finite"):
+        with pytest.raises(ValueError, match=r"expected|finite"):
             make(name, SETTINGS).fit(*arguments)
     value_error(r"expected \(samples, 3\)", fitted[name].predict, X[:, :2])
 

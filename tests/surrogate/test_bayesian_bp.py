@@ -249,7 +249,7 @@ def test_of_precisions_only_ratios_matter():
 @pytest.mark.parametrize(
     ("X", "y", "weights", "fault"),
     [
-        (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); allowed"),
+        (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); expected"),
         (np.full((3, 2), np.nan), np.ones(3), {}, "must be finite"),
         (np.ones((3, 2)), np.ones(3), {"sample_weight": np.ones(2)}, r"sample_weight has shape \(2,\)"),
         (np.ones((3, 2)), np.ones(3), {"sample_weight": -np.ones(3)}, "must not be negative"),
