@@ -11,7 +11,6 @@ one_parser = functools.cache(cli.parser)  # making it takes longer than most ref
 
 
 def content(folder):
-    """Every path below a folder, with the bytes of the files."""
     return {path: path.read_bytes() if path.is_file() else None for path in sorted(folder.rglob("*"))}
 
 

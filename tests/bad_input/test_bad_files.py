@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import input_error
 from shared import check_all
 
 from repose.config import reading
@@ -71,8 +72,7 @@ def test_a_compression_test_in_another_unit_is_blamed_on_its_table(tmp_path):
     tests.write_text(TESTS)
     berry.of_files(sizes, tests, None, 840.0)
     tests.write_text(TESTS.replace("10,9,11", "0.01,0.009,0.011"))
-    with pytest.raises(InputError, match=r"tests\.csv: width_1_mm is .* near that of minor_mm"):
-        berry.of_files(sizes, tests, None, 840.0)
+    input_error(r"tests\.csv: width_1_mm is .* near that of minor_mm", berry.of_files, sizes, tests, None, 840.0)
 
 
 TABLES = {
@@ -202,14 +202,12 @@ def test_a_file_that_was_cut(tmp_path):
 
 
 def _cube():
-    """A closed mesh as binary STL."""
     import trimesh
 
     return trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl")
 
 
 def answer(read, path):
-    """What a reader says of a file: the sentence of its fault, or the file's name."""
     try:
         read(path)
     except InputError as error:

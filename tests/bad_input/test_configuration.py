@@ -5,6 +5,7 @@ import copy
 import math
 
 import pytest
+from refusals import input_error
 from shared import check_all, every_bench_test
 
 from repose.config import faults
@@ -18,7 +19,6 @@ NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
 
 
 def good():
-    """A configuration with every section, to be changed."""
     return copy.deepcopy(every_bench_test()) | {"figures": {"format": ["png", "pdf"], "dpi": 300}}
 
 
@@ -58,7 +58,6 @@ def leaves(schema, prefix=""):
 
 
 def sections(schema, prefix=""):
-    """Dotted names of all sections."""
     for key, child in schema["properties"].items():
         if is_section(resolved(child)):
             yield f"{prefix}{key}"
@@ -95,7 +94,6 @@ def bad_values(schema):
 
 
 def holder(config, key):
-    """The section of a key, and its last part."""
     *path, last = key.split(".")
     for step in path:
         config = config[int(step) if isinstance(config, list) else step]
@@ -103,7 +101,6 @@ def holder(config, key):
 
 
 def faults_of(config):
-    """Faults that a check reports, by key."""
     with pytest.raises(InputError) as caught:
         Study.of(config, "mine.yaml")
     found = getattr(caught.value, "faults", [caught.value])
@@ -112,7 +109,6 @@ def faults_of(config):
 
 
 def with_value(key, value):
-    """A good configuration with another value of one key."""
     config = good()
     section, last = holder(config, key)
     section[last] = value
@@ -120,8 +116,6 @@ def with_value(key, value):
 
 
 def test_every_key_refuses_what_it_cannot_take():
-    """All keys get a value that is wrong in the same way; the message has each of them."""
-
     def check_reported(keys):
         config = good()
         for key, value in keys.items():
@@ -244,8 +238,7 @@ def aliases(levels):
 @pytest.mark.parametrize("text", [b"null: 3\n", b"~: 3\n", b"1.5: 3\n", b"funnel: {null: 3}\n", b"funnel: {1.5: 3}\n"])
 def test_a_key_that_is_no_text_is_answered(text, tmp_path):
     (tmp_path / "odd.yaml").write_bytes(text)
-    with pytest.raises(InputError, match=r"odd\.yaml: (funnel\.)?(None|1\.5) is 3; expected a known key"):
-        Study.load(tmp_path / "odd.yaml")
+    input_error(r"odd\.yaml: (funnel\.)?(None|1\.5) is 3; expected a known key", Study.load, tmp_path / "odd.yaml")
 
 
 def test_aliases_that_multiply_end_in_a_short_message_at_once(refused, tmp_path):

@@ -56,7 +56,6 @@ def garbage(tmp_path):
 
 
 def files_of(verb):
-    """Options and positional arguments of a verb that name files to read."""
     for option in verb.options:
         name, keywords = option.names[0], option.keywords
         key = name.lstrip("-").replace("-", "_")
@@ -203,7 +202,6 @@ def test_a_card_of_another_simulator_is_not_exported(refused, tmp_path):
 
 
 def test_arrays_of_another_kind(refused, tmp_path):
-    """A .npz file with arrays, but none of a pour."""
     np.savez(tmp_path / "a.npz", x=np.ones(3))
     (tmp_path / "a.pours.json").write_text(json.dumps({"pours": [{"seed": 1, "status": "ok"}], "sample": 1}))
     berry = [f"--{name}={BERRY / name}.json" for name in ("berry", "particle")]

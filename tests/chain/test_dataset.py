@@ -4,6 +4,7 @@ import math
 import pandas as pd
 import pytest
 import shared
+from refusals import input_error
 from shared import one_run
 
 from repose.apparatus import bench
@@ -41,17 +42,13 @@ def write(samples, paths, out):
     return dataset.run(samples, paths, TARGETS, DEFINITIONS, out)
 
 
-def test_the_summary_says_the_line_of_the_angle_in_words(study):
+def test_run_writes_tables_counts_and_the_line_of_the_angle(study):
     folder, paths = study
     angle = {"measure.response": "flank", "measure.flank": "levels", "measure.fit_from": 0.3}
     for definitions in ({"aor_deg": angle | {"measure.fit_to": 0.7, "measure.views": 6}}, {"height_mm": {}}):
         summary = dataset.run(folder / "samples.csv", paths, TARGETS, definitions, folder / "out")
         line = "flank, 30 to 70 % of the height, levels" if "aor_deg" in definitions else None
         assert summary.get("line") == line
-
-
-def test_run_writes_tables_and_counts(study):
-    folder, paths = study
     summary = write(folder / "samples.csv", paths[::-1], folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
     assert list(table.columns) == ["sample", *PARAMETERS, *RECORDED.summary]
@@ -99,30 +96,21 @@ def edit(path, change):
 def test_a_bad_heap_job_is_named(study, change, message):
     folder, paths = study
     edit(paths[1], change)
-    with pytest.raises(InputError, match=message):
-        write(folder / "samples.csv", paths, folder)
+    input_error(message, write, folder / "samples.csv", paths, folder)
 
 
-def test_missing_and_corrupt_files_are_named(study):
-    folder, paths = study
-    with pytest.raises(InputError, match=r"samples without a file is \[2\]"):
-        write(folder / "samples.csv", [paths[0], paths[2]], folder)
-    with pytest.raises(InputError, match=r"absent.json"):
-        write(folder / "samples.csv", [folder / "absent.json"], folder)
-    paths[0].write_text(paths[0].read_text()[:50])
-    with pytest.raises(InputError, match=r"001.json"):
-        write(folder / "samples.csv", paths, folder)
-
-
-def test_bad_tables_of_samples_are_named(study):
+def test_missing_corrupt_and_bad_tables_are_named(study):
     folder, paths = study
     samples = pd.read_csv(folder / "samples.csv")
     samples.drop(columns="mur_gp").to_csv(folder / "short.csv", index=False)
-    with pytest.raises(InputError, match=r"short.csv: column mur_gp"):
-        write(folder / "short.csv", paths, folder)
+    input_error(r"short.csv: column mur_gp", write, folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
-    with pytest.raises(InputError, match=r"twice.csv: sample is 1; expected each sample once"):
-        write(folder / "twice.csv", paths, folder)
+    input_error(r"twice.csv: sample is 1; expected each sample once", write, folder / "twice.csv", paths, folder)
+    folder, paths = study
+    input_error(r"samples without a file is \[2\]", write, folder / "samples.csv", [paths[0], paths[2]], folder)
+    input_error(r"absent.json", write, folder / "samples.csv", [folder / "absent.json"], folder)
+    paths[0].write_text(paths[0].read_text()[:50])
+    input_error(r"001.json", write, folder / "samples.csv", paths, folder)
 
 
 def several(study):
@@ -139,11 +127,10 @@ def several(study):
         more[-1].write_text(json.dumps(job))
     for path in paths:
         edit(path, lambda job: job.update(apparatus="funnel"))
-    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
-    return folder, paths + more, Targets.of([slip | {"range": [20.0, 40.0]}, *shared.TARGETS])
+    return folder, paths + more, Targets.of([shared.SLIP, *shared.TARGETS])
 
 
-def test_bench_tests_of_one_sample_are_merged(study):
+def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice_is_named(study):
     folder, paths, targets = several(study)
     dataset.run(folder / "samples.csv", paths, targets, {}, folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
@@ -160,10 +147,6 @@ def test_bench_tests_of_one_sample_are_merged(study):
     assert runs["apparatus"].tolist() == 3 * (2 * ["drum"] + 3 * ["funnel"])
     assert runs.loc[runs["apparatus"] == "drum", "aor_deg"].isna().all()
     assert runs.loc[(runs["apparatus"] == "drum"), "drum_slip_deg"].notna().all()
-
-
-def test_a_job_that_is_missing_twice_or_of_another_bench_test_is_named(study):
-    folder, paths, targets = several(study)
     arguments = (targets, {}, folder / "out")
     with pytest.raises(InputError, match=r"jobs of the drum: samples without a file is \[3\]"):
         dataset.run(folder / "samples.csv", paths[:-1], *arguments)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import shared
+from refusals import input_error
 
 from repose.chain.tables import read_dataset, read_runs
-from repose.core.errors import InputError
 from repose.core.targets import Targets
 
 STUDY = Path(__file__).parents[2] / "results/published/recommended"
@@ -17,38 +17,34 @@ TARGETS = Targets.of(shared.TARGETS)
 
 
 @pytest.fixture
-def study(tmp_path):
-    """The tables of a finished study."""
+def tables(tmp_path):
     for name in ("dataset.csv", "runs.csv", "dataset_summary.json"):
         shutil.copy(STUDY / name, tmp_path)
     return tmp_path
 
 
-def read(study):
-    """Both tables of a folder."""
-    dataset = read_dataset(study / "dataset.csv", TARGETS)
-    return dataset, read_runs(study / "runs.csv", TARGETS, dataset, study / "dataset.csv")
+def read(tables):
+    dataset = read_dataset(tables / "dataset.csv", TARGETS)
+    return dataset, read_runs(tables / "runs.csv", TARGETS, dataset, tables / "dataset.csv")
 
 
-def test_a_whole_study_is_read(study):
-    dataset, runs = read(study)
+def test_a_whole_study_is_read(tables):
+    dataset, runs = read(tables)
     assert (len(dataset), len(runs)) == (150, 900)
 
 
 @pytest.mark.parametrize(("name", "rows"), [("dataset.csv", 150), ("runs.csv", 900)])
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.51, 0.8])
-def test_a_table_cut_anywhere_is_refused(study, name, rows, share):
-    content = (study / name).read_bytes()
-    (study / name).write_bytes(content[: int(share * len(content))])
-    with pytest.raises(InputError, match=rf"{name}.*(cells is|rows is \d+; expected {rows})"):
-        read(study)
+def test_a_table_cut_anywhere_is_refused(tables, name, rows, share):
+    content = (tables / name).read_bytes()
+    (tables / name).write_bytes(content[: int(share * len(content))])
+    input_error(rf"{name}.*(cells is|rows is \d+; expected {rows})", read, tables)
 
 
-def changed(study, name, row, column, value):
-    """One cell of a table changed."""
-    table = pd.read_csv(study / name, dtype=object, keep_default_na=False)
+def changed(tables, name, row, column, value):
+    table = pd.read_csv(tables / name, dtype=object, keep_default_na=False)
     table.loc[row, column] = value
-    table.to_csv(study / name, index=False)
+    table.to_csv(tables / name, index=False)
 
 
 @pytest.mark.parametrize(
@@ -73,27 +69,19 @@ def changed(study, name, row, column, value):
         ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; expected 6"),
     ],
 )
-def test_a_damaged_cell_is_reported(study, name, column, value, message):
-    changed(study, name, 2, column, value)
-    with pytest.raises(InputError, match=message):
-        read(study)
+def test_a_damaged_cell_is_reported(tables, name, column, value, message):
+    changed(tables, name, 2, column, value)
+    input_error(message, read, tables)
 
 
-def test_a_seed_that_is_there_twice_or_lost_is_reported(study):
-    lines = (study / "runs.csv").read_text().splitlines(keepends=True)
-    (study / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
-    with pytest.raises(InputError, match=r"row 2: sample and seed is \[.*\]; expected each once"):
-        read(study)
-    (study / "runs.csv").write_text("".join([lines[0], *lines[2:]]))
-    with pytest.raises(InputError, match="rows is 899; expected 900"):
-        read(study)
-
-
-def test_runs_of_another_study_are_refused(study):
-    shutil.copy(STUDY.parent / "paper/runs.csv", study)
-    with pytest.raises(InputError, match=r"runs\.csv: rows is 150; expected 900"):
-        read(study)
-    summary = json.loads((study / "dataset_summary.json").read_text())
-    (study / "dataset_summary.json").write_text(json.dumps(summary | {"runs": 150}))
-    with pytest.raises(InputError, match=r"sample 1: ok runs is 1; expected 6"):
-        read(study)
+def test_runs_twice_lost_or_of_another_study_are_refused(tables):
+    lines = (tables / "runs.csv").read_text().splitlines(keepends=True)
+    (tables / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
+    input_error(r"row 2: sample and seed is \[.*\]; expected each once", read, tables)
+    (tables / "runs.csv").write_text("".join([lines[0], *lines[2:]]))
+    input_error("rows is 899; expected 900", read, tables)
+    shutil.copy(STUDY.parent / "paper/runs.csv", tables)
+    input_error(r"runs\.csv: rows is 150; expected 900", read, tables)
+    summary = json.loads((tables / "dataset_summary.json").read_text())
+    (tables / "dataset_summary.json").write_text(json.dumps(summary | {"runs": 150}))
+    input_error(r"sample 1: ok runs is 1; expected 6", read, tables)

@@ -32,7 +32,6 @@ def _in_the_project(monkeypatch):
 
 @pytest.fixture
 def short_config(tmp_path):
-    """A pour of twelve berries that ends within seconds."""
     config = Study.load(ROOT / "config/quick.yaml").config
     config["funnel"] |= {"berries": 12, "duration_s": 1.5, "rest_motion_mm": 100}
     config["simulation"]["rest_energy_j"] = 1.0e-3
@@ -42,7 +41,6 @@ def short_config(tmp_path):
 
 
 def error_of(capsys, *words):
-    """The single line on stderr of a call that ends with status 2."""
     assert main(list(words)) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 import yaml
+from refusals import input_error
 
 from repose.cli import main
 from repose.config.reading import read
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import InputError
 
 SIZES = "6.4,3.1,2.8\n6.0,3.0,2.7\n6.8,3.3,2.9\n"
 # A null of the template and what a user with wheat would write.
@@ -36,7 +36,6 @@ FILLED = {
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, capsys):
-    """A new folder, and inside it."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "wheat"]) == 0
     assert "README.md" in capsys.readouterr().out
@@ -45,7 +44,6 @@ def folder(tmp_path, monkeypatch, capsys):
 
 
 def filled(folder):
-    """The folder with everything that a user measures."""
     text = (folder / "config.yaml").read_text()
     for old, new in FILLED.items():
         assert text.count(old) == 1
@@ -84,7 +82,6 @@ def test_a_modulus_that_is_left_out_is_missing_in_the_users_file(folder, capsys,
 
 
 def test_a_time_step_is_judged_while_other_keys_are_missing(folder, capsys):
-    """It needs the grain and the walls, not the funnel."""
     filled(folder)
     text = (folder / "config.yaml").read_text().replace("berries: 400", "berries: null")
     (folder / "config.yaml").write_text(text + "\nsimulation: {time_step_s: 1.0e-3}\n")
@@ -109,8 +106,7 @@ def test_inlet_and_outlet_the_other_way_round_are_named(folder):
         "outlet_diameter_mm: 25.0", "outlet_diameter_mm: 80.0"
     )
     (folder / "config.yaml").write_text(text)
-    with pytest.raises(InputError, match=r"outlet_diameter_mm is 80\.0; expected .*below funnel\.inlet_diameter_mm"):
-        Study.load("config.yaml")
+    input_error(r"outlet_diameter_mm is 80\.0; expected .*below funnel\.inlet_diameter_mm", Study.load, "config.yaml")
 
 
 @pytest.mark.parametrize("name", ["12", "null", "yes", "1e5", "MY_NAME", "2024-13-45"])
@@ -147,8 +143,7 @@ def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
     known = Study.load(places.root() / places.DEFAULT_CONFIG).config
     assert set(yaml.safe_load(text)) <= set(known)
     (folder / "more.yaml").write_text("funnel: {speed: 1}")
-    with pytest.raises(InputError, match="a known key"):
-        Study.load("config.yaml", "more.yaml")
+    input_error("a known key", Study.load, "config.yaml", "more.yaml")
 
 
 @pytest.mark.essential

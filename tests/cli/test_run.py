@@ -17,7 +17,6 @@ QUICK, SLURM = (str(places.root() / name) for name in ("config/quick.yaml", "pro
 
 @pytest.fixture
 def given(monkeypatch):
-    """The words that snakemake is given, instead of its work."""
     words = []
     monkeypatch.setattr("snakemake.cli.main", words.extend)
     return words
@@ -55,7 +54,6 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
 
 
 def test_a_closed_terminal_that_is_ignored_stays_so():
-    """As nohup does."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with run._as_interrupts([]):
@@ -119,7 +117,6 @@ def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
 
 
 def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatch, capsys):
-    """A crop with two free parameters has too few for a Box-Behnken design."""
     monkeypatch.chdir(places.root() / "crops/wheat")
     assert main(["run", "--list"]) == 0
     assert "not with this configuration: response_surface.surface; expected " in capsys.readouterr().out

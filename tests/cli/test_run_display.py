@@ -188,7 +188,6 @@ class Terminal:
             os.execv(sys.executable, program)
 
     def until(self, pattern, limit_s=120):
-        """Read on until the pattern is shown."""
         end = time.monotonic() + limit_s
         while not re.search(pattern, self.shown):
             assert time.monotonic() < end, self.shown

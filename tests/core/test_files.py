@@ -1,15 +1,23 @@
-"""Files: one reader and one writer for each type."""
+"""Files: written in one move, under a lock, and listed in a ledger."""
 
+import ast
+import errno
+import fcntl
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 
-from repose.core import files
+from repose.core import files, ledger, places
 from repose.core.errors import InputError
+from repose.core.lock import JOBS, joined_folder, take_folder
 from repose.core.parameters import FURTHER
 
 TABLE = pd.DataFrame({"sample": [1, 2], "aor_deg": [31.25, np.nan], "reason": ["", "stuck, twice"]})
@@ -61,13 +69,10 @@ def test_a_writer_that_fails_leaves_the_earlier_file(tmp_path):
 @pytest.mark.parametrize("read", [files.read_table, files.read_rows, files.read_json, files.read_npz])
 def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
     path = tmp_path / "given"
-    with pytest.raises(InputError, match=r"given: .* is .*No such file.*; expected a fine file"):
-        read(path, what="a fine file")
-    with pytest.raises(InputError, match=r".* is .*directory.*; expected a fine file"):
-        read(tmp_path, what="a fine file")
+    input_error(r"given: .* is .*No such file.*; expected a fine file", read, path, what="a fine file")
+    input_error(r".* is .*directory.*; expected a fine file", read, tmp_path, what="a fine file")
     path.write_bytes(b"\xff\xfe\x00broken\x00\x9d")
-    with pytest.raises(InputError, match="expected a fine file"):
-        read(path, what="a fine file")
+    input_error("expected a fine file", read, path, what="a fine file")
 
 
 @pytest.mark.parametrize("column", ["aor_deg", "e_gg", *FURTHER])
@@ -91,22 +96,156 @@ def test_missing_parts_are_reported_with_what_there_should_be(tmp_path):
         ({"runs": list}, r"runs is {}; expected a list in a job"),
         ({"sample": (str, dict)}, r"sample is 3; expected a text or a mapping in a job"),
     ):
-        with pytest.raises(InputError, match=message):
-            files.read_json(tmp_path / "a.json", keys, "a job")
+        input_error(message, files.read_json, tmp_path / "a.json", keys, "a job")
     (tmp_path / "list.json").write_text(json.dumps([1]))
-    with pytest.raises(InputError, match=r"content is \[1\]; expected a job"):
-        files.read_json(tmp_path / "list.json", what="a job")
+    input_error(r"content is \[1\]; expected a job", files.read_json, tmp_path / "list.json", what="a job")
     files.write_npz(tmp_path / "a.npz", {"scale": np.ones(2)})
     with pytest.raises(InputError, match=r"position is None; expected an array in a pour"):
         files.read_npz(tmp_path / "a.npz", ("position",), "a pour")
     np.save(tmp_path / "plain.npy", np.ones(2))
-    with pytest.raises(InputError, match="expected a pour"):
-        files.read_npz(tmp_path / "plain.npy", what="a pour")
+    input_error("expected a pour", files.read_npz, tmp_path / "plain.npy", what="a pour")
 
 
 def test_half_an_archive_is_refused(tmp_path):
     files.write_npz(tmp_path / "a.npz", {"scale": np.random.default_rng(1).normal(size=500)})
     content = (tmp_path / "a.npz").read_bytes()
     Path(tmp_path / "half.npz").write_bytes(content[: len(content) // 2])
-    with pytest.raises(InputError, match=r"half\.npz: arrays is"):
-        files.read_npz(tmp_path / "half.npz")
+    input_error(r"half\.npz: arrays is", files.read_npz, tmp_path / "half.npz")
+
+
+A_JOB = """
+import fcntl, sys, time
+file = open(sys.argv[1], "a")
+fcntl.flock(file, fcntl.LOCK_SH)
+print("holds it", flush=True)
+time.sleep(0.5)
+"""
+
+
+def test_a_second_workflow_is_refused_until_the_first_has_ended(tmp_path):
+    first = take_folder(tmp_path)
+    input_error(r"workflow is 'process \d+ on .*'; expected one at a time", take_folder, tmp_path)
+    first.close()
+    take_folder(tmp_path).close()
+
+
+def test_jobs_of_a_workflow_that_was_killed_are_waited_for(tmp_path, capfd):
+    take_folder(tmp_path).close()
+    with subprocess.Popen([sys.executable, "-c", A_JOB, tmp_path / JOBS], stdout=subprocess.PIPE) as job:
+        job.stdout.readline()
+        assert job.poll() is None
+        take_folder(tmp_path).close()
+        assert job.wait(timeout=5) == 0
+    assert "waiting until the jobs of a workflow that was killed have ended" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("number", [errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP])
+def test_a_file_system_without_locks_holds_and_refuses_nothing(tmp_path, monkeypatch, number):
+    def flock(_file, _kind):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    first = take_folder(tmp_path)
+    take_folder(tmp_path).close()
+    with joined_folder(tmp_path):
+        first.close()
+
+
+def test_other_faults_of_a_lock_are_reported(tmp_path, monkeypatch):
+    def flock(_file, _kind):
+        raise OSError(errno.EIO, "read error")
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    with pytest.raises(OSError, match="read error"):
+        take_folder(tmp_path)
+
+
+def test_jobs_share_the_folder(tmp_path):
+    take_folder(tmp_path).close()
+    with joined_folder(tmp_path), joined_folder(tmp_path):
+        pass
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("a.json", "b.json"):
+        files.write_json(tmp_path / name, {"name": name})
+    return tmp_path
+
+
+def test_it_knows_the_names_of_its_files(folder):
+    (folder / "somebodys.json").write_text("{}")
+    (folder / "b.json").unlink()
+    assert ledger.names(folder) == {"a.json", "b.json"}
+
+
+def test_files_that_hold_something_else_are_found_and_lost_ones_are_not(folder):
+    assert ledger.changed(folder) == []
+    content = bytearray((folder / "a.json").read_bytes())
+    content[5] ^= 1
+    (folder / "a.json").write_bytes(bytes(content))
+    (folder / "b.json").unlink()
+    (folder / "somebodys.json").write_text("{}")
+    assert ledger.changed(folder) == [folder / "a.json"]
+
+
+@pytest.mark.parametrize("kept", [0, 20, 65, 72, 80, 140])
+def test_a_ledger_that_a_full_disk_cut_off_is_written_on(folder, kept):
+    path = folder / ledger.LEDGER
+    path.write_bytes(path.read_bytes()[:kept])
+    files.write_json(folder / "c.json", {})
+    files.write_json(folder / "c.json", {"again": True})
+    assert ledger.is_own_file(folder / "c.json")
+    assert ledger.changed(folder) == []
+
+
+@pytest.mark.parametrize("content", ["mine\n", "mine", "0123456789  a.json\n"])
+def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
+    (tmp_path / ledger.LEDGER).write_text(content)
+    input_error("content is 'something else'", files.write_json, tmp_path / "a.json", {})
+    assert (tmp_path / ledger.LEDGER).read_text() == content
+
+
+def test_a_full_disk_is_reported_with_the_file_that_did_not_fit(folder):
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    before = (folder / "a.json").read_bytes()
+    with pytest.raises(OSError, match=r"No space left on device: '.*a\.json'"):
+        ledger.write_whole(folder / "a.json", full)
+    assert (folder / "a.json").read_bytes() == before
+
+
+def test_nobody_may_run_a_ledger(folder):
+    assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
+
+
+# Calls that write, rename or remove; what stands in these files is tested in tests/core and tests/faults.
+WRITERS = {"core/ledger.py", "core/lock.py", "dem/io/whole.py", "dem/cache.py", "apparatus/kept_runs.py"}
+WRITERS |= {"core/usage.py", "config/call.py"}  # beside the results: snakemake's benchmarks and records
+BARE = {"rmtree", "unlink", "rmdir", "replace_file", "remove", "removedirs", "rename", "renames", "copyfile"}
+BARE |= {"copy", "copytree", "move", "write_bytes", "truncate", "imwrite", "imsave", "tofile", "savez"}
+
+
+def test_no_other_code_of_the_program_writes_or_removes_a_file():
+    modules = ("os", "shutil", "cv2", "np", "path", "Path")  # np.copy copies an array, not a file
+    found = []
+    for path in places.PACKAGE.rglob("*.py"):
+        name = path.relative_to(places.PACKAGE).as_posix()
+        if name in WRITERS:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.Call):
+                continue
+            function = node.func
+            called = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+            owner = getattr(getattr(function, "value", None), "id", "")
+            texts = [
+                argument.value
+                for argument in node.args
+                if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
+            ]
+            opens = called == "open" and any(set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts)
+            if opens or (called in BARE and owner in modules and (owner, called) != ("np", "copy")):
+                found.append(f"{name}:{node.lineno} {called}")
+    assert not found

@@ -14,7 +14,6 @@ METHOD, CONFIG = (places.root() / "config" / name for name in ("method.yaml", "c
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty working folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -60,7 +59,6 @@ def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
 
 
 def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
-    """It defines its grain; missing keys are reported, and no number of the program's own crop stands in for it."""
     mine = folder / "wheat.yaml"
     mine.write_text("label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
     assert loader.layers([mine]) == [METHOD, mine]

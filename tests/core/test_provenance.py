@@ -23,8 +23,6 @@ def changed(**sections):
 
 
 def run(verb, paths, write, config=CONFIG, apparatus=None, strategy=None):
-    """A stage that reads some files and writes others."""
-
     def settings_of(one, bench_test):
         return stands_on.settings_of(one, verb, bench_test, name=strategy)
 

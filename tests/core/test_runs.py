@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from refusals import value_error
 from shared import one_run
 
 from repose.core.runs import Recorded, error_of, summarise_runs
@@ -40,8 +41,7 @@ def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
 
 
 def test_no_runs_are_refused():
-    with pytest.raises(ValueError, match="at least one run"):
-        summarise_runs([], RECORDED)
+    value_error("at least one run", summarise_runs, [], RECORDED)
 
 
 def test_targets_stand_in_front_with_their_errors():

@@ -1,10 +1,14 @@
-"""Targets, and the published solutions that a study can be set beside."""
+"""Targets, their profiles, and the space of parameters."""
 
+import numpy as np
 import pytest
 import shared
+from refusals import input_error
 
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.profiles import Profile
 from repose.core.published import published_responses, to_simulate
 from repose.core.responses import response
 from repose.core.targets import Targets
@@ -44,5 +48,99 @@ def test_published_solutions_count_where_they_have_a_target(tmp_path):
     assert to_simulate(path, (angle, height)) == ["22"]
     assert to_simulate(path, (angle,)) == to_simulate(None, (height,)) == []
     path.write_text("solution,e_gg\n")
-    with pytest.raises(InputError, match=r"table4\.csv: column mus_gg is 'missing'"):
-        to_simulate(path, (height,))
+    input_error(r"table4\.csv: column mus_gg is 'missing'", to_simulate, path, (height,))
+
+
+X = np.sort(np.random.default_rng(1).uniform(-24.0, 20.0, 23))  # at no regular distance
+
+
+def of(heights, functions=5):
+    return Profile("surface_mm", tuple(X), tuple(heights), functions)
+
+
+def test_the_distance_of_two_smooth_profiles_is_that_of_their_scores():
+    profile, random = of(X), np.random.default_rng(2)
+    one, other = random.normal(size=(2, 5))
+    off = profile.heights(one) - profile.heights(other)
+    assert np.mean(off**2) == pytest.approx(np.sum((one - other) ** 2), rel=1e-12)
+    np.testing.assert_allclose(profile.scores(profile.heights(one)), one, atol=1e-12)
+
+
+def test_what_the_functions_leave_over_stands_apart():
+    """Parseval with the residual: mean square of all heights, of the scores, of the rest."""
+    heights = 20 * np.cos(X / 8)
+    profile = of(heights)
+    assert np.mean(heights**2) == pytest.approx(profile.height**2 + profile.residual**2, rel=1e-12)
+    assert profile.residual > 0.1
+    assert of(3 + X - 0.01 * X**2 + 1e-3 * X**3, functions=4).residual < 1e-12
+
+
+def test_a_straight_profile_has_a_mean_and_a_slope():
+    mean, slope, *others = of(2.0 - 0.8 * X).scores(2.0 - 0.8 * X)
+    assert mean == pytest.approx(np.mean(2.0 - 0.8 * X))
+    assert slope == pytest.approx(-0.8 * np.std(X))
+    np.testing.assert_allclose(others, 0.0, atol=1e-12)
+
+
+def test_scores_within_a_percent_are_profiles_within_a_percent():
+    profile = of(2.0 - 0.8 * X)
+    off = profile.heights(0.01 * profile.whole * np.array([1, -1, 1, 1, -1]))
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(0.01 * profile.height)
+
+
+def test_the_scores_have_names_with_the_unit():
+    names = ("surface_1_mm", "surface_2_mm", "surface_3_mm")
+    assert tuple(of(X, functions=3).columns(X)) == names
+
+
+RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"e_gg": (0.4, 0.1)}, "e_gg"),
+        ({"e_gg": (0.2, 0.2)}, "e_gg"),
+        ({"e_gp": (0.2, 1.5)}, "e_gp"),
+        ({"mus_gg": (-0.1, 0.5)}, "mus_gg"),
+        ({"mur_gg": (0.1, float("inf"))}, "mur_gg"),
+        ({"mur_gp": (float("nan"), 0.5)}, "mur_gp"),
+        ({"mur_gp": 0.5}, "mur_gp"),
+        ({"mur_gp": ("a", "b")}, "mur_gp"),
+        ({"mu_gp": (0.1, 0.5)}, r"mu_gp is \(0.1, 0.5\); expected one of e_gg, .*, mur_gp$"),
+        ({"gamma_gg": (0.0, 0.1), "mu_gp": (0.1, 0.5)}, "expected one of e_gg, .*, mur_gp, gamma_gg$"),
+        ({"e_gp": {"fixed": 1.5}}, r"my.yaml: e_gp.fixed is 1.5; expected 0.01 to 1"),
+        ({"e_gp": {"prior": {"mean": 0.5}}}, "e_gp is"),
+        ({name: {"fixed": 0.5} for name in PARAMETERS}, "at least one free parameter"),
+    ],
+)
+def test_bad_ranges_are_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        ParameterSpace.of(RANGES | changes, "my.yaml").check_searchable("my.yaml")
+
+
+def test_a_missing_range_is_refused():
+    input_error("mur_gp", ParameterSpace.of, {name: RANGES[name] for name in PARAMETERS[:-1]})
+
+
+def test_fixed_parameters_are_left_out_of_the_cube_and_put_back():
+    space = ParameterSpace.of(RANGES | {"mus_gg": {"fixed": 0.55}})
+    assert space.dimensions == 5
+    unit = np.random.default_rng(1).uniform(size=(4, 5))
+    values = space.values(unit)
+    assert values[:, PARAMETERS.index("mus_gg")].tolist() == 4 * [0.55]
+    np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
+    assert space.centre["mus_gg"] == 0.55
+    assert space.centre["mur_gp"] == 0.25
+
+
+def test_a_prior_has_a_range_within_what_the_contact_law_takes():
+    space = ParameterSpace.of(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
+    k = space.free.index("mus_gg")
+    assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))
+    given = {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.2, 0.5]}
+    space = ParameterSpace.of(RANGES | {"mus_gg": given})
+    assert (space.low[k], space.high[k]) == (0.2, 0.5)
+    unit = np.full((2, 6), 0.5)
+    unit[0, k] = 1 / 3  # the mean
+    np.testing.assert_allclose(space.log_prior(unit), [0.0, -0.5 * 0.25])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import value_error
 from scipy import stats
 
 from repose.core import variance
@@ -71,8 +72,7 @@ def test_seeds_for_a_standard_error():
     assert one.seeds_for(0.5) == 9  # 1.5 / sqrt(9) exactly
     assert one.seeds_for(0.499) == 10
     assert one.seeds_for(5.0) == 1
-    with pytest.raises(ValueError, match="standard_error is 0"):
-        one.seeds_for(0)
+    value_error("standard_error is 0", one.seeds_for, 0)
 
 
 def test_residual_correlation_leaves_out_what_lies_between_samples():
@@ -98,5 +98,4 @@ def test_residual_correlation_leaves_out_what_lies_between_samples():
     ],
 )
 def test_bad_values_are_reported(values, groups, message):
-    with pytest.raises(ValueError, match=message):
-        variance.variance_components(values, groups)
+    value_error(message, variance.variance_components, values, groups)

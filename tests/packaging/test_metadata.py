@@ -23,12 +23,10 @@ RUN = {"cli/run.py", "cli/run_display.py", "config/call.py", "core/usage.py"}
 
 
 def names(requirements):
-    """Names of distributions in a list of requirements, without the package's own extras."""
     return {re.match(r"[\w.-]+", line).group().lower() for line in requirements} - {"repose-dem"}
 
 
 def imported(paths):
-    """Distributions that files import, inside functions too."""
     found = set()
     for path in paths:
         for node in ast.walk(ast.parse(path.read_text())):

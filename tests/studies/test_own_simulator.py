@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from refusals import input_error
 
 from repose.chain import card
 from repose.cli import main
@@ -29,7 +30,6 @@ FREE = ["friction", "rolling"]
 
 
 def study_of(content, file=None):
-    """The study of a configuration."""
     return Study.own(content, file)
 
 
@@ -38,7 +38,6 @@ def observed(study, runs):
 
 
 def simulate(table, noise=0.01, seed=1):
-    """The stand-in of the documentation."""
     factor = 1 + noise * np.random.default_rng(seed).normal(size=(len(table), 2))
     friction, rolling = table["friction"], table["rolling"]
     angle = (18 + 18 * friction + 40 * rolling - 6 * friction**2) * factor[:, 0]
@@ -219,7 +218,6 @@ def test_how_rough_the_estimate_is(samples, low, high):
 
 
 def test_the_correlation_of_responses_needs_more_repeated_runs_than_responses(study):
-    """Of fewer its estimate is singular."""
     needed = len(study.targets) + 2
     assert calibration.posterior_settings(study, needed - 1)["measured_correlation"] == 0.0
     assert calibration.posterior_settings(study, needed) == study.config["posterior"]
@@ -236,8 +234,7 @@ def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table)
 
 
 def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
-    with pytest.raises(InputError, match=r"is 0; expected at least 3: .*noise_sd .* at least 8 samples"):
-        noise_of(study, table[:14:2])
+    input_error(r"is 0; expected at least 3: .*noise_sd .* at least 8 samples", noise_of, study, table[:14:2])
     alike = table.assign(angle_deg=table.groupby("sample")["angle_deg"].transform("first"))
     alike["time_s"] += np.linspace(0, 1e-7, len(alike))  # no row twice
     found = noise_of(study, alike)  # as of a simulator without random numbers: each set counts once
@@ -299,12 +296,10 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_runs_are_refused_by_name(case, study, table):
     change, words = BAD[case]
-    with pytest.raises(InputError, match=words):
-        checked_runs(study, change(table))
+    input_error(words, checked_runs, study, change(table))
 
 
 def changed(key, value):
-    """The configuration with one key changed; None removes it."""
     content = yaml.safe_load(yaml.safe_dump(CONTENT))
     *path, last = key.split(".")
     section = content
@@ -347,8 +342,7 @@ def changed(key, value):
     ],
 )
 def test_a_bad_configuration_is_refused_by_name(key, value, words):
-    with pytest.raises(InputError, match=words):
-        study_of(changed(key, value))
+    input_error(words, study_of, changed(key, value))
 
 
 def test_all_faults_of_a_configuration_are_reported_at_once():

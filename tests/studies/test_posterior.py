@@ -1,4 +1,4 @@
-"""The posterior: its terms and statements; priors, fixed parameters, any number of targets; one study from files."""
+"""The posterior and its likelihood."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from repose.chain import train
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.studies import implausibility, posterior
+from repose.studies import implausibility, likelihood, posterior
 from repose.studies.likelihood import observation
 from repose.surrogate import names
 from repose.surrogate.bayesian_bp import BayesianBP
@@ -51,21 +51,17 @@ def test_a_reference_interval_has_its_share_of_a_prior_that_does_not_begin_at_0(
 
 
 class Everywhere:
-    """Samples that are thin nowhere."""
-
     def is_thin(self, X):
         return np.zeros(len(X), bool)
 
 
 def runs_of(targets, seeds=4, samples=20):
-    """Runs whose responses scatter independently of each other."""
     random = np.random.default_rng(1)
     runs = pd.DataFrame({"sample": np.repeat(np.arange(samples), seeds), "status": "ok"})
     return runs.assign(**{name: random.normal(30, 1, len(runs)) for name in targets.names})
 
 
 def inferred(targets, slopes, space=UNIT, runs=None, **changes):
-    """Posterior for a linear surrogate whose responses are 30 in the middle of the ranges."""
     beside = {name: pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS) for name in ("published", "miga")}
     model = Linear(targets.names, slopes, error=0.1)
     settings = SETTINGS | {"discrepancy_percent": 0.0} | changes
@@ -112,7 +108,6 @@ def test_four_targets_of_two_bench_tests_determine_four_parameters():
 
 
 def test_a_prior_narrows_its_parameter_and_counts_as_no_information():
-    """Prior N(0.3, 0.05) on a parameter that moves nothing, and on one that moves the target."""
     space = UNIT | {"e_gg": {"prior": {"mean": 0.3, "sd": 0.05}, "range": [0.0, 1.0]}}
     space["mus_gp"] = {"prior": {"mean": 0.4, "sd": 0.1}, "range": [0.0, 1.0]}
     found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 6.0}], space)
@@ -191,7 +186,6 @@ TRAINING |= {"replicates": True, "prior": "inputs"}
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """A study in which AoR follows mus_gp alone and Height mur_gg alone, with its trained network."""
     folder = tmp_path_factory.mktemp("study")
     random = np.random.default_rng(1)
     table = pd.DataFrame(random.uniform(size=(60, 6)), columns=list(PARAMETERS)).clip(lower=0.01)
@@ -278,3 +272,43 @@ def test_restored_network_has_the_error_bars_it_was_trained_with(study):
     covariance = again.covariance(X)
     assert np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) == pytest.approx(found[1])
     assert (np.linalg.det(covariance) > 0).all()
+
+
+# standard errors of the means 1 deg and 2 mm
+
+
+def correlated(value):
+    return np.array([[1.0, value], [value, 1.0]])
+
+
+def test_observation_adds_discrepancy_to_the_error_of_the_mean():
+    mean, covariance = likelihood.observation(TARGETS, correlated(0.5), np.diag([0.36, 1.44]))
+    assert mean.tolist() == [30.0, 60.0]
+    # standard errors 1 and 2, discrepancies 0.6 and 1.2
+    assert covariance == pytest.approx(np.array([[1 + 0.36, 1.0], [1.0, 4 + 1.44]]))
+    with pytest.raises(ValueError, match="expected a positive definite matrix"):
+        likelihood.observation(TARGETS, correlated(1.0), np.zeros((2, 2)))
+
+
+def test_the_correlation_of_measured_responses_is_that_of_simulated_runs_or_stated():
+    targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
+    simulated = np.diag([1.0, 1.0, 1.0]) + 0.5 * np.eye(3)[[1, 0, 2]] * [[1], [1], [0]]
+    assert (likelihood.measured_correlation(targets, simulated, "simulated") == simulated).all()
+    found = likelihood.measured_correlation(targets, simulated, 0.3)
+    assert found.tolist() == [[1, 0.3, 0], [0.3, 1, 0], [0, 0, 1]]
+
+
+def test_likelihood_is_a_normal_density_with_its_determinant():
+    mean, covariance = likelihood.observation(TARGETS, correlated(0.3), np.diag([0.36, 1.44]))
+    responses = np.array([[29.0, 62.0], [33.0, 55.0]])
+    weights = np.array([[[0.5, 0.1], [0.1, 0.7]], [[2.0, 0.0], [0.0, 3.0]]])
+    found = likelihood.log_likelihood(responses, weights, mean, covariance)
+    for k in range(2):
+        known = stats.multivariate_normal(responses[k], covariance + weights[k]).logpdf(mean)
+        assert found[k] == pytest.approx(known)
+
+
+def test_misfit_is_that_of_the_best_draw():
+    mean, covariance = likelihood.observation(TARGETS, np.eye(2), np.zeros((2, 2)))
+    found = likelihood.misfit(np.array([[32.0, 60.0], [31.0, 62.0]]), np.zeros((2, 2, 2)), mean, covariance)
+    assert found == {"squared_distance": pytest.approx(2), "p_value": pytest.approx(stats.chi2.sf(2, 2))}

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from refusals import value_error
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -13,7 +14,6 @@ from repose.studies.likelihood import log_likelihood
 
 @pytest.fixture(scope="module")
 def linear():
-    """y = A theta + c with noise: the posterior of theta, well inside the cube, is normal in closed form."""
     A, c = np.array([[8.0, 3.0], [-2.0, 10.0]]), np.array([20.0, 50.0])
     truth = np.array([0.45, 0.55])
     mean, covariance = A @ truth + c, np.array([[0.3, 0.1], [0.1, 0.4]])
@@ -102,8 +102,7 @@ def test_r_hat_of_known_chains():
     drifting = good + np.linspace(0, 3, 2000)[None, :, None]
     # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
     assert sampler.split_r_hat(drifting) == pytest.approx(math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02)
-    with pytest.raises(ValueError, match=r"shape \(4, 3, 1\)"):
-        sampler.split_r_hat(good[:, :3])
+    value_error(r"shape \(4, 3, 1\)", sampler.split_r_hat, good[:, :3])
 
 
 def test_information_of_known_draws():

@@ -17,7 +17,6 @@ QUICK = {"posterior": {"walkers": 32, "steps": 100}, "sequential": {"start_sampl
 
 
 def study(file=None, **keys):
-    """Two parameters and two responses."""
     return Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"y": (1.0, 0.05), "z": (0.5, 0.05)}, file=file, **QUICK, **keys)
 
 
@@ -71,7 +70,6 @@ def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
 
 
 def tell_part(file, rows):
-    """Tell some rows of the first turn, as a task of an array does."""
     asked = study().ask().iloc[rows]
     Study.resume(file).tell(results(asked))
 

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from refusals import input_error, value_error
 
 from repose.config.faults import subschema
 from repose.core.errors import InputError
@@ -16,7 +17,7 @@ INPUTS = ("a", "b", "c")
 NOISE = np.array([0.2, 2.0, 0.02, 20.0])
 
 every = pytest.mark.parametrize("name", names())
-# an ensemble of one start is that network (test_network_ensemble.py)
+# an ensemble of one start is that network (test_process.py)
 each_alone = pytest.mark.parametrize("name", [name for name in names() if name != "network_ensemble"])
 any_number = pytest.mark.parametrize("outputs", [1, 4])
 
@@ -41,7 +42,6 @@ def samples(count, outputs=2, seed=0, noise=1.0):
 
 @pytest.fixture(scope="module")
 def fitted():
-    """A trained surrogate by its name."""
     X, Y = samples(80)
     return {
         name: make(name, SETTINGS).describe(INPUTS, ("x_deg", "y_mm"), {"x_deg": {"a.b": 1}}).fit(X, Y)
@@ -170,7 +170,6 @@ def test_correlated_noise_is_taken_and_what_is_no_covariance_is_refused(name):
 
 
 def test_correlated_noise_makes_correlated_errors_of_gaussian_processes():
-    """Both responses have the same shape and noises that are nearly the same: so are their errors."""
     random = np.random.default_rng(0)
     X = points(60, 0)
     shared = random.normal(size=(60, 1))
@@ -186,8 +185,7 @@ def test_wrong_samples_are_refused(name, fitted):
     for arguments in ((X[:5], Y), (X, np.full_like(Y, np.nan)), (X[:1], Y[:1])):
         with pytest.raises(ValueError, match=r"expected|finite"):
             make(name, SETTINGS).fit(*arguments)
-    with pytest.raises(ValueError, match=r"expected \(samples, 3\)"):
-        fitted[name].predict(X[:, :2])
+    value_error(r"expected \(samples, 3\)", fitted[name].predict, X[:, :2])
 
 
 def test_a_quadratic_surface_is_exact_for_a_quadratic_function():
@@ -222,8 +220,7 @@ def test_a_surrogate_is_registered_once():
 
     with pytest.raises(ValueError, match="registered already, by QuadraticSurface"):
         base.register("quadratic")(Other)
-    with pytest.raises(InputError, match=f"surrogate is 'cubic'; expected one of {', '.join(sorted(names()))}"):
-        make("cubic", {})
+    input_error(f"surrogate is 'cubic'; expected one of {', '.join(sorted(names()))}", make, "cubic", {})
 
 
 def test_the_configuration_knows_every_surrogate():
@@ -231,8 +228,7 @@ def test_the_configuration_knows_every_surrogate():
 
 
 def test_load_names_what_is_wrong(tmp_path, fitted):
-    with pytest.raises(InputError, match="missing"):
-        load(tmp_path / "missing.json")
+    input_error("missing", load, tmp_path / "missing.json")
     fitted["quadratic"].save(tmp_path / "good.json")
     good = json.loads((tmp_path / "good.json").read_text())
     for change, text in (
@@ -246,8 +242,7 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
         ({"samples": [math.inf]}, "numbers is 'not all finite'"),
     ):
         (tmp_path / "bad.json").write_text(json.dumps(good | change))
-        with pytest.raises(InputError, match=text):
-            load(tmp_path / "bad.json")
+        input_error(text, load, tmp_path / "bad.json")
     fitted["network"].save(tmp_path / "network.json")
     damaged = json.loads((tmp_path / "network.json").read_text()) | {"output_max": [math.nan, 1.0]}
     (tmp_path / "bad.json").write_text(json.dumps(damaged))

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 from known_responses import known_function, noisy_data
+from refusals import input_error, value_error
 
-from repose.core.errors import InputError
 from repose.surrogate import bayesian_bp, evidence, levenberg_marquardt, load, two_layer
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
@@ -20,7 +20,6 @@ def fitted():
 
 
 def score(model, X, Y):
-    """R2 (Eq. 13), the mean over the outputs."""
     pairs = zip(Y.reshape(len(X), -1).T, model.predict(X).reshape(len(X), -1).T, strict=True)
     return np.mean([r2(y, predicted) for y, predicted in pairs])
 
@@ -281,8 +280,7 @@ def test_bad_settings_are_named(setting, value, allowed):
 
 
 def test_predict_refuses_other_inputs_and_an_unfitted_network(fitted):
-    with pytest.raises(ValueError, match=r"shape \(4, 5\); expected \(samples, 6\)"):
-        BayesianBP.predict(fitted[0], np.ones((4, 5)))
+    value_error(r"shape \(4, 5\); expected \(samples, 6\)", BayesianBP.predict, fitted[0], np.ones((4, 5)))
     with pytest.raises(ValueError, match="before fit"):
         BayesianBP().predict(np.ones((4, 5)))
 
@@ -346,5 +344,4 @@ def test_a_file_with_more_or_fewer_samples_than_inputs_is_refused(fitted, tmp_pa
     path = tmp_path / "network.json"
     fitted[0].save(path)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"samples": samples}))
-    with pytest.raises(InputError, match=f"{len(samples)} samples of"):
-        load(path)
+    input_error(f"{len(samples)} samples of", load, path)

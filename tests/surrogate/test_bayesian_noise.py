@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from known_responses import known_function, noisy_data
+from refusals import value_error
 
 from repose.surrogate import bayesian_bp, levenberg_marquardt, two_layer
 from repose.surrogate.bayesian_bp import BayesianBP
@@ -23,7 +24,6 @@ def linear_jacobian(w, x, outputs):
 
 @pytest.fixture
 def linear(monkeypatch):
-    """The training and error bars on a model that is linear in its weights, fitted."""
     for module in (levenberg_marquardt, bayesian_bp):
         monkeypatch.setattr(module, "jacobian", linear_jacobian)
     monkeypatch.setattr(
@@ -146,8 +146,7 @@ def test_known_noise_is_kept_where_a_few_means_cannot_tell_it():
     model = BayesianBP(hidden=4, starts=2, goal=0.0, prior="inputs", epochs=200)
     model.fit(X, Y, noise_covariance=covariance, noise_freedom=1e6)
     np.testing.assert_allclose(model.noise_std_, np.sqrt(np.diagonal(covariance)), rtol=1e-3)
-    with pytest.raises(ValueError, match=r"noise_freedom is 3; expected from 0, and 0 without noise_cov"):
-        model.fit(X, Y, noise_freedom=3)
+    value_error(r"noise_freedom is 3; expected from 0, and 0 without noise_cov", model.fit, X, Y, noise_freedom=3)
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,6 @@ ROOT = Path(__file__).parents[2]
 
 
 class Done(NamedTuple):
-    """What a call of snakemake ended with."""
-
     returncode: int
     stdout: str
     stderr: str
@@ -84,7 +82,6 @@ def in_this_process(project, words, out, err):
 
 
 def planned(project, *words):
-    """Rules of a dry run and how many jobs of each."""
     done = snakemake(project, "--quiet", "rules", "-n", *words)
     assert done.returncode == 0, done.stderr
     counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)

@@ -122,7 +122,6 @@ JOBS = {1001: 2, 1002: 2, 1101: 2, 1102: 2}  # two blocks of the proposal and tw
 
 
 def proposed(folder, answer=False, jobs=JOBS):
-    """Write a proposal of the refinement."""
     rows = "".join(f"{sample},{seeds}\n" for sample, seeds in jobs.items())
     write_text(folder / "samples.csv", f"sample,seeds\n{rows}")
     simulated = [1001, 1002] if answer else []
@@ -172,8 +171,6 @@ def test_a_round_that_misses_is_followed_by_the_next_until_the_answer(finished):
 
 
 class Probe(strategies.Strategy):
-    """A strategy as CONTRIBUTING.md has one, without rules, files and keys of its own."""
-
     name = "probe"
 
     def propose(self, study, data):

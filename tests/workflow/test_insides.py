@@ -88,7 +88,6 @@ def test_the_profile_lets_the_scheduler_look_seldom(tmp_path):
 
 @pytest.mark.slow
 def test_a_benchmark_has_the_processor_time_of_the_whole_job(project):
-    """Snakemake looks at a job each half second, and after 15 s each half minute."""
     done = snakemake(project, "results/quick/design/samples.csv", *QUICK, "--forceall")
     assert done.returncode == 0, done.stderr
     (process,) = usage.since(project / "results/quick", 0)

@@ -27,7 +27,6 @@ def test_every_placeholder_in_a_shell_command_is_quoted():
 
 
 def test_no_shell_command_writes_a_result_itself():
-    """What a shell redirects is in no ledger, and not written in one move."""
     commands = [(path.name, command[2]) for path in RULES for command in SHELL.finditer(path.read_text())]
     redirected = {(name, one) for name, text in commands for one in re.findall(r">+ *([^\s\")&]+)", text)}
     assert len(redirected) > 20
@@ -38,7 +37,6 @@ ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
 
 
 def run_snakemake(folder, snakefile, *words):
-    """A figure of a study in a folder, by a workflow."""
     words = ("results/figures/figure02.png", "--cores", "1", "--snakefile", str(snakefile), *words)
     command = [sys.executable, "-m", "snakemake", *words]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True)

@@ -125,7 +125,6 @@ STAGES = {
 @pytest.mark.essential
 @pytest.mark.parametrize("stage", STAGES)
 def test_each_stage_can_be_forced_to_run_again(finished, stage):
-    """It and what follows run; no stage before it does."""
     project, words = finished
     counts = planned(project, *words, "--forcerun", stage)
     forced, next_rule = STAGES[stage]
@@ -176,7 +175,6 @@ def test_an_edit_plans_what_stands_on_its_room(finished, tmp_path, monkeypatch):
 
 
 def planned_after_an_edit(project, words, path):
-    """Rules of the whole study after an edit of a file, which is undone."""
     content = path.read_bytes()
     path.write_bytes(content + b"# edited\n")
     provenance.room_hash.cache_clear()
