@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "lifted_piles"))
@@ -92,3 +93,11 @@ def test_a_small_pile_is_lifted_and_rests(monkeypatch):
     assert np.median(final.speeds_m_s) < 0.01
     assert final.centres_m[:, 2].min() > 0.9 * 0.0017
     assert abs(lifted_piles.angle(final)["angle_deg"]) < 20.0
+
+
+def test_only_numbers_and_parameters_of_rows_were_taken():
+    table = pd.read_csv(lifted_piles.HERE / "parameters.csv")
+    assert list(table.columns) == ["test", "row", "fric", "rollfric", "rest"]
+    assert table.groupby("test").size().to_dict() == {"pile": 45, "drum": 9, "discharge": 9, "tilted_drum": 3}
+    within = table[["fric", "rollfric", "rest"]]
+    assert ((within >= [0.2, 0.0, 0.3]) & (within <= [0.6, 0.25, 0.7])).all(axis=None)
