@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "lifted_piles"))
+import campaign
 import lifted_piles
 from lifted_piles import Contents, Grains
 
@@ -101,3 +102,23 @@ def test_only_numbers_and_parameters_of_rows_were_taken():
     assert table.groupby("test").size().to_dict() == {"pile": 45, "drum": 9, "discharge": 9, "tilted_drum": 3}
     within = table[["fric", "rollfric", "rest"]]
     assert ((within >= [0.2, 0.0, 0.3]) & (within <= [0.6, 0.25, 0.7])).all(axis=None)
+
+
+def test_the_campaign_takes_the_softest_modulus_that_changes_little(monkeypatch):
+    assert campaign.five() == [13, 6, 16, 43, 28]
+
+    def modulus_of(shift_deg, of_density):
+        def means(row, modulus):
+            softer = modulus < 1.0
+            angle = 20.0 + (shift_deg[row == 43] * softer if modulus == 0.01 else 0.0)
+            return pd.Series({"angle_deg": angle, "density_kg_m3": 800.0 * (1.0 + of_density * (modulus == 0.01))})
+
+        monkeypatch.setattr(campaign, "means", means)
+        order = list(campaign.jobs())
+        assert order[:5] == [(row, 1, 0.01) for row in campaign.five()]
+        assert len(set(order)) == len(order) - 10 == 30 + 2 + 80
+        assert order[30:32] == [(1, 1, order[-1][2]), (4, 1, order[-1][2])]
+        return order[-1][2]
+
+    assert modulus_of((0.4, 0.9), 0.004) == 0.01
+    assert modulus_of((0.6, 0.6), 0.0) == modulus_of((0.0, 1.1), 0.0) == modulus_of((0.0, 0.0), 0.006) == 0.1
