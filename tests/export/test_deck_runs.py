@@ -49,8 +49,8 @@ def ran(program, job, folder):
 
 
 def places(end, job):
-    at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(-1, len(job.spheres_m), 3)
-    wanted = np.linalg.norm(job.spheres_m[:, None, :3] - job.spheres_m[None, :, :3], axis=2)
+    at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(-1, len(job.particle.spheres_m), 3)
+    wanted = np.linalg.norm(job.particle.spheres_m[:, None, :3] - job.particle.spheres_m[None, :, :3], axis=2)
     for spheres in at:
         apart = np.linalg.norm(spheres[:, None] - spheres[None], axis=2)
         assert apart == pytest.approx(wanted, abs=1e-6)
