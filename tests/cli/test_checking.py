@@ -50,15 +50,15 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
     grains = cost.FEWEST_TIMED
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
-    config = {
-        "simulation": {"time_step_s": 1e-5, "gravity_m_s2": 9.81, "tension": "release", "rest_energy_j": 1e-9},
-        "funnel": {"berries": grains},
-        "parameters": ranges,
-    }
+    simulation = {"time_step_s": 1e-5, "gravity_m_s2": 9.81, "tension": "release", "rest_energy_j": 1e-9}
+    config = {"simulation": simulation, "funnel": {"berries": grains}, "parameters": ranges}
     assert cost.measured_berry_step_s(config, {}, None) == pytest.approx(50e-6 / grains, rel=0.05)
 
 
-def test_a_terminal_shows_the_seconds_of_the_compilation(monkeypatch, capsys):
+def test_a_terminal_shows_the_seconds_of_the_compilation_and_a_log_gets_one_line(capsys, monkeypatch):
+    with checking.elapsed_seconds_shown("compiling"):
+        pass
+    assert capsys.readouterr().err == "compiling\n"
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(checking, "TICK_S", 0.01)
     with checking.elapsed_seconds_shown("compiling"):
@@ -66,32 +66,22 @@ def test_a_terminal_shows_the_seconds_of_the_compilation(monkeypatch, capsys):
     assert "\rcompiling; 0 s" in capsys.readouterr().err
 
 
-def test_a_log_gets_one_line(capsys):
-    with checking.elapsed_seconds_shown("compiling"):
-        pass
-    assert capsys.readouterr().err == "compiling\n"
-
-
 NOTHING_GIVEN = Namespace(grain_mm=None, config=None)
 
 
-def test_in_a_crops_folder_it_is_that_of_the_sizes(tmp_path, monkeypatch):
+def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert _settings(NOTHING_GIVEN).berry_height_mm is None
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n")  # means 8, 4, 2
     assert _settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(4.0)
     assert _settings(NOTHING_GIVEN).response == "whole"
     assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
-
-
-def test_sizes_without_a_grain_are_reported(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n")
     input_error(r"sizes\.csv: rows is 0; expected at least 2 berries", _settings, NOTHING_GIVEN)
     assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
 
 
-def test_files_are_those_of_inputs_by_name_of_plain_options_and_of_a_folders_dataset(tmp_path):
+def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path):
     for name in ("a.csv", "b=1.json", "dataset.csv"):
         (tmp_path / name).write_text("")
     words = [
@@ -101,9 +91,6 @@ def test_files_are_those_of_inputs_by_name_of_plain_options_and_of_a_folders_dat
     ]
     named = [[path.name for path in stages.files_of(parser().parse_args(given))] for given in words]
     assert named == [["a.csv"], ["b=1.json"], ["dataset.csv"]]
-
-
-def test_the_files_that_a_step_writes_are_not_among_its_inputs(tmp_path):
     # the samples of the next step, from an earlier run, were once an input of the step that writes them
     (tmp_path / "samples.csv").write_text("")
     words = ["stage", "propose", "sequential", f"--out={tmp_path}"]
@@ -132,7 +119,7 @@ def messages():
                 yield path.relative_to(places.PACKAGE), node.value
 
 
-def test_the_pages_are_listed_and_printed(capsys):
+def test_the_pages_are_listed_printed_and_guessed(capsys):
     assert main(["docs"]) == 0
     listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
     assert listed["photographs"] == "Photographs of piles"
@@ -140,14 +127,9 @@ def test_the_pages_are_listed_and_printed(capsys):
     for name, title in listed.items():
         assert main(["docs", name]) == 0
         assert f"# {title}\n" in capsys.readouterr().out
-
-
-def test_a_mistyped_page_is_guessed(capsys):
     assert main(["docs", "fotographs"]) == 2
-    assert (
-        "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
-        in capsys.readouterr().err
-    )
+    said = "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
+    assert said in capsys.readouterr().err
 
 
 def test_messages_name_pages_that_a_wheel_has():

@@ -52,10 +52,16 @@ def filled(folder):
     (folder / "sizes.csv").write_text((folder / "sizes.csv").read_text() + SIZES)
 
 
-def test_it_holds_what_a_user_needs(folder):
+def test_it_holds_what_a_user_needs_and_lists_studies_before_it_is_complete(folder, capsys):
     found = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     assert found == {"README.md", "config.yaml", "sizes.csv", "photographs/README.md"}
     assert not any("NAME" in path.read_text() for path in folder.rglob("*.*") if path.is_file())
+    assert main(["run", "--list"]) == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    assert "once config.yaml is complete" in output.out
+    named = {line.split()[0] for line in output.out.splitlines() if line.startswith("  ") and line[2] != " "}
+    assert {"calibration", "sequential", "uncertainty"} <= named
 
 
 def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
@@ -101,10 +107,8 @@ def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):
 
 def test_inlet_and_outlet_the_other_way_round_are_named(folder):
     filled(folder)
-    text = (folder / "config.yaml").read_text()
-    text = text.replace("inlet_diameter_mm: 80.0", "inlet_diameter_mm: 25.0").replace(
-        "outlet_diameter_mm: 25.0", "outlet_diameter_mm: 80.0"
-    )
+    text = (folder / "config.yaml").read_text().replace("inlet_diameter_mm: 80.0", "inlet_diameter_mm: 25.0")
+    text = text.replace("outlet_diameter_mm: 25.0", "outlet_diameter_mm: 80.0")
     (folder / "config.yaml").write_text(text)
     input_error(r"outlet_diameter_mm is 80\.0; expected .*below funnel\.inlet_diameter_mm", Study.load, "config.yaml")
 
@@ -116,7 +120,7 @@ def test_a_name_that_yaml_takes_for_something_else_stays_a_name(tmp_path, monkey
     assert read(tmp_path / name / "config.yaml")["label"] == name
 
 
-def test_its_configuration_is_one_of_wheat_alone(folder):
+def test_its_configuration_is_one_of_wheat_alone_with_known_and_explained_keys(folder):
     filled(folder)
     config = Study.load("config.yaml").config
     assert (config["label"], config["berry"]["sizes"]) == ("wheat", "sizes.csv")
@@ -125,19 +129,6 @@ def test_its_configuration_is_one_of_wheat_alone(folder):
     assert not {"drum", "cylinder"} & set(config)
     assert [target["response"] for target in config["targets"]] == ["height_mm"]
     assert (config["design"]["samples"], config["network"]["split"]) == (30, [0.85, 0.0, 0.15])
-
-
-def test_the_list_of_studies_needs_no_complete_configuration(folder, capsys):
-    assert main(["run", "--list"]) == 0
-    output = capsys.readouterr()
-    assert output.err == ""
-    assert "once config.yaml is complete" in output.out
-    named = {line.split()[0] for line in output.out.splitlines() if line.startswith("  ") and line[2] != " "}
-    assert {"calibration", "sequential", "uncertainty"} <= named
-
-
-def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
-    filled(folder)
     text = (folder / "config.yaml").read_text()
     assert len([line for line in text.splitlines() if re.match(r"\s*[^#\s]", line)]) <= 31
     known = Study.load(places.root() / places.DEFAULT_CONFIG).config

@@ -19,6 +19,7 @@ from repose.core.parameters import LABELS, PARAMETERS, named, of_law
 from repose.core.provenance import hash_of
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
+GRAINS = {"gamma_gg": [0.0, 0.1]}
 COHESION = {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.02}}
 OF_SJKR = {"k_gg": [0.0, 1e4], "k_gp": {"fixed": 0.0}}
 
@@ -75,9 +76,9 @@ def test_the_card_names_the_convention_of_the_surface_energy():
     ("law", "parameters", "message"),
     [
         ("jkr", {}, r"contact_law is 'jkr'; expected jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
-        ("jkr", {"gamma_gg": [0.0, 0.1]}, r"expected jkr with parameters.gamma_gp \(surface energy"),
+        ("jkr", GRAINS, r"expected jkr with parameters.gamma_gp \(surface energy"),
         ("sjkr", COHESION, r"expected sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
-        ("hertz_mindlin", {"gamma_gg": [0.0, 0.1]}, "gamma_gg is .*; expected absent: .* jkr or eepa, not hertz"),
+        ("hertz_mindlin", GRAINS, "gamma_gg is .*; expected absent: it belongs to .* jkr or eepa, not hertz"),
         ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; expected a pair .* from 0 to"),
     ],
 )

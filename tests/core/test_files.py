@@ -28,19 +28,12 @@ def test_what_is_written_is_read_again_and_folders_are_made(tmp_path):
     files.write_table(folder / "table.csv", TABLE)
     back = files.read_table(folder / "table.csv", ("sample", "aor_deg"))
     assert back["aor_deg"].tolist()[0] == 31.25
-    assert files.read_rows(folder / "table.csv", ("sample",))[1] == {
-        "sample": "2",
-        "aor_deg": "",
-        "reason": "stuck, twice",
-    }
+    second = {"sample": "2", "aor_deg": "", "reason": "stuck, twice"}
+    assert files.read_rows(folder / "table.csv", ("sample",))[1] == second
     content = {"one": np.float64(0.1), "k": np.int64(2), "list": np.arange(3), "text": "µ"}
     files.write_json(folder / "content.json", content)
-    assert files.read_json(folder / "content.json", {"one": float, "text": str}) == {
-        "one": 0.1,
-        "k": 2,
-        "list": [0, 1, 2],
-        "text": "µ",
-    }
+    back = files.read_json(folder / "content.json", {"one": float, "text": str})
+    assert back == {"one": 0.1, "k": 2, "list": [0, 1, 2], "text": "µ"}
     arrays = {"position": np.random.default_rng(1).normal(size=(4, 3)).astype(np.float32)}
     files.write_npz(folder / "arrays.npz", arrays)
     assert np.array_equal(files.read_npz(folder / "arrays.npz", ("position",))["position"], arrays["position"])
@@ -50,13 +43,10 @@ def test_what_is_written_is_read_again_and_folders_are_made(tmp_path):
     assert not list(folder.glob("*.part"))
 
 
-def test_a_table_is_written_as_pandas_writes_it(tmp_path):
+def test_a_table_is_written_as_pandas_writes_it_and_a_writer_that_fails_leaves_the_earlier_file(tmp_path):
     files.write_table(tmp_path / "ours.csv", TABLE, float_format="%.6g", index=True)
     TABLE.to_csv(tmp_path / "theirs.csv", float_format="%.6g")
     assert (tmp_path / "ours.csv").read_bytes() == (tmp_path / "theirs.csv").read_bytes()
-
-
-def test_a_writer_that_fails_leaves_the_earlier_file(tmp_path):
     path = tmp_path / "content.json"
     files.write_json(path, {"whole": True})
     with pytest.raises(TypeError, match="object cannot be written as JSON"):
@@ -82,14 +72,11 @@ def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
         files.read_table(tmp_path / "given.csv", ("sample", column))
 
 
-def test_missing_parts_are_reported_with_what_there_should_be(tmp_path):
+def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_be(tmp_path):
     files.write_table(tmp_path / "table.csv", TABLE)
     for read in (files.read_table, files.read_rows):
-        with pytest.raises(
-            InputError,
-            match=r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample",
-        ):
-            read(tmp_path / "table.csv", ("sample", "height_mm"))
+        missing = r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample"
+        input_error(missing, read, tmp_path / "table.csv", ("sample", "height_mm"))
     files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})
     for keys, message in (
         (("sample", "time"), r"time is None; expected a key of a job"),
@@ -104,9 +91,6 @@ def test_missing_parts_are_reported_with_what_there_should_be(tmp_path):
         files.read_npz(tmp_path / "a.npz", ("position",), "a pour")
     np.save(tmp_path / "plain.npy", np.ones(2))
     input_error("expected a pour", files.read_npz, tmp_path / "plain.npy", what="a pour")
-
-
-def test_half_an_archive_is_refused(tmp_path):
     files.write_npz(tmp_path / "a.npz", {"scale": np.random.default_rng(1).normal(size=500)})
     content = (tmp_path / "a.npz").read_bytes()
     Path(tmp_path / "half.npz").write_bytes(content[: len(content) // 2])
@@ -120,13 +104,6 @@ fcntl.flock(file, fcntl.LOCK_SH)
 print("holds it", flush=True)
 time.sleep(0.5)
 """
-
-
-def test_a_second_workflow_is_refused_until_the_first_has_ended(tmp_path):
-    first = take_folder(tmp_path)
-    input_error(r"workflow is 'process \d+ on .*'; expected one at a time", take_folder, tmp_path)
-    first.close()
-    take_folder(tmp_path).close()
 
 
 def test_jobs_of_a_workflow_that_was_killed_are_waited_for(tmp_path, capfd):
@@ -160,10 +137,14 @@ def test_other_faults_of_a_lock_are_reported(tmp_path, monkeypatch):
         take_folder(tmp_path)
 
 
-def test_jobs_share_the_folder(tmp_path):
+def test_jobs_share_the_folder_and_a_second_workflow_is_refused_until_the_first_has_ended(tmp_path):
     take_folder(tmp_path).close()
     with joined_folder(tmp_path), joined_folder(tmp_path):
         pass
+    first = take_folder(tmp_path)
+    input_error(r"workflow is 'process \d+ on .*'; expected one at a time", take_folder, tmp_path)
+    first.close()
+    take_folder(tmp_path).close()
 
 
 @pytest.fixture
@@ -173,10 +154,11 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_it_knows_the_names_of_its_files(folder):
+def test_it_knows_the_names_of_its_files_and_nobody_may_run_it(folder):
     (folder / "somebodys.json").write_text("{}")
     (folder / "b.json").unlink()
     assert ledger.names(folder) == {"a.json", "b.json"}
+    assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
 
 
 def test_files_that_hold_something_else_are_found_and_lost_ones_are_not(folder):
@@ -216,10 +198,6 @@ def test_a_full_disk_is_reported_with_the_file_that_did_not_fit(folder):
     assert (folder / "a.json").read_bytes() == before
 
 
-def test_nobody_may_run_a_ledger(folder):
-    assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
-
-
 # Calls that write, rename or remove; what stands in these files is tested in tests/core and tests/faults.
 WRITERS = {"core/ledger.py", "core/lock.py", "dem/io/whole.py", "dem/cache.py", "apparatus/kept_runs.py"}
 WRITERS |= {"core/usage.py", "config/call.py"}  # beside the results: snakemake's benchmarks and records
@@ -240,11 +218,7 @@ def test_no_other_code_of_the_program_writes_or_removes_a_file():
             function = node.func
             called = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
             owner = getattr(getattr(function, "value", None), "id", "")
-            texts = [
-                argument.value
-                for argument in node.args
-                if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
-            ]
+            texts = [one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str)]
             opens = called == "open" and any(set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts)
             if opens or (called in BARE and owner in modules and (owner, called) != ("np", "copy")):
                 found.append(f"{name}:{node.lineno} {called}")

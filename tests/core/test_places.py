@@ -29,15 +29,12 @@ def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
     assert places.find("mine.csv") == Path("mine.csv")
 
 
-def test_the_default_configuration_holds_in_an_empty_folder(folder):
+def test_a_study_of_the_programs_crop_lies_over_it_as_the_default_in_an_empty_folder(folder):
     assert places.configs() == [METHOD, CONFIG]
     config = Study.load(inputs=True).config
     for path in (config["berry"]["sizes"], config["berry"]["compression"], config["validation"]["published"]):
         assert Path(path).is_absolute()
         assert Path(path).is_file()
-
-
-def test_a_study_of_the_programs_crop_lies_over_it(folder):
     own = folder / "config/config.yaml"
     own.parent.mkdir()
     own.write_text("label: mine\n")

@@ -40,20 +40,16 @@ def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
     assert (summary["aor_deg"] is None) is (expected != "ok")
 
 
-def test_no_runs_are_refused():
+def test_no_runs_are_refused_and_targets_stand_in_front_with_their_errors():
     value_error("at least one run", summarise_runs, [], RECORDED)
-
-
-def test_targets_stand_in_front_with_their_errors():
     ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
     assert ours.summary == (
         *("status", "reason", "n_seeds", "discharge_s", "discharge_se_s", "base_radius_mm", "base_radius_se_mm"),
         *("aor_deg", "aor_se_deg", "height_mm", "height_se_mm"),
     )
     assert ours.single == ("discharge_s", "base_radius_mm", "aor_deg", "berries")
-    assert RECORDED.beginning_with(("aor_deg", "height_mm")) == Recorded(
-        RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries")
-    )
+    same = Recorded(RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries"))
+    assert RECORDED.beginning_with(("aor_deg", "height_mm")) == same
     assert error_of("packing_percent") == "packing_se_percent"
 
 

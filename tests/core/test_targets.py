@@ -13,11 +13,11 @@ from repose.core.published import published_responses, to_simulate
 from repose.core.responses import response
 from repose.core.targets import Targets
 
-SLIP = {"response": "drum_slip_deg", "apparatus": "drum", "value": 40.0, "sd": 1.0, "repetitions": 4}
+SLIP = shared.target("drum_slip_deg", 40.0, 1.0, 38, 42, 4)
 
 
 def test_targets_give_names_and_numbers_in_their_order():
-    targets = Targets.of([SLIP | {"range": [38, 42], "weight": 2.0}, *shared.TARGETS])
+    targets = Targets.of([SLIP | {"weight": 2.0}, *shared.TARGETS])
     assert targets.names == ("drum_slip_deg", "aor_deg", "height_mm")
     assert targets.predicted == ("drum_slip_predicted_deg", "aor_predicted_deg", "height_predicted_mm")
     assert targets.errors == ("drum_slip_se_deg", "aor_se_deg", "height_se_mm")
@@ -27,14 +27,11 @@ def test_targets_give_names_and_numbers_in_their_order():
     assert targets.aim.tolist() == [40.0, 32.87, 65.57]
 
 
-def test_numbers_are_reported_with_units_and_with_names_where_units_are_alike():
-    targets = Targets.of([*shared.TARGETS, SLIP | {"range": [38, 42]}])
+def test_numbers_are_reported_with_units_and_unknown_responses_with_those_there_are():
+    targets = Targets.of([*shared.TARGETS, SLIP])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
     assert targets.in_words(["32.9", "66", "40"]) == "AoR 32.9 deg, Height 66 mm and slip 40 deg"
-
-
-def test_an_unknown_response_is_named_with_those_there_are():
     with pytest.raises(InputError, match=r"targets: response is 'colour'; expected one of aor_deg, "):
         Targets.of([SLIP | {"response": "colour", "range": [0, 1]}])
 
@@ -75,20 +72,14 @@ def test_what_the_functions_leave_over_stands_apart():
     assert of(3 + X - 0.01 * X**2 + 1e-3 * X**3, functions=4).residual < 1e-12
 
 
-def test_a_straight_profile_has_a_mean_and_a_slope():
+def test_scores_of_a_straight_profile_are_mean_and_slope_named_with_the_unit():
     mean, slope, *others = of(2.0 - 0.8 * X).scores(2.0 - 0.8 * X)
     assert mean == pytest.approx(np.mean(2.0 - 0.8 * X))
     assert slope == pytest.approx(-0.8 * np.std(X))
     np.testing.assert_allclose(others, 0.0, atol=1e-12)
-
-
-def test_scores_within_a_percent_are_profiles_within_a_percent():
     profile = of(2.0 - 0.8 * X)
     off = profile.heights(0.01 * profile.whole * np.array([1, -1, 1, 1, -1]))
     assert np.sqrt(np.mean(off**2)) == pytest.approx(0.01 * profile.height)
-
-
-def test_the_scores_have_names_with_the_unit():
     names = ("surface_1_mm", "surface_2_mm", "surface_3_mm")
     assert tuple(of(X, functions=3).columns(X)) == names
 

@@ -56,9 +56,8 @@ def test_that_of_a_shape_study_is_the_spread_of_its_plausible_models(tmp_path):
     found = result.covariance
     assert np.sqrt(np.diag(found)) == pytest.approx([3, 5], rel=0.05)
     raw = known + np.diag([0.25, 4.0])
-    assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(
-        12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03
-    )
+    correlation = found[0, 1] / np.sqrt(found[0, 0] * found[1, 1])
+    assert correlation == pytest.approx(12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03)
     assert (discrepancy.of_targets(TARGETS, design(1, 1), 2.0, 0.0, found) == found).all()
     height = discrepancy.of_shape_study(path, targets_of(height_mm=60.0)).covariance
     assert height == pytest.approx(found[1:, 1:])
@@ -115,15 +114,9 @@ def test_the_study_of_the_configuration_is_the_published_one():
 
 
 def test_responses_of_a_simulator_that_only_its_user_knows_have_a_discrepancy():
-    own = Study.own(
-        {
-            "simulator": "mine",
-            "label": "own",
-            "seed": 1,
-            "parameters": {"friction": [0.2, 0.8]},
-            "targets": {name: {"value": value, "sd": 1.0, "repetitions": 5} for name, value in OWN.items()},
-        }
-    ).targets
+    content = {"simulator": "mine", "label": "own", "seed": 1, "parameters": {"friction": [0.2, 0.8]}}
+    content["targets"] = {name: {"value": value, "sd": 1.0, "repetitions": 5} for name, value in OWN.items()}
+    own = Study.own(content).targets
     runs = pd.DataFrame({"sample": [1, 2, 3], "slope": [29.0, 30.0, 31.0], "time": [3.0, 4.0, 5.0]})
     found = discrepancy.of_targets(own, runs, 10.0, 0.5)
     assert found == pytest.approx(np.array([[9.0, 0.5 * 3.0 * 0.4], [0.5 * 3.0 * 0.4, 0.16]]))
@@ -176,23 +169,18 @@ def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribu
         assert getattr(row, f"{PARAMETERS[1]}_bits") < 0.02
 
 
-def test_a_correlated_discrepancy_leaves_the_contrast_of_two_responses_sharp():
+def test_a_correlated_discrepancy_leaves_the_contrast_sharp_and_a_shape_study_is_that_stated():
     targets = targets_of(aor_deg=30.0, height_mm=60.0)
     _, table = curve_of(Linear(20.0, 40.0), targets)
     bits = table.pivot(index="discrepancy_percent", columns="discrepancy_correlation", values="information_bits")
     assert bits.loc[0.0, 0.0] == pytest.approx(bits.loc[0.0, 0.9])
     assert bits.loc[10.0, 0.9] > bits.loc[10.0, 0.0] + 0.5
-
-
-def test_the_row_of_a_shape_study_is_that_of_the_same_discrepancy_stated():
-    targets = targets_of(aor_deg=30.0, height_mm=60.0)
     _, table = curve_of(Linear(20.0, 40.0), targets, observed(targets)(5.0, 0.9))
     stated = table[(table["discrepancy_percent"] == 5.0) & (table["discrepancy_correlation"] == 0.9)].iloc[0]
     study = table.iloc[-1]
     assert (study["evidence"], stated["evidence"]) == ("shape study", "stated")
-    assert study.drop("evidence").astype(float).to_numpy() == pytest.approx(
-        stated.drop("evidence").astype(float).to_numpy()
-    )
+    found, known = (row.drop("evidence").astype(float).to_numpy() for row in (study, stated))
+    assert found == pytest.approx(known)
     assert "with the discrepancy of the shape study, 5 %:" in implausibility.message(table, 0.5)
 
 

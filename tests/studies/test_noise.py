@@ -41,7 +41,7 @@ def write_runs(folder, seeds=4):
     return folder / "runs.csv"
 
 
-def test_tables_of_a_study_with_failed_pours(tmp_path):
+def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, capsys):
     summary = noise.run(write_runs(tmp_path), TWO, tmp_path / "out")
     row = pd.read_csv(tmp_path / "out/noise.csv").iloc[0]
     assert (row["samples"], row["runs"], row["failed_runs"], row["samples_without_runs"]) == (29, 116, 4, 1)
@@ -54,9 +54,6 @@ def test_tables_of_a_study_with_failed_pours(tmp_path):
     assert "height_mm: sd 2." in noise.message(summary, TWO)
     # height is twice the angle plus noise of one: 2 / sqrt(5)
     assert summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
-
-
-def test_the_verb_writes_the_tables(tmp_path, capsys):
     out = tmp_path / "verb"
     words = ["--config", str(places.root() / "config/quick.yaml"), "--out", str(out)]
     assert main(["noise", "--runs", str(write_runs(tmp_path)), *words]) == 0
@@ -67,12 +64,8 @@ def test_the_verb_writes_the_tables(tmp_path, capsys):
 def test_one_target_has_no_correlation():
     one = targets_of(drum_slip_deg=40.0)
     found = noise.noise_floor(made_up_runs(), one)
-    assert list(found.seeds.columns) == [
-        "seeds",
-        "drum_slip_se_deg",
-        "drum_slip_se_percent",
-        *(f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")),
-    ]
+    reachable = [f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")]
+    assert list(found.seeds.columns) == ["seeds", "drum_slip_se_deg", "drum_slip_se_percent", *reachable]
     assert found.responses["sd_within"][0] == pytest.approx(3, rel=0.2)
     assert found.responses["failed_runs"][0] == 0, "runs of the other bench test do not count"
     assert found.summary["correlation"] == {}
@@ -87,12 +80,13 @@ def test_responses_of_different_bench_tests_are_independent():
     assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4
 
 
-def test_too_few_runs_are_reported_with_the_file(tmp_path):
+def test_too_few_runs_of_either_are_reported(tmp_path):
     input_error(r"runs a sample is 1; expected 2 or more", noise.run, write_runs(tmp_path, 1), TWO, tmp_path / "out")
     runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
     runs.to_csv(tmp_path / "runs.csv", index=False)
     with pytest.raises(InputError, match=r"runs\.csv: runs is '2 degrees of freedom within samples"):
         noise.run(tmp_path / "runs.csv", TWO, tmp_path / "out")
+    input_error("4 sets or more with two runs", next_measurement.information, made_up(1.0, 1.0, sets=3), 10, 2.0)
 
 
 def made_up(between, within, sets=16, runs=2, seed=0, response="turning_deg", mean=40.0):
@@ -106,9 +100,8 @@ def made_up(between, within, sets=16, runs=2, seed=0, response="turning_deg", me
 @pytest.mark.parametrize(("between", "within", "percent"), [(1.0, 0.5, 0.0), (0.3, 1.0, 0.0), (1.0, 0.5, 2.0)])
 def test_bits_of_known_variances(between, within, percent):
     known = 0.5 * np.log2(1 + between**2 / (within**2 / 10 + (percent / 100 * 40) ** 2))
-    rows = [
-        next_measurement.information(made_up(between, within, sets=64, seed=k), 10, percent).iloc[0] for k in range(100)
-    ]
+    runs = [made_up(between, within, sets=64, seed=k) for k in range(100)]
+    rows = [next_measurement.information(one, 10, percent).iloc[0] for one in runs]
     bits = np.array([row.bits for row in rows])
     assert bits.mean() == pytest.approx(known, abs=3 * bits.std() / 10 + 0.02 * known)
     if not percent:  # the interval is exact without a discrepancy
@@ -116,26 +109,16 @@ def test_bits_of_known_variances(between, within, percent):
         assert covered == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 100))
 
 
-def test_bits_with_a_discrepancy_by_hand():
+def test_bits_with_a_discrepancy_by_hand_and_the_most_informative_first():
     runs = made_up(1.0, 0.5)
     parts = variance_components(runs["value"], runs["sample"])
     ratio = parts.within * parts.icc / (1 - parts.icc) / (parts.within / 10 + (0.2 * parts.mean) ** 2)
     bits = next_measurement.information(runs, 10, 20.0)["bits"].iloc[0]
     assert bits == pytest.approx(0.5 * np.log2(1 + ratio), rel=1e-9)
-
-
-def test_most_informative_first_and_what_says_nothing():
-    table = next_measurement.information(
-        pd.concat([made_up(0.0, 1.0, response="flow_g_s"), made_up(2.0, 0.5), made_up(0, 0, response="emptying_s")]),
-        10,
-        0.0,
-    )
+    runs = [made_up(0.0, 1.0, response="flow_g_s"), made_up(2.0, 0.5), made_up(0, 0, response="emptying_s")]
+    table = next_measurement.information(pd.concat(runs), 10, 0.0)
     assert list(table["response"]) == ["turning_deg", "flow_g_s"]  # a constant response is left out
     assert table["bits_low"].iloc[1] == 0.0
-
-
-def test_too_few_runs():
-    input_error("4 sets or more with two runs", next_measurement.information, made_up(1.0, 1.0, sets=3), 10, 2.0)
 
 
 def test_plausible_sets_are_draws(tmp_path):

@@ -39,9 +39,7 @@ def test_ishigami():
         assert (known - 0.01 <= found[f"{name}_high"][0]).all()
 
 
-def test_two_outputs_with_large_means_and_another_spread():
-    """A sum of a_i x_i has first = total = a_i^2 / sum a^2, whatever is added."""
-
+def test_sums_have_their_indices_and_main_effects_are_means_over_the_other_inputs():
     def weigh(X):
         return np.column_stack([1000 + X @ [1, 2, 0], -50 + X @ [0, 3, 4]])
 
@@ -49,10 +47,6 @@ def test_two_outputs_with_large_means_and_another_spread():
     known = np.array([[1, 4, 0], [0, 9, 16]]) / np.array([[5], [25]])
     assert found["first"] == pytest.approx(known, abs=0.01)
     assert found["total"] == pytest.approx(known, abs=0.01)
-
-
-def test_main_effect_is_the_mean_over_the_other_inputs():
-    """E[Ishigami | x_2] = a sin^2 x_2, E[. | x_1] = sin x_1 (1 + b pi^4 / 5) + a / 2."""
     grid, means = sensitivity.main_effects(ishigami, LOW, HIGH, 3, points=9)
     assert grid.shape == (3, 9)
     assert means[1] == pytest.approx(7 * np.sin(grid[1]) ** 2, abs=0.05)

@@ -74,15 +74,12 @@ def tell_part(file, rows):
     Study.resume(file).tell(results(asked))
 
 
-def test_what_is_left_of_a_turn_is_asked_for(tmp_path):
+def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_path):
     one = study(tmp_path / "runs.csv")
     asked = one.ask()
     one.tell(results(asked[:5]))
     for again in (one, Study.resume(tmp_path / "runs.csv")):
         pd.testing.assert_frame_equal(again.ask(), asked[5:].reset_index(drop=True))
-
-
-def test_runs_made_before_are_taken_and_the_turn_stays():
     one = study()
     asked = one.ask()
     one.tell(results(pd.DataFrame({"a": [0.1, 0.9, 0.9], "b": [0.2, 0.3, 0.3]})))

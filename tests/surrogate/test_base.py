@@ -43,10 +43,8 @@ def samples(count, outputs=2, seed=0, noise=1.0):
 @pytest.fixture(scope="module")
 def fitted():
     X, Y = samples(80)
-    return {
-        name: make(name, SETTINGS).describe(INPUTS, ("x_deg", "y_mm"), {"x_deg": {"a.b": 1}}).fit(X, Y)
-        for name in names()
-    }
+    given = INPUTS, ("x_deg", "y_mm"), {"x_deg": {"a.b": 1}}
+    return {name: make(name, SETTINGS).describe(*given).fit(X, Y) for name in names()}
 
 
 @every
@@ -72,17 +70,12 @@ def test_error_bars_of_the_mean_cover_the_truth(name):
 
 
 @every
-def test_errors_of_single_values_hold_the_noise(name, fitted):
+def test_errors_of_single_values_hold_the_noise_and_the_covariance_their_squares(name, fitted):
     X = points(20, 2)
     single, mean = (fitted[name].predict(X, return_std=True, noise=noise)[1] for noise in (True, False))
     noise = np.sqrt(single**2 - mean**2)
     assert noise == pytest.approx(np.broadcast_to(noise[0], noise.shape))
     assert noise[0] == pytest.approx(NOISE[:2], rel=0.3)
-
-
-@every
-def test_covariance_holds_the_squares_of_the_errors(name, fitted):
-    X = points(20, 2)
     covariance = fitted[name].covariance(X)
     std = fitted[name].predict(X, return_std=True, noise=False)[1]
     assert np.diagonal(covariance, axis1=1, axis2=2) == pytest.approx(std**2, rel=1e-6)
@@ -214,16 +207,13 @@ def test_errors_of_a_weighted_quadratic_surface_are_those_of_many_data_sets():
         assert np.mean(claimed, axis=0)[k] / scale == pytest.approx(found, abs=0.08 * found.max())
 
 
-def test_a_surrogate_is_registered_once():
+def test_a_surrogate_is_registered_once_and_the_configuration_knows_it():
     class Other(base.Surrogate):
         pass
 
     with pytest.raises(ValueError, match="registered already, by QuadraticSurface"):
         base.register("quadratic")(Other)
     input_error(f"surrogate is 'cubic'; expected one of {', '.join(sorted(names()))}", make, "cubic", {})
-
-
-def test_the_configuration_knows_every_surrogate():
     assert subschema(("surrogate",))["enum"] == list(names())
 
 

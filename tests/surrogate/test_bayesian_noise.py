@@ -26,9 +26,11 @@ def linear_jacobian(w, x, outputs):
 def linear(monkeypatch):
     for module in (levenberg_marquardt, bayesian_bp):
         monkeypatch.setattr(module, "jacobian", linear_jacobian)
-    monkeypatch.setattr(
-        levenberg_marquardt, "residuals", lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0]
-    )
+
+    def residuals(w, x, t, root):
+        return (linear_features(x) @ w - t[:, 0]) * root[:, 0]
+
+    monkeypatch.setattr(levenberg_marquardt, "residuals", residuals)
     random = np.random.RandomState(21)
     X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])
     y = linear_features(X) @ random.normal(size=9) + 0.3 * random.normal(size=52)
@@ -83,16 +85,13 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(n
     assert mean.shape == std.shape == (30, 2)
 
 
-def test_a_covariance_of_independent_outputs_of_one_variance_changes_nothing():
+def test_independent_outputs_change_nothing_and_mixed_weights_mix_them():
     X, Y = noisy_data(60, 31)
     plain = BayesianBP(hidden=3, starts=2).fit(X, Y)
     alike = BayesianBP(hidden=3, starts=2).fit(X, Y, noise_covariance=7 * np.diag(np.ptp(Y, axis=0) ** 2))
     np.testing.assert_allclose(alike.predict(X), plain.predict(X), rtol=1e-6)
     np.testing.assert_allclose(alike.noise_std_, plain.noise_std_, rtol=1e-6)
     assert alike.log_evidence_ == pytest.approx(plain.log_evidence_)
-
-
-def test_mixed_weights_are_the_network_with_mixed_outputs():
     random = np.random.RandomState(32)
     x, w, mixing = random.uniform(size=(9, 3)), random.normal(size=26), random.normal(size=(2, 2))
     mixed = two_layer.mix_outputs(w, mixing, 4)

@@ -126,19 +126,16 @@ def grid():
     return np.array([(x, y) for x in side for y in side])
 
 
-def test_distance_is_beyond_when_farther_than_samples_are_from_each_other():
+def test_distances_are_in_ranges_and_thin_beyond_those_of_samples_from_each_other():
     support = Support(grid(), [0, 0], [1, 1], NAMES)
     assert support.farthest == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
     assert support.is_thin([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
-
-
-def test_distances_are_in_ranges():
     support = Support(grid() * [1, 10], [0, 0], [1, 10], NAMES)
     assert support.distance([[0.2, 2.5]]) == pytest.approx([0.05])
 
 
-def test_leverage_is_that_of_a_quadratic_model():
+def test_leverage_is_that_of_a_quadratic_model_which_few_samples_do_not_bear():
     points = np.random.default_rng(1).uniform(size=(40, 2))
     support = Support(points, [0, 0], [1, 1], NAMES)
     X = np.column_stack([np.ones(40), points, points**2, points[:, 0] * points[:, 1]])
@@ -147,9 +144,6 @@ def test_leverage_is_that_of_a_quadratic_model():
     assert hat.sum() == pytest.approx(6)
     assert support.largest_leverage == pytest.approx(hat.max())
     assert support.is_thin([[1.6, 1.6]]).all()
-
-
-def test_few_samples_bear_no_quadratic_model():
     points = np.random.default_rng(1).uniform(size=(20, 6))
     support = Support(points, np.zeros(6), np.ones(6))
     assert quadratic_terms(points).shape == (20, 28)
@@ -166,7 +160,7 @@ def test_warnings_in_words():
     assert "leverage" in far
 
 
-def test_support_of_a_dataset_takes_usable_samples(tmp_path):
+def test_support_of_a_dataset_takes_usable_samples_of_its_shape(tmp_path):
     table = pd.DataFrame(np.random.default_rng(1).uniform(size=(40, 6)), columns=list(PARAMETERS))
     table["sample"], table["status"] = np.arange(40), "ok"
     table.loc[0, "status"] = "jammed"
@@ -181,6 +175,8 @@ def test_support_of_a_dataset_takes_usable_samples(tmp_path):
     table["status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
     input_error("usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space)
+    with pytest.raises(ValueError, match=r"points has shape \(3, 2\); expected at least two rows of 6"):
+        Support(np.zeros((3, 2)), np.zeros(6), np.ones(6))
 
 
 def test_a_fixed_parameter_plays_no_part():
@@ -191,8 +187,3 @@ def test_a_fixed_parameter_plays_no_part():
     assert fixed.warnings(np.insert(asked, 1, 0.3, axis=1)) == free.warnings(asked)
     assert fixed.at_bounds(np.insert(asked, 1, 0.3, axis=1))[:, 1].tolist() == [False] * 3
     assert fixed.largest_leverage == free.largest_leverage
-
-
-def test_points_of_another_shape_are_refused():
-    with pytest.raises(ValueError, match=r"points has shape \(3, 2\); expected at least two rows of 6"):
-        Support(np.zeros((3, 2)), np.zeros(6), np.ones(6))

@@ -11,9 +11,13 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import NamedTuple
 
+from shared import target
+
 from repose.core import ledger
 
 ROOT = Path(__file__).parents[2]
+# Targets from two bench tests.
+MIXED = [target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")]
 
 
 class Done(NamedTuple):

@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from plans import as_ours, planned, snakemake
+from plans import MIXED, as_ours, planned, snakemake
 from synthetic import SPACE, write_poured
 from synthetic import Study as Given
 
@@ -19,11 +19,7 @@ from repose.strategies.base import samples_of
 
 pytestmark = pytest.mark.slow
 
-# Targets from two bench tests.
-MIXED = [
-    {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
-    for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
-]
+
 # Samples of each batch in the small study, the check of the answer last. The screening has corners and the centre, then
 # come the path, a Box-Behnken design in three factors, and the check.
 SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3, 2]}
