@@ -8,14 +8,14 @@ follow it.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.section import Section
-from repose.core.targets import Targets
+from repose.core.studied import Studied
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,34 +23,6 @@ if TYPE_CHECKING:
     from repose.surrogate.base import Predictor
 
 SO_FAR = "more runs may give a better answer"
-
-
-class Studied(Protocol):
-    """The part of a study that a strategy reads.
-
-    Attributes
-    ----------
-    config : mapping
-        Plain values by section; a strategy's section has its name.
-    settings : Section
-        The same as typed sections; `settings.design.seed` is the seed of the study.
-    parameters : ParameterSpace
-        Ranges, fixed values and priors.
-    targets : Targets
-        The measured responses.
-    """
-
-    @property
-    def config(self) -> Mapping[str, Any]: ...
-
-    @property
-    def settings(self) -> Any: ...
-
-    @property
-    def parameters(self) -> ParameterSpace: ...
-
-    @property
-    def targets(self) -> Targets: ...
 
 
 @dataclass(frozen=True)
