@@ -48,7 +48,7 @@ def settings_of(config):
         if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, Section):
             value = NetworkSettings.of(value) if name == "network" else kind.model_construct(**value)
         sections[name] = value
-    return models.StudySettings.model_construct(**sections)
+    return models.settings_type().model_construct(**sections)
 
 
 @functools.cache

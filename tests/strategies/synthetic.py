@@ -1,5 +1,7 @@
 """A simulator in one line for the strategies: two responses that three parameters set."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +10,7 @@ from shared import RANGES, settings_of
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
+from repose.strategies.response_surface import ResponseSurfaceSettings
 
 SPACE = ParameterSpace.of(RANGES)
 # What `responses` gives at mus_gg 0.61, mur_gg 0.05, mus_gp 0.68.
@@ -28,6 +31,7 @@ SECTION = {
     "reach": 0.25,
     "checks": 8,
 }
+SETTINGS = ResponseSurfaceSettings(**SECTION)
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
 
 
@@ -37,6 +41,7 @@ class Study(NamedTuple):
     parameters: ParameterSpace
     targets: Targets
     config: dict
+    definitions: Mapping = MappingProxyType({})
 
     @property
     def settings(self):

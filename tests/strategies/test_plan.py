@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import beta, norm
-from synthetic import SPACE, TARGETS, configuration
+from synthetic import TARGETS, study
 
 from repose.cli import main
 from repose.config import cost
@@ -18,7 +18,11 @@ from repose.strategies import plan
 from research.answers import hidden_truths
 
 ROOT = Path(__file__).parents[2]
-CONFIG = configuration(TARGETS, SPACE, funnel={"berries": 500})
+
+
+def study_of(responses):
+    """A study of one or two targets."""
+    return study(Targets(TARGETS[-responses:]), funnel={"berries": 500})
 
 
 def runs_of(sd, samples=400, seed=1):
@@ -31,9 +35,7 @@ def runs_of(sd, samples=400, seed=1):
 
 
 def test_the_default_noise_asks_for_as_many_pours_as_by_hand():
-    height = Targets.of(CONFIG["targets"])[1:]
-    found = plan.plan(CONFIG | {"targets": CONFIG["targets"][1:]})
-    assert len(height) == 1
+    found = plan.plan(study_of(1))
     for percent in (1.0, 2.0):
         by_hand = (norm.ppf((1 + plan.CERTAINTY) / 2) * plan.NOISE_PERCENT / percent) ** 2
         assert found.needed[percent] == int(np.ceil(by_hand))
@@ -45,16 +47,15 @@ def test_the_noise_is_that_of_the_runs():
     found = plan.measured_noise(runs_of(sd), TARGETS)
     # 400 degrees of freedom: a variance is known to 7 %
     assert found == pytest.approx(np.outer(sd, sd) * [[1, 0.5], [0.5, 1]], rel=0.25)
-    assert plan.plan(CONFIG, runs_of(sd)).measured
+    assert plan.plan(study_of(2), runs_of(sd)).measured
 
 
 @pytest.mark.parametrize("percent", [0.1, 1.1, 1.9, 5.0, 30.0])
 @pytest.mark.parametrize("responses", [1, 2])
 def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses):
     sd = np.array([percent, percent]) / 100 * TARGETS.aim
-    config = CONFIG | {"targets": CONFIG["targets"][-responses:]}
     names = list(TARGETS.names)[-responses:]
-    found = plan.plan(config, runs_of(sd)[["sample", "status", *names]]).budgets
+    found = plan.plan(study_of(responses), runs_of(sd)[["sample", "status", *names]]).budgets
     section = Study.load(ROOT / "config/config.yaml").config["sequential"]
     assert found["pours"].min() == section["start_samples"] * section["seeds"]
     campaigns = pd.read_csv(plan.SUCCESS).query("responses == @responses")
@@ -135,4 +136,4 @@ def test_the_table_is_that_of_the_hidden_truths():
 
 def test_disk_goes_with_grains_and_pours():
     # 150 jobs of 6 pours of 500 grains took 27.6 MB
-    assert plan.disk_mb(CONFIG, 900) == pytest.approx(27.6, rel=0.05)
+    assert plan.disk_mb(study_of(2), 900) == pytest.approx(27.6, rel=0.05)

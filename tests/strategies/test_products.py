@@ -19,9 +19,11 @@ from repose.measure.angles import MEAN_KEYS
 from repose.particle.particle import Particle
 from repose.pictures.report import page, sections
 from repose.pictures.report.study import read
+from repose.search.settings import MigaSettings
 from repose.strategies import answer as written
 from repose.strategies.answer import separated
 
+MIGA = MigaSettings.model_construct(distance=0.02, solutions=3)
 ROOT = Path(__file__).parents[2]
 SPHERE = Particle("ellipsoid", np.full((1, 3), 4e-3), 1000.0, 2.7e-7, 2.7e-4, [1e-9] * 3, 4e-3, 0.0, 0.0)
 BERRY = {"long_mm": 8.0, "major_mm": 8.0, "minor_mm": 8.0, "n": 20, "density_kg_m3": 1000.0}
@@ -89,11 +91,11 @@ def test_the_sets_found_meet_the_targets(study):
     off = responses(table) / TARGETS.aim - 1
     assert abs(off).max() < 0.12
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy())
-    assert len(separated(unit[1:], 0.02, 99)) == len(unit) - 1
+    assert len(separated(unit[1:], MIGA.model_copy(update={"solutions": 99}))) == len(unit) - 1
 
 
 def test_points_are_kept_apart():
-    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), 0.02, 3).tolist() == [0, 2, 4]
+    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), MIGA).tolist() == [0, 2, 4]
 
 
 def test_the_card_of_a_strategy_is_a_card(study):

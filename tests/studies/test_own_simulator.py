@@ -13,9 +13,10 @@ import yaml
 
 from repose.chain import card
 from repose.cli import main
+from repose.config.record import add_runs
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.strategies.runs import add_runs, checked_runs
+from repose.strategies.runs import checked_runs
 from repose.strategies.sequential import noise
 from repose.strategies.sequential.strategy import observed_of
 from repose.studies import calibration
@@ -76,7 +77,7 @@ def test_the_answer_meets_the_targets_of_a_known_simulator(found):
     answer = pd.DataFrame([found.summary["representative"]])
     exact = simulate(answer, noise=0.0).iloc[0]
     for k, one in enumerate(found.study.targets):
-        assert abs(exact[one.name] - one.aim) < 4 * found.error[k]
+        assert abs(exact[one.name] - one.aim) < 4 * found.answer.error[k]
     assert found.summary["feasible"]
     chance = found.probability
     assert 0.5 < chance["within_1_percent"] <= chance["within_2_percent"] <= 1
@@ -179,7 +180,7 @@ def test_failed_runs_are_known_as_such(study, table):
 
 def noise_of(study, table):
     known = observed(study, checked_runs(study, table))[0]
-    return noise.noise_of(known, study.targets.names, study.config["noise_sd"])
+    return noise.noise_of(known, study.targets.names, study.settings.noise_sd)
 
 
 def test_a_fixed_parameter_needs_no_column(study, table, tmp_path):
@@ -221,8 +222,8 @@ def test_how_rough_the_estimate_is(samples, low, high):
 def test_the_correlation_of_responses_needs_more_repeated_runs_than_responses(study):
     """Of fewer its estimate is singular."""
     needed = len(study.targets) + 2
-    assert calibration.posterior_settings(study, needed - 1)["measured_correlation"] == 0.0
-    assert calibration.posterior_settings(study, needed) == study.config["posterior"]
+    assert calibration.posterior_settings(study, needed - 1).measured_correlation == 0.0
+    assert calibration.posterior_settings(study, needed).measured_correlation == "simulated"
 
 
 def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table):
