@@ -104,12 +104,13 @@ def test_solutions_are_inside_all_ranges(found):
 
 @pytest.mark.slow
 def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
-    made = calibration.write(found, tmp_path)
+    found.save(tmp_path)
+    made = found.card
     assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
     assert made["met"] is None
     assert made["reason"] == "The answer is predicted inside both ranges; the answer was not simulated again."
     assert made["out_of_reach"] is False
-    assert calibration.describe(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
+    assert str(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert main(["card", "check", str(tmp_path / "card.json")]) == 3
     assert capsys.readouterr().out.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert {test["bench"] for test in made["tests"]} == {None}
@@ -142,8 +143,8 @@ def test_the_intervals_shown_hold_the_answer(found):
     moved = found._replace(posterior=found.posterior._replace(parameters=table))
     for name in FREE:
         assert moved.intervals[name]["high"] == found.parameters[name]
-    assert calibration.describe(moved).count("; interval widened to hold the answer") == 2
-    assert calibration.describe(found).count("widened") == 0
+    assert str(moved).count("; interval widened to hold the answer") == 2
+    assert str(found).count("widened") == 0
     assert "friction" in moved._repr_html_()
 
 

@@ -178,7 +178,6 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
     model, space = Linear(targets.names, [slopes], error=0.1), ParameterSpace.of(UNIT)
     curve = implausibility.curve(
         implausibility.Points(model, space),
-        space,
         targets,
         lambda percent, between: observation(targets, np.eye(1), np.array([[(percent / 100 * 31.0) ** 2]])),
     )

@@ -108,8 +108,8 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import calibration
 
     found = calibration.calibrate(study, read_runs(args.runs, study))
-    calibration.write(found, args.out)
-    print(calibration.describe(found))
+    found.save(args.out)
+    print(found)
     _warn(found.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
     from repose.pictures.report import own  # last: an installation without pictures has all but the report

@@ -72,18 +72,69 @@ class Calibration(NamedTuple):
     @property
     def card(self) -> dict[str, Any]:
         """The material card, as `save` writes it."""
-        return card_of(self, Path())
+        study, draws = self.study, (self.posterior.parameters, self.posterior.draws)
+        about = {"simulator": _simulator(study), "probability": self.probability}
+        tests: dict[str, dict[str, Any]] = {
+            name: {"definition": {"name": _definitions(study).get(name), "settings": {}}, "bench": None}
+            for name in study.targets.names
+        }
+        found = self.as_answer()
+        return card.assembled(about, tests, found, study.parameters, study.targets, self.solutions, draws)
 
     def save(self, out_dir: str | os.PathLike) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
-        write(self, out_dir)
+        out, made = Path(out_dir), self.card
+        tables = {"samples": self.samples, "solutions": self.solutions}
+        tables |= {"posterior": self.posterior.parameters, "draws": self.posterior.draws}
+        for name, table in tables.items():
+            write_table(out / f"{name}.csv", table)
+        card.check(made, out / "card.json")
+        for name, content in {"posterior": self.posterior.summary, "summary": self.summary, "card": made}.items():
+            write_json(out / f"{name}.json", content)
 
     def report(self, path: str | os.PathLike) -> None:
         """Write the page to read, one HTML file; it takes the extra `pictures`."""
         import_module("repose.pictures.report.own").write(self, Path(path))  # a room above this one
 
+    def as_answer(self) -> Result:
+        """Put the answer in the form for the material card; it was not simulated again."""
+        return Result(
+            label=self.study.settings.label,
+            parameters=self.parameters,
+            feasible=self.summary["feasible"],
+            message=self.summary["message"],
+            checks=tuple(
+                replace(Check.of(target, None, None, 0, NOT_AGAIN), predicted=mean)
+                for target, mean in zip(self.study.targets, self.answer.mean.tolist(), strict=True)
+            ),
+            folder=Path(),
+            out_of_reach=out_of_reach(self.summary),
+            within={percent: self.probability[column] for percent, column in WITHIN.items()},
+        )
+
+    def __str__(self) -> str:
+        chance, best = self.probability, self.answer
+        lines = [self.as_answer().verdict, "The calibrated parameters [95 % interval]:"]
+        for name, row in self.intervals.items():
+            interval = "fixed" if row["low"] is None else f"[{row['low']:.4g}, {row['high']:.4g}]"
+            lines.append(card.with_remark(f"  {name} {row['value']:.4g} {interval}", row))
+        lines.append(f"Predicted by {self.model.name.replace('_', ' ')}, not simulated again:")
+        for target, mean, error in zip(self.study.targets, best.mean, best.error, strict=True):
+            unit = f" {target.response.unit}".rstrip()
+            off = target.off_percent(mean)
+            lines.append(
+                f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}, "
+                f"range {target.low:g} to {target.high:g}{unit}"
+            )
+        lines.append(
+            f"Probability that the simulator's means there lie within 1 % of all targets: "
+            f"{chance['within_1_percent']:.2f}; within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: "
+            f"{chance['inside']:.2f}."
+        )
+        return "\n".join(lines)
+
     def __repr__(self) -> str:
-        return f"<Calibration of {self.study.settings.label}>\n{describe(self)}"
+        return f"<Calibration of {self.study.settings.label}>\n{self}"
 
     def _repr_html_(self) -> str:
         """Show the answer in a notebook: parameters with their intervals, predictions, probabilities."""
@@ -147,51 +198,6 @@ def posterior_settings(study: Studied, freedom: int) -> PosteriorSettings:
     return PosteriorSettings.model_construct(**own)
 
 
-def write(result: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
-    """Write the tables of a calibration and its material card; return the card."""
-    out = Path(out_dir)
-    tables = {"samples": result.samples, "solutions": result.solutions}
-    tables |= {"posterior": result.posterior.parameters, "draws": result.posterior.draws}
-    for name, table in tables.items():
-        write_table(out / f"{name}.csv", table)
-    write_json(out / "posterior.json", result.posterior.summary)
-    write_json(out / "summary.json", result.summary)
-    made = card_of(result, out)
-    card.check(made, out / "card.json")
-    write_json(out / "card.json", made)
-    return made
-
-
-def card_of(result: Calibration, folder: Path) -> dict[str, Any]:
-    """Return the material card of a calibration whose files lie in a folder."""
-    study = result.study
-    about = {"simulator": _simulator(study), "probability": result.probability}
-    tests: dict[str, dict[str, Any]] = {
-        name: {"definition": {"name": _definitions(study).get(name), "settings": {}}, "bench": None}
-        for name in study.targets.names
-    }
-    draws = result.posterior.parameters, result.posterior.draws
-    found = as_answer(result, folder)
-    return card.assembled(about, tests, found, study.parameters, study.targets, result.solutions, draws)
-
-
-def as_answer(result: Calibration, folder: Path) -> Result:
-    """Put the answer in the form for the material card; it was not simulated again."""
-    return Result(
-        label=result.study.settings.label,
-        parameters=result.summary["representative"],
-        feasible=result.summary["feasible"],
-        message=result.summary["message"],
-        checks=tuple(
-            replace(Check.of(target, None, None, 0, NOT_AGAIN), predicted=mean)
-            for target, mean in zip(result.study.targets, result.answer.mean.tolist(), strict=True)
-        ),
-        folder=folder,
-        out_of_reach=out_of_reach(result.summary),
-        within={percent: result.probability[column] for percent, column in WITHIN.items()},
-    )
-
-
 def _simulator(study: Studied) -> str:
     """Return the name of the simulator."""
     return str(getattr(study.settings, "simulator", "repose"))
@@ -200,29 +206,6 @@ def _simulator(study: Studied) -> str:
 def _definitions(study: Studied) -> dict[str, str]:
     """Return how the responses of a simulator of the user's own are taken, in the user's words."""
     return dict(getattr(study.settings, "definitions", {}))
-
-
-def describe(result: Calibration) -> str:
-    """Write the answer as text for people."""
-    study, chance = result.study, result.probability
-    lines = [as_answer(result, Path()).verdict, "The calibrated parameters [95 % interval]:"]
-    for name, row in result.intervals.items():
-        interval = "fixed" if row["low"] is None else f"[{row['low']:.4g}, {row['high']:.4g}]"
-        lines.append(card.with_remark(f"  {name} {row['value']:.4g} {interval}", row))
-    lines.append(f"Predicted by {result.model.name.replace('_', ' ')}, not simulated again:")
-    for target, mean, error in zip(study.targets, result.answer.mean, result.answer.error, strict=True):
-        unit = f" {target.response.unit}".rstrip()
-        off = target.off_percent(mean)
-        lines.append(
-            f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}, "
-            f"range {target.low:g} to {target.high:g}{unit}"
-        )
-    lines.append(
-        f"Probability that the simulator's means there lie within 1 % of all targets: "
-        f"{chance['within_1_percent']:.2f}; within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: "
-        f"{chance['inside']:.2f}."
-    )
-    return "\n".join(lines)
 
 
 def _samples(study: Studied, runs: pd.DataFrame) -> pd.DataFrame:

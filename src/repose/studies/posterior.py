@@ -198,9 +198,9 @@ def _further_studies(
 
     chosen = settings.discrepancy_percent, settings.discrepancy_correlation
     of_shapes = None if shapes is None else observed(shapes)
-    table = implausibility.curve(points, space, targets, stated, of_shapes)
+    table = implausibility.curve(points, targets, stated, of_shapes)
     excluded = implausibility.implausibility(points, *(of_shapes or stated(*chosen)))
-    share, projections = implausibility.region(points, space, excluded)
+    share, projections = implausibility.region(points, excluded)
     write_table(out / "discrepancy.csv", table, float_format="%.6g")
     write_table(out / "region.csv", projections, float_format="%.6g")
     return {"not_implausible_share": share, "over_the_discrepancy": implausibility.message(table, share)}
