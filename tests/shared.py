@@ -55,7 +55,7 @@ def settings_of(config):
         if name == "targets":
             value = [models.TargetSettings.model_construct(**one) for one in value]
         sections[name] = value
-    return models.StudySettings.model_construct(**sections)
+    return models.settings_type().model_construct(**sections)
 
 
 def studied(config, **more):

@@ -20,6 +20,7 @@ from repose.measure.angles import MEAN_KEYS
 from repose.particle.particle import Particle
 from repose.pictures.report import page, sections
 from repose.pictures.report.study import read
+from repose.search.settings import MigaSettings
 from repose.strategies import answer as written
 from repose.strategies.answer import separated
 
@@ -29,6 +30,11 @@ BERRY = {"long_mm": 8.0, "major_mm": 8.0, "minor_mm": 8.0, "n": 20, "density_kg_
 FILES = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
 FILES |= {"summary": "summary.json", "table4": "table4.csv"}
 BERRY |= {"elastic_modulus_pa": 1e6, "shear_modulus_pa": 4e5, "poisson_ratio": 0.25, "scale_sd": 0.0}
+
+
+def apart(solutions):
+    """The section `miga` of so many solutions."""
+    return MigaSettings.model_construct(distance=0.02, solutions=solutions)
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +83,8 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     off = responses(table) / TARGETS.aim - 1
     assert abs(off).max() < 0.12
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy())
-    assert len(separated(unit[1:], 0.02, 99)) == len(unit) - 1
-    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), 0.02, 3).tolist() == [0, 2, 4]
+    assert len(separated(unit[1:], apart(99))) == len(unit) - 1
+    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), apart(3)).tolist() == [0, 2, 4]
 
 
 def test_a_target_out_of_reach_is_no_success(study, tmp_path):

@@ -86,9 +86,9 @@ def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
 
 def _of_the_strategy(config: Mapping[str, Any]) -> Pairs:
     """Refuse a strategy that cannot run with this configuration."""
-    from repose import strategies
+    from repose.strategies import cost
 
-    return strategies.strategy(config["strategy"]).contradictions(config)
+    return cost.contradictions(config)
 
 
 def _of_seeds(config: Mapping[str, Any]) -> Pairs:

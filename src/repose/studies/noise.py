@@ -49,8 +49,7 @@ def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
 def within_correlation(runs: pd.DataFrame, targets: Targets) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
     """Correlate the responses (k, k) from run to run of one sample, 0 between bench tests; also pair by pair."""
     matrix, pairs = np.eye(len(targets)), {}
-    for bench in targets.apparatus:
-        rows = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
+    for rows in targets.benches.values():
         # the same runs for all pairs of a bench test, so that the matrix is positive semidefinite
         ok = usable(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):

@@ -30,7 +30,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
 
 def seeds_of(study: Studied) -> int:
     """Return how often each sample of a design runs: the seeds of the first target's bench test."""
-    return study.config[study.targets.apparatus[0]]["seeds"]
+    return getattr(study.settings, study.targets.apparatus[0]).seeds
 
 
 def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> Training:
