@@ -186,7 +186,7 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     files = {name: tmp_path / path for name, path in names.items()}
     made = SimpleNamespace(rule="conclude", feasible="solutions.csv", table4="t4.csv", **files)
     known = {"answers": answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
-    known |= {"config": study(tmp_path, simulated, feasible)}
+    known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
     known |= {"CALL": SimpleNamespace(made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path)))}
     exec(textwrap.dedent(HANDLER[1]), known)
     first = capsys.readouterr().out.splitlines()[0]
