@@ -12,7 +12,7 @@ from test_drum import saved
 from test_simulated_piles import cone_of_berries
 
 from repose.cli import TYPED, VERBS, parser
-from repose.config import loader, models, stands_on, study
+from repose.config import loader, models, stands_on, study, typed
 from repose.core import section
 from repose.core.parameters import PARAMETERS
 from repose.core.published import beside
@@ -25,6 +25,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run onc
 NOT_RUN = {"next"}  # it needs runs of four sets in a further bench test
 SEVERAL = ("sequential", "response_surface", "refined")  # strategies; here each proposes by a stage of its name
 LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
+SECTIONS = typed.sections
 SMALL = {
     "surrogate": "gaussian_process",
     "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
@@ -68,6 +69,14 @@ class Noted(dict):
         return other | dict(self.items())
 
 
+class NotedOutside(Noted):
+    """A mapping that notes the keys outside sections alone; its sections are plain, as pydantic reads every key."""
+
+    def __getitem__(self, key):
+        value = dict.__getitem__(self, key)
+        return value if isinstance(value, dict) else super().__getitem__(key)
+
+
 def note_attributes(patch, keys):
     """Note also the keys that are read as attributes of typed sections, wherever these were made."""
     plain, whole = BaseModel.__getattribute__, models.settings_type()
@@ -87,6 +96,7 @@ def note_attributes(patch, keys):
         return value
 
     patch.setattr(Section, "__getattribute__", noting)
+    patch.setattr(typed, "sections", lambda config, *more: SECTIONS(NotedOutside(config, keys), *more))
     patch.setattr(section, "refuse", lambda _: None)  # a check of all keys is no use of them
 
 
