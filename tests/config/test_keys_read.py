@@ -77,26 +77,25 @@ class NotedOutside(Noted):
         return value if isinstance(value, dict) else super().__getitem__(key)
 
 
+def is_section(kind):
+    return isinstance(kind, type) and issubclass(kind, Section)
+
+
 def note_attributes(patch, keys):
     """Note also the keys that are read as attributes of typed sections, wherever these were made."""
-    plain, whole = BaseModel.__getattribute__, models.settings_type()
-    kinds = {name: field.annotation for name, field in whole.model_fields.items()}
-    sections = {
-        kind: f"{name}." for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Section)
-    }
+    plain, fields = BaseModel.__getattribute__, models.settings_type().model_fields
+    sections = {field.annotation: f"{name}." for name, field in fields.items() if is_section(field.annotation)}
 
     def noting(section, name):
         value, kind = plain(section, name), type(section)
         # `dict` of a section, and its copies, read `__dict__`
         read = kind.model_fields if name == "__dict__" else (name,) if name in kind.model_fields else ()
-        if kind is whole:
-            keys.update(key for key in read if kinds[key] not in sections)
-        elif kind in sections:
+        if kind in sections:
             keys.update(f"{sections[kind]}{key}" for key in read)
         return value
 
     patch.setattr(Section, "__getattribute__", noting)
-    patch.setattr(typed, "sections", lambda config, *more: SECTIONS(NotedOutside(config, keys), *more))
+    patch.setattr(typed, "sections", lambda config, *more: SECTIONS(NotedOutside(dict.copy(config), keys), *more))
     patch.setattr(section, "refuse", lambda _: None)  # a check of all keys is no use of them
 
 
