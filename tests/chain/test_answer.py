@@ -108,8 +108,8 @@ def test_a_small_run_says_so_first(tmp_path):
 
 def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
     checks = (
-        answer.Check("aor_deg", "deg", angle, None, 9, status, 32.0, 2.0, 31.0, 34.0, predicted=32.5),
-        answer.Check("my_mm", "mm", height, 0.5, 9, status, 66.0, 2.0, 64.0, 68.0),
+        answer.Check("aor_deg", "funnel", "deg", 32.0, 2.0, 5, 31.0, 34.0, angle, None, 9, status, predicted=32.5),
+        answer.Check("my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status),
     )
     return answer.Result("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
 

@@ -56,8 +56,8 @@ def solutions():
 def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5, values=MappingProxyType({}), **known):
     checks = tuple(
         answer.Check(
-            *(target["response"], "mm", simulated, 0.4, runs, "ok"),
-            *(target["value"], target["sd"], *target["range"]),
+            *(target["response"], "funnel", "mm", target["value"], target["sd"], target["repetitions"]),
+            *(*target["range"], simulated, 0.4, runs, "ok"),
             predicted=67.98,
         )
         for target in config["targets"]
@@ -262,7 +262,7 @@ def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solu
 def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(config, solutions, capsys, tmp_path):
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
     config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
-    check = answer.Check("aor_deg", "deg", 30.5, 0.4, 32, "ok", 30.0, 1.0, 29.0, 31.0)
+    check = answer.Check("aor_deg", "funnel", "deg", 30.0, 1.0, 10, 29.0, 31.0, 30.5, 0.4, 32, "ok")
     found = answer.Result("wheat", dict.fromkeys(config["parameters"], 0.3), True, "", (check,), Path(), {})
     row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
     row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {"aor_whole_deg": math.nan}

@@ -41,7 +41,7 @@ class Noted(dict):
 
     def __init__(self, content, keys, prefix=""):
         super().__init__(content)
-        self.keys_read, self.prefix = keys, prefix
+        self.plain, self.keys_read, self.prefix = content, keys, prefix
 
     def __getitem__(self, key):
         value = super().__getitem__(key)
@@ -95,7 +95,9 @@ def note_attributes(patch, keys):
         return value
 
     patch.setattr(Section, "__getattribute__", noting)
-    patch.setattr(typed, "sections", lambda config, *more: SECTIONS(NotedOutside(dict.copy(config), keys), *more))
+    patch.setattr(
+        typed, "sections", lambda config, *more: SECTIONS(NotedOutside(getattr(config, "plain", config), keys), *more)
+    )
     patch.setattr(section, "refuse", lambda _: None)  # a check of all keys is no use of them
 
 

@@ -33,18 +33,20 @@ SAID = {True: "targets met", False: "targets NOT met", None: "targets not checke
 
 @dataclass(frozen=True)
 class Check:
-    """One response of the representative solution, simulated with fresh seeds."""
+    """One response of the representative solution, simulated with fresh seeds; its fields are keys of the card."""
 
     response: str
+    apparatus: str  # its bench test
     unit: str
+    measured: float  # mean of the physical repetitions
+    sd: float  # standard deviation of the physical repetitions
+    repetitions: int
+    low: float  # of the target range
+    high: float
     simulated: float | None  # mean of the runs; None if they failed
     standard_error: float | None  # None if they failed, or after a single run
     runs: int
     status: str  # "ok" if the runs can be measured; `NOT_AGAIN` without any
-    measured: float  # mean of the physical repetitions
-    sd: float  # standard deviation of the physical repetitions
-    low: float  # of the target range
-    high: float
     whole: float | None = None  # of a profile's score: what percents are of
     predicted: float | None = None  # by the surrogate, before the runs
     line: str = ""  # of an angle of a pile, in words
@@ -52,10 +54,17 @@ class Check:
     @classmethod
     def of(cls, target: Target, simulated: float | None, standard_error: float | None, runs: int, status: str) -> Self:
         """Make the check of a target, without its prediction."""
-        response, unit = target.name, target.response.unit
-        ends = target.value, target.sd, target.low, target.high
-        whole = None if target.profile is None else target.whole_value
-        return cls(response, unit, simulated, standard_error, runs, status, *ends, whole)
+        about = target.name, target.response.apparatus, target.response.unit
+        ends, whole = (target.low, target.high), None if target.profile is None else target.whole_value
+        check = cls(*about, target.value, target.sd, target.repetitions, *ends, simulated, standard_error, runs, status)
+        return replace(check, whole=whole)
+
+    def row(self) -> dict[str, Any]:
+        """Return its entry in the material card, without the definition of the response."""
+        given = (name for name in ("whole", "predicted") if getattr(self, name) is not None)
+        names = ["response", "apparatus", "unit", "measured", "sd", "repetitions", "low", "high", *given]
+        names += ["simulated", "standard_error", "runs", "status", "met"]
+        return {name: getattr(self, name) for name in names}
 
     @property
     def error_percent(self) -> float | None:

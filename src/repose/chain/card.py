@@ -5,14 +5,14 @@ content, `card_text` prints it.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench, reach
 from repose.apparatus.settings import SimulationSettings
-from repose.chain.answer import Check, Result
+from repose.chain.answer import Result
 from repose.chain.card_model import POSTERIOR, RANGE, WHAT, check
 from repose.core import provenance
 from repose.core.errors import InputError
@@ -23,7 +23,6 @@ from repose.core.responses import Response, derived
 from repose.core.runs import error_of
 from repose.core.section import Section
 from repose.core.studied import Studied
-from repose.core.targets import Target, Targets
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,7 +67,7 @@ def make(
     }
     for name, found in reach.of(study.config, particle, dataset_csv).items():
         tests[name]["reach"] = found.record()
-    return assembled(about, tests, answer, study.parameters, study.targets, feasible, posterior)
+    return assembled(about, tests, answer, study.parameters, feasible, posterior)
 
 
 def assembled(
@@ -76,7 +75,6 @@ def assembled(
     tests: Mapping[str, Mapping[str, Any]],
     answer: Result,
     space: ParameterSpace,
-    targets: Targets,
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
@@ -102,7 +100,7 @@ def assembled(
             parameter: {other: round(float(correlations.loc[parameter, other]), 4) for other in space.free}
             for parameter in space.free
         },
-        "tests": [_test(check, target) | dict(tests[target.name]) for check, target in _paired(answer.checks, targets)],
+        "tests": [check.row() | dict(tests[check.response]) for check in answer.checks],
         "met": answer.met,
         "out_of_reach": answer.out_of_reach,
         "reason": answer.reason,
@@ -229,33 +227,6 @@ def _grain(alike: bool, berry: Mapping[str, Any], particle: "Particle") -> dict[
 def _rounded(value: float) -> float:
     """Round to six digits; more are not measured."""
     return float(f"{value:.6g}")
-
-
-def _paired(checks: Iterable[Check], targets: Targets) -> list[tuple[Check, Target]]:
-    """Pair each check with its target."""
-    by_name = {target.name: target for target in targets}
-    return [(check, by_name[check.response]) for check in checks]
-
-
-def _test(check: Check, target: Target) -> dict[str, Any]:
-    """Make the entry of one test of the calibration."""
-    return {
-        "response": check.response,
-        "apparatus": target.response.apparatus,
-        "unit": check.unit,
-        "measured": check.measured,
-        "sd": check.sd,
-        "repetitions": target.repetitions,
-        "low": check.low,
-        "high": check.high,
-        **({} if check.whole is None else {"whole": check.whole}),
-        **({} if check.predicted is None else {"predicted": check.predicted}),
-        "simulated": check.simulated,
-        "standard_error": check.standard_error,
-        "runs": check.runs,
-        "status": check.status,
-        "met": check.met,
-    }
 
 
 def _made_by() -> dict[str, Any]:
