@@ -43,7 +43,7 @@ AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
 def make(
     study: Studied,
     answer: Result,
-    berry: Mapping[str, Any],
+    grain: Mapping[str, Any],
     particle: "Particle",
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
@@ -57,12 +57,12 @@ def make(
     """
     settings = study.settings
     about = {
-        "grain": _grain(settings.berry.size_distribution == "none", berry, particle),
+        "grain": _grain(settings.berry.size_distribution == "none", grain, particle),
         "wall": {key: getattr(settings.wall, key) for key in WALL},
         "laws": laws(settings.simulation),
     }
     tests = {
-        target.name: described(study, target.response, berry) | _lines(settings.measure, target.name, row or {})
+        target.name: described(study, target.response, grain) | _lines(settings.measure, target.name, row or {})
         for target in study.targets
     }
     for name, found in reach.of(study.config, particle, dataset_csv).items():
@@ -122,7 +122,7 @@ def laws(settings: SimulationSettings) -> dict[str, str]:
     return sentences | {"end of an impact": contact.ends[settings.tension]}
 
 
-def described(study: Studied, response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
+def described(study: Studied, response: Response, grain: Mapping[str, Any]) -> dict[str, Any]:
     """Describe a response by its definition and its bench test's settings, with the units in the keys."""
     from repose.measure.settings import MeasureSettings
 
@@ -135,7 +135,7 @@ def described(study: Studied, response: Response, berry: Mapping[str, Any]) -> d
         response = own.get(derived(response.name, measure.response), response)
     settings = {key.rpartition(".")[2]: value for key, value in response.settings(study.config).items()}
     if BERRY_HEIGHT in settings:
-        height = MeasureSettings.of(dict(measure), berry).berry_height_mm
+        height = MeasureSettings.of(dict(measure), grain).berry_height_mm
         settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
     if profile is not None:
         settings["profile"] = {"x": list(profile.x), "functions": profile.functions, "covered": profile.covered}
@@ -209,13 +209,13 @@ def _given(name: str, space: ParameterSpace) -> str:
     return "calibrated from a prior" if name in space.prior else "calibrated"
 
 
-def _grain(alike: bool, berry: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
+def _grain(alike: bool, grain: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
     """Describe the grain as simulated; `alike` where all have the mean size."""
     return {
-        "mean_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
-        "measured": int(berry["n"]),
-        "relative_spread": 0.0 if alike else float(berry["scale_sd"]),
-        **{key: berry[key] for key in GRAIN},
+        "mean_axes_mm": [grain[key] for key in ("long_mm", "major_mm", "minor_mm")],
+        "measured": int(grain["n"]),
+        "relative_spread": 0.0 if alike else float(grain["scale_sd"]),
+        **{key: grain[key] for key in GRAIN},
         "shape": particle.kind,
         "volume_mm3": _rounded(1e9 * particle.volume_m3),
         "mass_g": _rounded(1e3 * particle.mass_kg),
@@ -252,7 +252,7 @@ def run(
     from repose.particle.particle import Particle
 
     needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
-    berry = read_berry(_path(files, "berry"), (*needed, "n"))
+    grain = read_berry(_path(files, "berry"), (*needed, "n"))
     particle = Particle.load(_path(files, "particle"))
     feasible = read_table(_path(files, "feasible"), study.parameters.names)
     posterior = None
@@ -264,7 +264,7 @@ def run(
     if files.get("table4") is not None:
         table4 = read_table(_path(files, "table4"), ("role",))
         row = table4[table4["role"] == "representative"].iloc[0].to_dict()
-    card = make(study, answer, berry, particle, feasible, posterior, files.get("dataset"), row)
+    card = make(study, answer, grain, particle, feasible, posterior, files.get("dataset"), row)
     check(card, out)
     write_json(out, card, indent=1)
     return card
@@ -306,10 +306,10 @@ def configuration_of_card(card_json: str | PathLike) -> Path:
 
 
 def require_one_study(
-    card: Mapping[str, Any], card_json: str | PathLike, study: Studied, source: str | PathLike, berry: Mapping[str, Any]
+    card: Mapping[str, Any], card_json: str | PathLike, study: Studied, source: str | PathLike, grain: Mapping[str, Any]
 ) -> None:
     """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
-    unlike = list(_differences_from(card, study, berry))
+    unlike = list(_differences_from(card, study, grain))
     if unlike:
         key, mine, expected = unlike[0]
         allowed = f"{expected}, as in {source}: card and configuration of one study"
@@ -318,13 +318,13 @@ def require_one_study(
 
 
 def _differences_from(
-    card: Mapping[str, Any], study: Studied, berry: Mapping[str, Any]
+    card: Mapping[str, Any], study: Studied, grain: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any, Any]]:
     """Find the differences, as (key, value of the card, value of the configuration)."""
-    axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
+    axes = [grain[key] for key in ("long_mm", "major_mm", "minor_mm")]
     settings = study.settings
     expected = {"material": settings.label, "grain.mean_axes_mm": axes}
-    expected |= {f"grain.{key}": berry[key] for key in GRAIN}
+    expected |= {f"grain.{key}": grain[key] for key in GRAIN}
     expected |= {f"wall.{key}": getattr(settings.wall, key) for key in WALL}
     expected |= {f"laws.{key}": law for key, law in laws(settings.simulation).items()}
     mine = {"material": card["material"]}

@@ -136,11 +136,11 @@ class Making:
             self._result_of(key, readers[key], named[key])
 
     def _make_grain(self) -> None:
-        """Make the mean berry and its particle."""
+        """Make the mean grain and its particle."""
         from repose.particle import build
 
         if self.mean is None and self._may_read(*GRAIN):
-            self.mean = self._result_of("berry", _mean_berry, self.settings)
+            self.mean = self._result_of("berry", _mean_grain, self.settings)
         if self.mean is not None and self.particle is None:
             self.particle = self._result_of("berry", build.of_settings, self.mean, self.settings.berry)
 
@@ -166,8 +166,8 @@ class Making:
             self._add(unstable(self.config, self.particle, self.mean))
 
 
-def _mean_berry(settings: StudySettings) -> dict[str, Any]:
-    """Make the mean berry of the configuration's files."""
+def _mean_grain(settings: StudySettings) -> dict[str, Any]:
+    """Make the mean grain of the configuration's files."""
     from repose.particle import berry
 
     return berry.of_settings(settings.berry, beside(settings.validation.published, "table1.csv"))[1]

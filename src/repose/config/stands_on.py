@@ -113,7 +113,7 @@ def settings_of(
 ) -> dict[str, Any]:
     """Select the settings that the stage of a verb reads, with the content of files in place of their paths.
 
-    With `berry_is_made` the stage makes berry and particle itself; `name` is the strategy that proposes. A verb or a
+    With `berry_is_made` the stage makes grain and particle itself; `name` is the strategy that proposes. A verb or a
     strategy that does not list its keys reads the whole configuration except its names.
     """
     keys = KEYS.get(verb) if name is None or verb in KEYS else strategy(name).reads
@@ -147,7 +147,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
             continue
         if record["verb"] == "propose" and name is None:  # of a version that did not note it
             continue
-        # a stage by hand may have made the berry itself
+        # a stage by hand may have made the grain itself
         given = [settings_of(config, record["verb"], apparatus, made, name) for made in (False, True)]
         if record["settings"] not in map(hash_of, given) or record["engine"] not in (None, engine_hash()):
             results.append(str(path))

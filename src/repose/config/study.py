@@ -318,14 +318,14 @@ class Study:
 
     @property
     def grain(self) -> dict[str, Any]:
-        """The mean berry, as in berry.json; with it the files that the configuration names are checked."""
+        """The mean grain, as in berry.json; with it the files that the configuration names are checked."""
         making = self._checked()
         assert making.mean is not None
         return making.mean
 
     @property
     def particle(self) -> "Particle":
-        """The body of the mean berry; with it the files that the configuration names are checked."""
+        """The body of the mean grain; with it the files that the configuration names are checked."""
         making = self._checked()
         assert making.particle is not None
         return making.particle

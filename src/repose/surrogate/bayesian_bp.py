@@ -110,7 +110,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         return self
 
     def of_start(self, k: int) -> Self:
-        """The network at the end of start k of `fit`."""
+        """Return the network at the end of start k of `fit`."""
         other = copy.copy(self)
         other._keep(self.ends_[k])
         return other
@@ -128,7 +128,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         self._set_errors(posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"]), self._mixing)
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses, (samples, outputs) or (samples,) as in `fit`, and with `return_std` their standard deviations.
+        """Predict responses, (samples, outputs) or (samples,) as in `fit`; with `return_std` also standard deviations.
 
         These are sqrt(1 / (2 beta) + g' H^-1 g) with g the output's gradient by the weights (M92), in units of y;
         without `noise` the first term is left out.
@@ -149,7 +149,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         return hasattr(self, "posterior_root_")
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance (samples, outputs, outputs) of the responses by the uncertainty of the weights alone."""
+        """Compute the covariance (samples, outputs, outputs) of the responses by the weights alone."""
         return covariances([self], X)[0]
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -164,7 +164,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         return moved
 
     def report(self) -> dict[str, Any]:
-        """Evidence and end of the kept start, classes of its weights at the cap, numbers of starts, prior."""
+        """Report evidence and end of the kept start, classes of its weights at the cap, numbers of starts, prior."""
         keys = ["gamma", "beta", "log_evidence", "epochs", "stop_reason", "best_start", "n_residuals"]
         content = {key: getattr(self, key + "_") for key in [*keys, "converged_starts", "at_cap"]}
         content["n_weights"] = int(sum(w.size for w in (self.W1_, self.b1_, self.W2_, self.b2_)))
@@ -172,7 +172,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         return content | {"alpha": np.asarray(self.alpha_).tolist()}
 
     def start_rows(self) -> list[dict[str, Any]]:
-        """Evidence and end of each start, and which was kept."""
+        """List evidence and end of each start, and which was kept."""
         alphas = [" ".join(f"{a:.6g}" for a in np.atleast_1d(start["alpha"])) for start in self.starts_]
         return [
             start | {"alpha": alpha, "at_cap": len(start["at_cap"]), "chosen": k == self.best_start_}
@@ -180,7 +180,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Scalings, weights, and the data for the errors of the weights."""
+        """Collect scalings, weights, and the data for the errors of the weights."""
         lists = {key: getattr(self, key + "_").tolist() for key in ARRAYS}
         content = {"scaled_range": list(self.scaled_range), "activation": ["tansig", "purelin"], **lists}
         if not hasattr(self, "training_"):

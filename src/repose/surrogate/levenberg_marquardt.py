@@ -223,13 +223,13 @@ def _square_sums(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
 
 
 def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> np.ndarray:
-    """Weighted residuals of the network (samples * outputs,); x and t are scaled."""
+    """Compute the weighted residuals of the network (samples * outputs,); x and t are scaled."""
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     W1, b1, W2, b2 = unpack(w, x.shape[1], hidden, t.shape[1])
     return ((np.tanh(x @ W1.T + b1) @ W2.T + b2 - t) * root_weight).ravel()
 
 
 def linearise(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`residuals`, and their derivatives by the weights (samples * outputs, N)."""
+    """Compute `residuals`, and their derivatives by the weights (samples * outputs, N)."""
     y, J = jacobian(w, x, t.shape[1])
     return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(t.size, w.size)
