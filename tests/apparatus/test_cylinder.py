@@ -126,7 +126,7 @@ def test_a_tap_lifts_a_berry_by_its_height():
     assert simulation.positions[0, 2] == pytest.approx(low, abs=2e-4)
 
 
-def test_a_tapped_cylinder_holds_more():
+def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
     own = config(**SMALL, taps=6)
     records = [run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, seed))[0] for seed in (2, 3, 4)]
     record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
@@ -139,8 +139,6 @@ def test_a_tapped_cylinder_holds_more():
     assert poured["tapped_density_kg_m3"] is None
     assert run.arrays["tapped"].shape == run.arrays["position"].shape
 
-
-def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
     def broken(simulation, *_):
         simulation.add("berry", (0.0, 0.0, 0.02))
         raise Unstable("a berry is too fast")

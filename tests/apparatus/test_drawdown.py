@@ -50,7 +50,7 @@ def slopes(above_deg, below_deg):
     }
 
 
-def test_both_slopes_are_measured():
+def test_both_slopes_are_measured_and_an_opened_box_waits_until_its_grains_rest():
     arrays = slopes(33.0, 24.0)
     berry = BEAD | {"long_mm": 1.0, "major_mm": 1.0, "minor_mm": 1.0}
     found = TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, berry, SPHERE))
@@ -58,9 +58,6 @@ def test_both_slopes_are_measured():
     assert found["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
     below = int(arrays["in_pile"].sum())
     assert found["drawdown_mass_g"] == pytest.approx(below * SPHERE.mass_kg)  # 0.1^3 kg are g
-
-
-def test_an_opened_box_waits_until_its_grains_rest():
     few = SMALL | {"berries": 12, "rate_per_s": 200.0, "open_from_s": 0.4, "longest_s": 1.0}
     record, run = run_once(bench("drawdown"), Scene.of(config(**few), SET, BEAD, SPHERE, 1))
     assert record["status"] in ("ok", "no_flank"), record["reason"]

@@ -71,7 +71,7 @@ def test_the_surface_of_a_bed_of_known_angle(angle_deg):
     assert np.ptp(ends[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
 
 
-def test_the_edge_of_one_berry_is_its_outline():
+def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_rests_in_the_drums_frame():
     centres, flat = np.array([[0.01, 0.0, -0.03]]), np.array([[1.0, 0.0, 0.0, 0.0]])
     edge = bed.measure_surface(centres, flat, PARTICLE, RADIUS_M, 0.1, 0.6).profile_m
     a, c = PARTICLE.support(np.eye(3)[0]), PARTICLE.support(np.eye(3)[2])
@@ -80,9 +80,6 @@ def test_the_edge_of_one_berry_is_its_outline():
     expected = -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2)
     np.testing.assert_allclose(edge[inside, 1], expected, atol=1e-4)
     value_error("pixels wide", bed.measure_surface, np.zeros((0, 3)), np.zeros((0, 4)), PARTICLE, RADIUS_M, 0.1, 0.6)
-
-
-def test_a_bed_that_is_carried_along_rests_in_the_drums_frame():
     centres, quaternions = half_filled(0.0, 200)
     carried = turned(centres, 0.4)
     np.testing.assert_allclose(bed.to_drum_frame(carried, 0.4), centres, atol=1e-15)

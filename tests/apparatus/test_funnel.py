@@ -178,15 +178,12 @@ def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(p
     assert np.allclose(filmed.frames["position"][-1], filmed.centres_m, atol=1e-6)
 
 
-def test_frames_may_be_a_time_step_apart():
+def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
     made = TEST.build(Scene.of(small(), named(CENTRE), BERRY, particle()))
     made.add("berry", (0.0, 0.0, 0.05))
     film = scene.Filmed(Bounded(made, 0.1), interval_s=made.time_step_s)
     film.run_to(5)
     assert film.frames()["time_s"] == pytest.approx(made.time_step_s * np.arange(1, 6))
-
-
-def test_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
     went_on = TEST.pour(of(small()), interval_s=0.01, until_rest=False)
     assert len(filmed.frames["time_s"]) < len(went_on.frames["time_s"]) == 300
     assert np.abs(filmed.centres_m - went_on.centres_m).max() < 2e-5
@@ -245,7 +242,7 @@ def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
     assert f"{in_pile} of {on_plate} berries touch each other" in reason
 
 
-def test_a_job_writes_what_it_returns(tmp_path):
+def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
     pours = pour_job(bench("funnel"), of(small()), "007", [5, 6], tmp_path)
     result = measure_job(Scene.of(small(), {}, BERRY, particle()), pours)
     assert result["sample"] == 7
@@ -254,9 +251,6 @@ def test_a_job_writes_what_it_returns(tmp_path):
     assert arrays["position_5"].shape == (60, 3)
     assert (tmp_path / "007.json").exists()
     assert not list(tmp_path.glob("*.part"))
-
-
-def test_largest_cluster_is_found():
     contacts = np.array([[0, 1], [1, 2], [3, 4], [5, 6]])
     allowed = np.array([True, True, True, True, True, True, False, True])
     assert list(scene.largest_cluster(contacts, allowed)) == [True, True, True] + [False] * 5

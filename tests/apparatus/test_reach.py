@@ -47,7 +47,7 @@ def test_the_cone_of_a_height_and_a_volume_in_closed_form():
     assert 1e6 * math.pi * 0.06557**3 / (3 * math.tan(math.radians(32.87)) ** 2) == pytest.approx(707, abs=0.5)
 
 
-def test_no_side_and_no_sample_is_steeper_than_the_cone_of_its_mass(config):
+def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is_none(config):
     rng = np.random.default_rng(1)
     r = (np.arange(4000) + 0.5) / 4000
     for _ in range(200):
@@ -59,9 +59,6 @@ def test_no_side_and_no_sample_is_steeper_than_the_cone_of_its_mass(config):
     row, exact = reach.nearest_row(config["measure"] | WHOLE, "whole", 0.2)
     assert exact
     assert row["largest"] < math.sqrt(reach.DENSEST / funnel.PACKING)
-
-
-def test_the_articles_pair_is_no_whole_side_but_may_be_the_straight_part(config):
     whole = judged(config, WHOLE)
     assert not whole.possible
     assert whole.bound_deg == pytest.approx(28.46, abs=0.01)
@@ -74,7 +71,7 @@ def test_the_articles_pair_is_no_whole_side_but_may_be_the_straight_part(config)
     assert straight.sentence.startswith("a pile of 65.6 mm with 32.9 deg by the line 'flank, 30 to 80 %")
 
 
-def test_the_edge_of_a_band_is_two_standard_deviations_of_band_and_measured_mean(config):
+def test_the_edge_of_a_band_and_samples_that_stand_in_for_the_table(config, tmp_path):
     band = judged(config, STRAIGHT_PART).band
     angle = config["targets"][0]
     error = angle["sd"] / math.sqrt(angle["repetitions"])
@@ -82,18 +79,6 @@ def test_the_edge_of_a_band_is_two_standard_deviations_of_band_and_measured_mean
         for sigmas, possible in ((1.95, True), (2.05, False)):
             angle["value"] = band.mean + side * sigmas * math.hypot(band.sd, error)
             assert judged(config, STRAIGHT_PART).possible is possible
-
-
-@pytest.mark.parametrize("definition", DEFINITIONS)
-@pytest.mark.parametrize("rule", ["columns", "rows", "levels"])
-def test_every_line_has_a_band(config, definition, rule):
-    found = judged(config, {"response": definition, "flank": rule, "fit_from": "berry", "fit_to": 0.85})
-    mean, sd, largest, source = found.band
-    assert 20 < mean < mean + sd < largest < 60
-    assert ("by the nearest line measured" in source) is (definition in ("flank", "steepest"))
-
-
-def test_samples_of_the_study_stand_in_for_the_table_each_carried_at_its_volume(config, tmp_path):
     rng = np.random.default_rng(2)
     heights = rng.uniform(50, 80, 40)
     angles = np.degrees(np.arctan(math.tan(math.radians(30)) * (heights / 65.57) ** 1.5))
@@ -106,6 +91,15 @@ def test_samples_of_the_study_stand_in_for_the_table_each_carried_at_its_volume(
     for few in (table[: reach.FEWEST_SAMPLES - 1], table[["status"]]):
         few.to_csv(tmp_path / "few.csv", index=False)
         assert "goji" in judged(config, STRAIGHT_PART, tmp_path / "few.csv").band.source
+
+
+@pytest.mark.parametrize("definition", DEFINITIONS)
+@pytest.mark.parametrize("rule", ["columns", "rows", "levels"])
+def test_every_line_has_a_band(config, definition, rule):
+    found = judged(config, {"response": definition, "flank": rule, "fit_from": "berry", "fit_to": 0.85})
+    mean, sd, largest, source = found.band
+    assert 20 < mean < mean + sd < largest < 60
+    assert ("by the nearest line measured" in source) is (definition in ("flank", "steepest"))
 
 
 def test_the_band_of_other_numbers_and_grains_says_so(config):

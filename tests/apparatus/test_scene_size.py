@@ -23,7 +23,7 @@ def with_grains(config, grains, response="secant"):
     return {**config, "funnel": config["funnel"] | {"berries": grains}, "measure": measure}
 
 
-def test_a_change_is_that_of_the_table_and_fewer_grains_are_enough_where_the_angle_stays(config):
+def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(config):
     own = pd.read_csv(scene_size.TABLE).set_index(["grains", "label"])
     for name in ("whole", "secant"):
         found = scene_size.change(500, 125, name)
@@ -40,9 +40,6 @@ def test_a_change_is_that_of_the_table_and_fewer_grains_are_enough_where_the_ang
         assert all(abs(scene_size.change(1000, n, name).angle_deg) <= 1 for n in between)
         below = [n for n in scene_size.numbers() if n < (found or 1000)]
         assert not below or abs(scene_size.change(1000, max(below), name).angle_deg) > 1
-
-
-def test_a_scaled_scene_keeps_its_proportions_and_lets_grains_through(config):
     own = config["funnel"]
     smaller = scene_size.scaled(own, 4, 13.34)
     assert smaller["plate_diameter_mm"] == pytest.approx(own["plate_diameter_mm"] / 5)

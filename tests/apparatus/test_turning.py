@@ -88,7 +88,7 @@ def profile_target(name, slope):
     return {"response": derived(name, "2"), "apparatus": "turning", "profile": kept}
 
 
-def test_each_speed_has_its_time_its_angle_and_its_profile():
+def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     frames = [bed(angle) for angle in (20.0, 30.0, 40.0)]
     position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
@@ -105,9 +105,6 @@ def test_each_speed_has_its_time_its_angle_and_its_profile():
         assert (found[name], found[score]) == (once["turning_deg"], once["turning_profile_2_mm"])
     lost = TEST.measure({"status": "lost"}, arrays, Scene.of(both, {}, BERRY, PARTICLE))
     assert {lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")} == {None}
-
-
-def test_speeds_and_times_belong_together_and_a_run_is_judged():
     one = config(measure_from_s=2.5)
     assert turning.speeds(TEST.section(SceneSettings(one))) == [(0.8, 2.5, 8.5)]
     two = config(angular_velocity_rad_s=[0.8, 1.6], measure_from_s=[2.0, 1.0], measure_until_s=3.0)
@@ -120,7 +117,7 @@ def test_speeds_and_times_belong_together_and_a_run_is_judged():
     assert turning.status_of(False)[0] == "lost"
 
 
-def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
+def test_a_drum_goes_on_from_its_first_speed_and_friction_lifts_the_bed():
     short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
     once, twice = (
         TEST.run(Scene.of(config(**short, **more), ROUGH, BERRY, PARTICLE, 1))
@@ -132,9 +129,6 @@ def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
     np.testing.assert_array_equal(twice.arrays["position"][: len(once.arrays["time_s"])], once.arrays["position"])
     faster = np.abs(np.diff(twice.arrays["position"], axis=0)).mean(axis=(1, 2))
     assert faster[-1] > 1.5 * faster[0]
-
-
-def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():
     rough, level = (
         run_once(bench("turning"), Scene.of(config(**SMALL), wall, BERRY, PARTICLE, 1))[0] for wall in (ROUGH, SMOOTH)
     )

@@ -15,13 +15,8 @@ from repose.core.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 TARGET = {
-    "response": "aor_deg",
-    "apparatus": "funnel",
-    "value": 32.0,
-    "sd": 2.0,
-    "repetitions": 10,
-    "range": [31.0, 34.0],
-}
+    "response": "aor_deg", "apparatus": "funnel", "value": 32.0, "sd": 2.0, "repetitions": 10, "range": [31.0, 34.0],
+}  # fmt: skip
 
 
 def study(folder, simulated, feasible=True):

@@ -17,8 +17,7 @@ def runs_of(values, names):
     return [dict(zip(names, row, strict=True)) | {"status": "ok"} for row in np.asarray(values, float).tolist()]
 
 
-def test_the_mean_given_few_runs_has_a_t_distribution_with_one_degree_of_freedom_less():
-    """Three runs: with 3 in place of 2 degrees of freedom the probability would be 0.04 higher."""
+def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
     values = [58.0, 60.0, 63.0]
     jammed = {"status": "jammed", "height_mm": None}
     runs = {"funnel": [*runs_of(np.array(values)[:, None], ["height_mm"]), jammed]}
@@ -31,9 +30,6 @@ def test_the_mean_given_few_runs_has_a_t_distribution_with_one_degree_of_freedom
     assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(near, abs=5e-3)
     one = {"funnel": [runs["funnel"][0], jammed]}
     assert chance_of_meeting(one, targets) == {"height_mm": None, "all": None}
-
-
-def test_chances_of_one_bench_test_are_those_of_the_worse_and_of_two_multiply():
     targets = Targets.of(shared.TARGETS)
     a = np.array([31.2, 33.0, 32.1, 34.3])
     chance = chance_of_meeting({"funnel": runs_of(np.column_stack([a, 2 * a]), targets.names)}, targets)

@@ -41,7 +41,7 @@ def test_optimal_is_a_latin_hypercube_far_better_than_best_of_20():
     assert design.phi_p(optimal) < design.phi_p(best_of_20)
 
 
-def test_best_of_20_and_criteria_are_those_of_slow_twins():
+def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_their_optimum():
     rng = np.random.default_rng(5)
     distances = [slow_minimum_distance(design.random_lhs(30, 3, rng)) for _ in range(20)]
     chosen = design.lhsdesign(30, 3, iterations=20, rng=np.random.default_rng(5))
@@ -51,9 +51,6 @@ def test_best_of_20_and_criteria_are_those_of_slow_twins():
     pairs = [(a, b) for i, a in enumerate(points) for b in points[:i]]
     by_hand = sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16)
     assert design.phi_p(points) == pytest.approx(by_hand)
-
-
-def test_the_known_optimum_of_five_points_is_found_and_a_seed_gives_one_design():
     levels = np.floor(design.optimal_lhs(5, 2, seed=3) * 5)
     assert slow_minimum_distance(levels) == pytest.approx(np.sqrt(5))
     first, again, other = (design.optimal_lhs(8, 3, seed=seed) for seed in (7, 7, 8))

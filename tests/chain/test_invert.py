@@ -35,19 +35,11 @@ def write_inputs(folder, reach):
     W1 = np.zeros((2, 6))
     W1[0], W1[1, 4] = small, small
     network = {
-        "surrogate": "network",
-        "inputs": list(PARAMETERS),
-        "outputs": ["aor_deg", "height_mm"],
-        "scaled_range": [0.0, 1.0],
-        "input_min": [0.0] * 6,
-        "input_max": [1.0] * 6,
-        "output_min": [0.0, 0.0],
-        "output_max": [1.0, 1.0],
-        "W1": W1.tolist(),
-        "b1": [0.0, 0.0],
-        "W2": [[reach / 6 / small, 0.0], [0.0, 1.0 / small]],
-        "b2": [28.0, 64.0],
-    }
+        "surrogate": "network", "inputs": list(PARAMETERS), "outputs": ["aor_deg", "height_mm"],
+        "scaled_range": [0.0, 1.0], "input_min": [0.0] * 6, "input_max": [1.0] * 6, "output_min": [0.0, 0.0],
+        "output_max": [1.0, 1.0], "W1": W1.tolist(), "b1": [0.0, 0.0],
+        "W2": [[reach / 6 / small, 0.0], [0.0, 1.0 / small]], "b2": [28.0, 64.0],
+    }  # fmt: skip
     (folder / "network.json").write_text(json.dumps(network))
     rows = [(name, 0.1, 0.2, 5.0) for name in PARAMETERS]
     columns = ["parameter", "low", "high", "dispersion_percent"]

@@ -209,7 +209,7 @@ def test_one_target_is_trained_alone(tmp_path, name):
     assert predictions.columns.tolist() == ["sample", "split", name, response(name).predicted]
 
 
-def test_a_parameter_of_the_contact_law_is_an_input_like_the_six(tmp_path):
+def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independent(tmp_path):
     dataset_csv, runs_csv = write_tables(tmp_path)
     dataset = pd.read_csv(dataset_csv)
     dataset.insert(7, "gamma_gg", np.linspace(0.0, 0.1, len(dataset)))
@@ -220,10 +220,6 @@ def test_a_parameter_of_the_contact_law_is_an_input_like_the_six(tmp_path):
     assert train.restore(*(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv")))
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
     input_error(r"gamma_gg is -0\.1", train.run, dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
-
-
-def test_noise_of_different_bench_tests_is_independent_and_counts_by_their_runs():
-    """Four pours a sample with noises of correlation 0.5, and one turn of the drum a sample in four, two in others."""
     random = np.random.default_rng(6)
     samples = np.arange(400)
     pours = pd.DataFrame({"sample": samples.repeat(4), "apparatus": "funnel", "status": "ok"})

@@ -195,7 +195,7 @@ def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene(monkey
     assert set(table["scene"]) == {stands_on.scene(config)}
 
 
-def test_a_failed_simulation_keeps_its_row_without_numbers(study):
+def test_a_failed_simulation_keeps_its_row_without_numbers_and_solutions_beyond_the_samples_carry_a_warning(study):
     result = tables(study, failed=(1, 3, 101))
     table = result["table4"].set_index("sample")
     assert table.loc[3, "status"] == "jammed"
@@ -205,9 +205,6 @@ def test_a_failed_simulation_keeps_its_row_without_numbers(study):
     theirs = result["published"].set_index("sample")
     assert theirs.loc[101, "status"] == "jammed"
     assert np.isnan(theirs.loc[101, "aor_difference_deg"])
-
-
-def test_solutions_beyond_the_samples_carry_a_warning(study):
     random = np.random.RandomState(2)
     support = Support(random.uniform(0.3, 0.7, (200, 6)), np.zeros(6), np.ones(6))
     plain, result = tables(study), tables(study, support=support)

@@ -119,7 +119,7 @@ def messages():
                 yield path.relative_to(places.PACKAGE), node.value
 
 
-def test_the_pages_are_listed_printed_and_guessed(capsys):
+def test_the_pages_are_listed_printed_and_guessed_and_messages_name_pages_that_a_wheel_has(capsys):
     assert main(["docs"]) == 0
     listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
     assert listed["photographs"] == "Photographs of piles"
@@ -130,9 +130,6 @@ def test_the_pages_are_listed_printed_and_guessed(capsys):
     assert main(["docs", "fotographs"]) == 2
     said = "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
     assert said in capsys.readouterr().err
-
-
-def test_messages_name_pages_that_a_wheel_has():
     files = [*(places.PACKAGE / "config" / "new_crop").rglob("*.*")]
     files += [path for folder in ("config", "profiles") for path in (places.root() / folder).rglob("*.yaml")]
     texts = [*messages(), *((path.name, path.read_text()) for path in files)]

@@ -145,23 +145,18 @@ def test_check_prints_the_number_of_pours(capsys):
 
 BAD_OPTIONS_OF_HEAP = (
     (["--set", "mus=0.5"], ["--set mus", "e_gg (restitution, grain-grain)"]),
-    (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]),
-    (["--set", "e_gg=nan"], ["e_gg is nan"]),
-    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "at least 0"]),
-    (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
+    (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]), (["--set", "e_gg=nan"], ["e_gg is nan"]),
+    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "at least 0"]), (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
     (["--set", "mus_gg=rough"], ["mus_gg is 'rough'", "a number"]),
     (["--set", "mus_gg"], ["--set is 'mus_gg'", "NAME=VALUE"]),
-    (["--set", "e_gg=0.2", "--set", "e_gg=0.3"], ["each name once"]),
-    (["--seed", "-1"], ["--seed is [-1]"]),
-    (["--seed", "1", "--seed", "1"], ["distinct"]),
-    (["--seeds", "0"], ["--seeds is 0"]),
+    (["--set", "e_gg=0.2", "--set", "e_gg=0.3"], ["each name once"]), (["--seed", "-1"], ["--seed is [-1]"]),
+    (["--seed", "1", "--seed", "1"], ["distinct"]), (["--seeds", "0"], ["--seeds is 0"]),
     (["--sample", "3"], ["--sample is 3", "together with --samples"]),
     (["--samples", "nowhere.csv", "--sample", "1"], ["nowhere.csv"]),
     (["--samples", "resources/berries.csv", "--sample", "1"], ["berries.csv: column sample is 'missing'"]),
-    (["--trajectory", "0"], ["--trajectory is 0.0"]),
-    (["--particle", "nowhere.json"], ["nowhere.json"]),
+    (["--trajectory", "0"], ["--trajectory is 0.0"]), (["--particle", "nowhere.json"], ["nowhere.json"]),
     (["--berry", "nowhere.json"], ["nowhere.json"]),
-)
+)  # fmt: skip
 
 
 def test_heap_refuses_bad_options_before_it_pours(capsys, tmp_path):

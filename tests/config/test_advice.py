@@ -92,7 +92,7 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
     assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller
 
 
-def test_each_strategy_has_its_own_pours(config):
+def test_each_strategy_has_its_own_pours_and_a_study_takes_its_runs_and_a_rest(config):
     config["response_surface"] |= {"screening_runs": 12, "steps": 5, "most_factors": 3, "centres": 5, "checks": 8}
     config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
     assert strategies.pours(config) is None
@@ -105,9 +105,6 @@ def test_each_strategy_has_its_own_pours(config):
     config["strategy"] = "sequential"
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
     assert strategies.pours(config) == (("at most", 40, 3),)
-
-
-def test_a_study_takes_its_runs_and_a_rest(config):
     del config["drum"]
     config["design"]["samples"], config["funnel"]["seeds"] = 30, 4
     config["validation"] |= {"published": None, "solutions": 1, "seeds": 8, "representative_seeds": 16}
@@ -115,7 +112,7 @@ def test_a_study_takes_its_runs_and_a_rest(config):
     assert work["total_s"] == pytest.approx(cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"])
 
 
-def test_the_time_is_that_of_the_slowest_bench_test_and_goes_with_what_was_measured(config):
+def test_the_time_is_that_of_the_slowest_bench_test_and_goes_with_what_was_measured_and_work_counts_every_pour(config):
     config["refine"]["seeds"] = 100
     slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))
     assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 100 * slowest)
@@ -125,9 +122,6 @@ def test_the_time_is_that_of_the_slowest_bench_test_and_goes_with_what_was_measu
     config["simulation"]["time_step_s"] = 1e-4
     assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
     assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
-
-
-def test_work_counts_every_pour(config):
     config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.work(config)
     solutions = (("representative", 1, 32), ("validation", 5, 12))

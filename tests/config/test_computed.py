@@ -78,7 +78,7 @@ def test_numbers_that_are_given_stay(folder):
     assert Study.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
 
 
-def test_another_word_or_number_is_refused(by_hand):
+def test_another_word_or_number_is_refused_and_a_study_has_numbers(by_hand, monkeypatch):
     def refused(key, value):
         with pytest.raises(InputError) as caught:
             Study.of(put(copy.deepcopy(by_hand), key, value), "mine.yaml")
@@ -87,9 +87,6 @@ def test_another_word_or_number_is_refused(by_hand):
 
     values = (-1, "automatic", None, True, [], float("inf"))
     check_all(refused, [(f"{key} {value!r}", key, value) for key in KEYS for value in values])
-
-
-def test_a_study_has_numbers(by_hand, monkeypatch):
     monkeypatch.chdir(CROPS / "soybean")
     for key in KEYS:
         config = put(copy.deepcopy(by_hand), key, "auto")

@@ -39,7 +39,7 @@ def study_of(quick, entry):
     return Study.of(quick.config | {"targets": [*quick.config["targets"], entry]})
 
 
-def test_a_profile_becomes_a_target_for_each_score(quick, entry):
+def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry):
     study = study_of(quick, entry)
     own = [target for target in study.targets if target.profile is not None]
     assert [target.name for target in own] == [f"turning_profile_{k}_mm" for k in (1, 2, 3)]
@@ -51,9 +51,6 @@ def test_a_profile_becomes_a_target_for_each_score(quick, entry):
     assert sum(target.sd**2 for target in own) == pytest.approx(1.2**2)
     assert sum((target.high - target.low) ** 2 for target in own) == pytest.approx((2 * 0.9) ** 2)
     assert {target.whole for target in own} == {profile.whole}
-
-
-def test_an_entry_has_five_functions_errors_of_a_column_and_a_file(quick, entry):
     own = {key: value for key, value in entry.items() if key != "functions"}
     input_error("rows is 5; expected more than functions, 5", study_of, quick, own)
     own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]

@@ -30,15 +30,12 @@ NOT_A_STUDYS = (
 )
 
 
-def test_a_folder_that_is_not_a_studys_own_is_refused(config):
+def test_a_folder_that_is_not_a_studys_own_or_around_the_working_one_is_refused(config, tmp_path, monkeypatch):
     def refused(folder):
         config["results_dir"] = folder
         input_error(r"results_dir is .*; expected a folder", Study.of, config)
 
     check_all(refused, [(repr(folder), folder) for folder in NOT_A_STUDYS])
-
-
-def test_the_folder_around_the_working_folder_is_refused(config, tmp_path, monkeypatch):
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
     for folder in (tmp_path, tmp_path / "work", tmp_path / "work/resources"):

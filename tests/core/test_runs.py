@@ -40,7 +40,7 @@ def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
     assert (summary["aor_deg"] is None) is (expected != "ok")
 
 
-def test_no_runs_are_refused_and_targets_stand_in_front_with_their_errors():
+def test_no_runs_are_refused_and_targets_stand_in_front_with_their_errors_and_a_heap_job_does_not_pay_for_pandas():
     value_error("at least one run", summarise_runs, [], RECORDED)
     ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
     assert ours.summary == (
@@ -51,8 +51,5 @@ def test_no_runs_are_refused_and_targets_stand_in_front_with_their_errors():
     same = Recorded(RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries"))
     assert RECORDED.beginning_with(("aor_deg", "height_mm")) == same
     assert error_of("packing_percent") == "packing_se_percent"
-
-
-def test_a_heap_job_does_not_pay_for_pandas():
     code = "import sys; from repose.core.runs import summarise_runs; sys.exit('pandas' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": ":".join(sys.path)}).returncode == 0

@@ -16,7 +16,7 @@ from repose.core.targets import Targets
 SLIP = shared.target("drum_slip_deg", 40.0, 1.0, 38, 42, 4)
 
 
-def test_targets_give_names_and_numbers_in_their_order():
+def test_targets_give_names_and_numbers_and_unknown_responses_are_named():
     targets = Targets.of([SLIP | {"weight": 2.0}, *shared.TARGETS])
     assert targets.names == ("drum_slip_deg", "aor_deg", "height_mm")
     assert targets.predicted == ("drum_slip_predicted_deg", "aor_predicted_deg", "height_predicted_mm")
@@ -25,9 +25,6 @@ def test_targets_give_names_and_numbers_in_their_order():
     assert targets.weight.tolist() == [2.0, 1.0, 1.0]
     assert targets.standard_error[0] == 0.5
     assert targets.aim.tolist() == [40.0, 32.87, 65.57]
-
-
-def test_numbers_are_reported_with_units_and_unknown_responses_with_those_there_are():
     targets = Targets.of([*shared.TARGETS, SLIP])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
@@ -55,16 +52,13 @@ def of(heights, functions=5):
     return Profile("surface_mm", tuple(X), tuple(heights), functions)
 
 
-def test_the_distance_of_two_smooth_profiles_is_that_of_their_scores():
+def test_the_distance_of_two_smooth_profiles_is_that_of_their_scores_and_what_the_functions_leave_over_stands_apart():
     profile, random = of(X), np.random.default_rng(2)
     one, other = random.normal(size=(2, 5))
     off = profile.heights(one) - profile.heights(other)
     assert np.mean(off**2) == pytest.approx(np.sum((one - other) ** 2), rel=1e-12)
     np.testing.assert_allclose(profile.scores(profile.heights(one)), one, atol=1e-12)
-
-
-def test_what_the_functions_leave_over_stands_apart():
-    """Parseval with the residual: mean square of all heights, of the scores, of the rest."""
+    # Parseval with the residual: mean square of all heights, of the scores, of the rest.
     heights = 20 * np.cos(X / 8)
     profile = of(heights)
     assert np.mean(heights**2) == pytest.approx(profile.height**2 + profile.residual**2, rel=1e-12)
@@ -110,11 +104,8 @@ def test_bad_ranges_are_refused(changes, words):
         ParameterSpace.of(RANGES | changes, "my.yaml").check_searchable("my.yaml")
 
 
-def test_a_missing_range_is_refused():
+def test_a_missing_range_fixed_parameters_and_the_range_of_a_prior():
     input_error("mur_gp", ParameterSpace.of, {name: RANGES[name] for name in PARAMETERS[:-1]})
-
-
-def test_fixed_parameters_are_left_out_of_the_cube_and_put_back():
     space = ParameterSpace.of(RANGES | {"mus_gg": {"fixed": 0.55}})
     assert space.dimensions == 5
     unit = np.random.default_rng(1).uniform(size=(4, 5))
@@ -123,9 +114,6 @@ def test_fixed_parameters_are_left_out_of_the_cube_and_put_back():
     np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
     assert space.centre["mus_gg"] == 0.55
     assert space.centre["mur_gp"] == 0.25
-
-
-def test_a_prior_has_a_range_within_what_the_contact_law_takes():
     space = ParameterSpace.of(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
     k = space.free.index("mus_gg")
     assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))

@@ -14,8 +14,7 @@ def normal_model(random, sizes, tau, sigma, mean=30.0):
     return mean + (tau * random.normal(size=len(sizes)))[groups] + sigma * random.normal(size=len(groups)), groups
 
 
-def test_components_of_a_table_worked_by_hand():
-    """Groups (1, 3), (5, 7), (3, 5, 7): MSW = (2 + 2 + 8) / 4 = 3; means 2, 6, 5 about 31 / 7."""
+def test_components_are_those_by_hand_unbiased_and_covered_by_their_intervals():
     values = [1, 3, 5, 7, 3, 5, 7]
     one = variance.variance_components(values, list("aabbccc"))
     between_square = (2 * (2 - 31 / 7) ** 2 + 2 * (6 - 31 / 7) ** 2 + 3 * (5 - 31 / 7) ** 2) / 2
@@ -30,10 +29,6 @@ def test_components_of_a_table_worked_by_hand():
     assert least < one.icc_low == 0
     assert one.icc_high == pytest.approx(most / (1 + most))
     assert (one.within_low, one.within_high) == pytest.approx([12 / stats.chi2.ppf(q, 4) for q in (0.975, 0.025)])
-
-
-def test_components_are_unbiased_and_intervals_cover_with_failed_pours():
-    """tau = 2, sigma = 1.5, groups of 8 of which a third has lost pours: icc = 4 / 6.25."""
     random = np.random.default_rng(5)
     sizes = np.where(np.arange(40) % 3 == 0, 3, 8)
     found = [variance.variance_components(*normal_model(random, sizes, 2.0, 1.5)) for _ in range(400)]
@@ -45,16 +40,13 @@ def test_components_are_unbiased_and_intervals_cover_with_failed_pours():
         assert 0.91 < np.mean(inside) < 0.985  # 0.95 +- 3.3 standard errors of 400
 
 
-def test_no_difference_between_samples_has_no_explainable_variance():
+def test_no_difference_between_samples_has_no_explainable_variance_and_reachable_r2_is_what_the_true_means_reach():
     random = np.random.default_rng(2)
     values, groups = normal_model(random, [6] * 30, 0.0, 1.0)
     one = variance.variance_components(values, groups)
     assert one.icc_low == 0
     assert one.icc < 0.15
-
-
-def test_reachable_r2_is_what_the_true_means_reach():
-    """The true means of 4000 samples as predictions of means of k noisy seeds."""
+    # The true means of 4000 samples as predictions of means of k noisy seeds.
     random = np.random.default_rng(3)
     true = 2.0 * random.normal(size=4000)
     one = variance.Components(1, 1, 0.0, 2.25, 2.25, 2.25, 4.0, 0.64, 0.6, 0.7, 8.0)
@@ -64,15 +56,12 @@ def test_reachable_r2_is_what_the_true_means_reach():
         assert one.reachable_r2(seeds) == pytest.approx(reached, abs=0.02)
 
 
-def test_seeds_for_a_standard_error():
+def test_seeds_for_a_standard_error_and_residual_correlation_leaves_out_what_lies_between_samples():
     one = variance.Components(1, 1, 0.0, 2.25, 2.25, 2.25, 4.0, 0.64, 0.6, 0.7, 8.0)
     assert one.seeds_for(0.5) == 9  # 1.5 / sqrt(9) exactly
     assert one.seeds_for(0.499) == 10
     assert one.seeds_for(5.0) == 1
     value_error("standard_error is 0", one.seeds_for, 0)
-
-
-def test_residual_correlation_leaves_out_what_lies_between_samples():
     random = np.random.default_rng(4)
     groups = np.repeat(np.arange(200), 6)
     shift = 10 * random.normal(size=200)

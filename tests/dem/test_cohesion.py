@@ -79,7 +79,7 @@ def test_jkr_on_a_path_to_and_fro_agrees_with_a_search_for_the_circle(gamma):
     assert gamma < 1e-6 or strongest == pytest.approx(-1.0, abs=2e-3)
 
 
-def test_jkr_without_surface_energy_is_the_dry_law():
+def test_jkr_without_surface_energy_is_the_dry_law_and_work_of_a_cycle_of_jkr():
     forces = []
     for name, contact in (("jkr", coherent(0.0, 0.4, 0.5)), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
         law = CONTACT_LAWS[name]
@@ -89,10 +89,7 @@ def test_jkr_without_surface_energy_is_the_dry_law():
             normal_force(law, tile, kept, overlap, dt=1e-5)
             forces.append(tile[tl.TO_A // LANES :][:3].copy())
     np.testing.assert_allclose(forces[:30], forces[30:], rtol=1e-12, atol=1e-18)
-
-
-def test_work_of_a_cycle_of_jkr():
-    """7.09 (w^5 R*^4 / E*^2)^(1/3): 0.663 pi w A^2 by the integral of the force from s = 1 to parting."""
+    # 7.09 (w^5 R*^4 / E*^2)^(1/3): 0.663 pi w A^2 by the integral of the force from s = 1 to parting.
     law, gamma, radius = CONTACT_LAWS["jkr"], 0.05, 3e-3
     tile, kept = tile_of(law, GOJI, coherent(gamma), radius)
     young, _ = effective_moduli(GOJI, GOJI)

@@ -93,7 +93,7 @@ def test_a_contact_that_is_loaded_again_goes_up_as_it_unloads_and_gives_no_energ
         assert np.abs(np.diff(forces)).max() < 0.05 * K1 * DEEP**1.5
 
 
-def test_without_plasticity_it_is_the_dry_law():
+def test_without_plasticity_it_is_the_dry_law_and_the_limit_of_friction_is_the_force_above_the_adhesion():
     forces = []
     for name, own in (("eepa", contact(0.0, 0.5, 0.4, 0.5)), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
         law = CONTACT_LAWS[name]
@@ -103,9 +103,6 @@ def test_without_plasticity_it_is_the_dry_law():
             normal_force(law, tile, kept, overlap, dt=1e-5)
             forces.append(tile[tl.TO_A // LANES :][:3].copy())
     np.testing.assert_allclose(forces[:30], forces[30:], rtol=1e-12, atol=1e-15)
-
-
-def test_the_limit_of_friction_is_the_force_above_the_adhesion():
     plasticity, gamma = 0.5, 0.02
     strongest, plastic, k2 = pull(plasticity, gamma)
     tile, kept = tile_of(LAW, GOJI, contact(plasticity, gamma), RADIUS)

@@ -48,7 +48,7 @@ def test_a_low_pile_is_measured_along_its_radius_and_grains_that_move_are_left_o
     assert lifted_piles.angle(both) == {**found, "moving": 50}
 
 
-def test_the_rings_are_those_of_a_slow_twin():
+def test_the_rings_are_those_of_a_slow_twin_and_the_density_is_that_of_the_bed_between_its_ends():
     rng = np.random.default_rng(1)
     out, tops, width = 0.05 * np.sqrt(rng.random(900)), 0.03 * rng.random(900), 2.0 * RADIUS_M
     expected = []
@@ -58,9 +58,6 @@ def test_the_rings_are_those_of_a_slow_twin():
         if len(here) >= 4:
             expected.append(((number + 0.5) * width, max(held, default=np.median(here))))
     np.testing.assert_allclose(np.transpose(lifted_piles.rings(out, tops, width)), expected)
-
-
-def test_the_density_is_that_of_the_bed_between_its_ends():
     rng, share = np.random.default_rng(2), 0.6
     volume = np.pi * lifted_piles.TUBE_RADIUS_M**2 * 0.06
     count = round(share * volume / (4.0 / 3.0 * np.pi * RADIUS_M**3))

@@ -18,15 +18,12 @@ def commands_of(page):
     return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
 
 
-def test_the_table_holds_the_commands_of_every_page_and_no_others():
+def test_the_table_holds_the_commands_of_every_page_and_no_others_and_what_is_left_out_has_its_reason():
     def same(page):
         known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
         assert sorted(known) == sorted(commands_of(page))
 
     check_all(same, [(page, page) for page in sorted({*commands.pages(), *TABLE})])
-
-
-def test_what_is_left_out_has_its_reason():
     assert all(reason for entry in TABLE.values() for reason in (entry.get("left_out") or {}).values())
 
 
@@ -45,12 +42,9 @@ one
 """
 
 
-def test_files_and_commands_of_a_page_come_in_their_order():
+def test_files_and_commands_of_a_page_come_in_their_order_and_every_picture_of_such_a_page_is_made_by_its_commands():
     expected = [("heading", "# A"), ("a/b.txt", "one\n"), ("command", "cp a/b.txt c d")]
     assert list(commands.steps(PAGE)) == expected
-
-
-def test_every_picture_of_such_a_page_is_made_by_its_commands():
     for page, entry in TABLE.items():
         if "pictures" in entry:
             folder = (commands.ROOT / page).parent

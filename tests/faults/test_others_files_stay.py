@@ -44,18 +44,10 @@ NAMES = (
     ),
 )
 GOOD = {
-    "config": "in/config.json",
-    "pictures": "in/pile.png",
-    "csv": "in/berries.csv",
-    "name": "figure02",
-    "input": "sizes=in/berries.csv",
-    "results": "in/study",
-    "title": "Mine",
-    "axes": None,
-    "berry": "in/made/berry.json",
-    "particle": "in/made/particle.json",
-    "trajectory": "in/trajectory.npz",
-}
+    "config": "in/config.json", "pictures": "in/pile.png", "csv": "in/berries.csv", "name": "figure02",
+    "input": "sizes=in/berries.csv", "results": "in/study", "title": "Mine", "axes": None,
+    "berry": "in/made/berry.json", "particle": "in/made/particle.json", "trajectory": "in/trajectory.npz",
+}  # fmt: skip
 READ = ("config", "input", "berry", "particle")
 OUT = st.one_of(
     st.sampled_from([*filter(None, FOLDERS), "..", ".", "new", "new/folder", "new.png", "-rf", "", "a b", "link"]),

@@ -202,7 +202,7 @@ def test_loose_berries_count_only_when_asked_for_and_highlights_are_filled():
     assert measure_image(picture, MM).aor_deg == pytest.approx(30, abs=DISTURBED_DEG)
 
 
-def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile():
+def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile_and_jpeg_round_trip(tmp_path):
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30), below_mm=0), 40, 220)
     on_plate = np.vstack([picture, np.full((50, picture.shape[1]), 40, np.uint8)])
     m = measure_image(on_plate, MM)
@@ -213,9 +213,6 @@ def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile():
     raised = measure_image(picture, MM, base_row=found.base_row - 40)
     assert raised.height_mm == pytest.approx(found.height_mm - 10)
     input_error("base_row", measure_image, picture, MM, base_row=10_000)
-
-
-def test_jpeg_round_trip(tmp_path):
     picture = toned(drawn(lambda u: rounded(33, u), half_width(33)), (30, 30, 190), (200, 205, 210))
     path = tmp_path / "pile.jpg"
     cv2.imwrite(str(path), tilted_noisy(picture, np.random.default_rng(1)), [cv2.IMWRITE_JPEG_QUALITY, 85])
@@ -224,7 +221,7 @@ def test_jpeg_round_trip(tmp_path):
     assert m.height_mm == pytest.approx(HEIGHT_MM, abs=DISTURBED_MM)
 
 
-def test_pictures_of_the_workflow():
+def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_refused(tmp_path):
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220)
     panels = process_panels(picture, MM, FLANK)
     assert list(panels) == ["grey", "binary", "edge", "boundary"]
@@ -237,9 +234,6 @@ def test_pictures_of_the_workflow():
     assert final[left[1], left[0]].argmax() == 2  # red left line, BGR
     assert final[right[1], right[0]].argmax() == 1  # green right line
     assert np.array_equal(picture, toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220))
-
-
-def test_unreadable_pictures_and_wrong_arrays_are_refused(tmp_path):
     for name, content in (("empty.png", b""), ("text.png", b"not a picture")):
         (tmp_path / name).write_bytes(content)
         input_error(name, read_image, tmp_path / name)

@@ -150,16 +150,13 @@ def test_a_slider_moves_the_prediction_and_back(opened, folder):
     assert opened.text_content("#predicted-aor_deg") == at_answer
 
 
-def test_the_button_copies_the_parameters(opened):
+def test_the_button_copies_the_parameters_and_a_table_sorts_both_ways(opened):
     opened.context.grant_permissions(["clipboard-read", "clipboard-write"])
     opened.click("#copy")
     opened.wait_for_function("document.getElementById('copy').textContent === 'Copied'")
     copied = opened.evaluate("navigator.clipboard.readText()")
     for name, value in ANSWER.items():
         assert f"{name}: {value:g}  #" in copied
-
-
-def test_a_table_sorts_both_ways(opened):
     opened.click("summary")
     cells = "[...document.querySelectorAll('table.sorts tbody tr')].map((row) => Number(row.cells[0].textContent))"
     column = f"() => {cells}"

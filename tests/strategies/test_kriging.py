@@ -126,7 +126,7 @@ def test_the_noise_is_that_within_samples_between_a_samples_own_and_the_common_o
     assert model.errors[7] * model._scale**2 == pytest.approx(1.0)
 
 
-def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means():
+def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means_and_too_few_pours_are_refused():
     # 95 % intervals of the mean at 20 places, over 40 data sets: within three standard errors of a share of 0.95,
     # were the places independent; they are not, so twice that
     places = np.random.default_rng(5).random((20, 2))
@@ -137,9 +137,6 @@ def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means():
         error = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         inside.append(np.abs(mean - truth) < norm.ppf(0.975) * error)
     assert np.mean(inside) == pytest.approx(0.95, abs=0.033)
-
-
-def test_too_few_pours_are_refused():
     value_error("at least 3", Kriging, poured(seeds=1))
     value_error("at least 2", Kriging, poured(n=1, seeds=9))
     observed = poured()

@@ -137,7 +137,7 @@ def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_pat
     assert (poured["e_gg"] == 0.25).all()
 
 
-def test_it_stops_where_the_answer_is_probable_enough_the_budget_is_used_up_or_no_pour_helps():
+def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_targets():
     found = advised(observed(), probability=0.7, most_pours=999)
     assert found.stop == "probability"
     assert len(found.batch) == 0
@@ -150,9 +150,6 @@ def test_it_stops_where_the_answer_is_probable_enough_the_budget_is_used_up_or_n
     found = advised(observed(noise=40.0), probability=0.99, most_pours=122)
     assert found.stop == "noise"
     assert found.reachable < found.probability + LEAST_GAIN
-
-
-def test_it_stops_where_no_parameter_set_meets_the_targets_but_not_by_the_start_alone():
     far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
     found = advised(observed(noise=0.2), far, most_pours=999)
     assert found.stop == "out_of_reach"
@@ -217,14 +214,11 @@ def test_pours_that_are_left_cannot_do_more_than_reachable():
         assert goal.probability(new[None], rest[None])[0] <= bound + 1e-9
 
 
-def test_pours_that_the_noise_alone_asks_for():
+def test_pours_that_the_noise_alone_asks_for_and_a_batch_lies_about_the_answer_and_no_point_near_a_failed_sample():
     goal = Goal.of(HEIGHT, 1.0, SPACE)
     sd = 0.045 * 65.28
     exact = (norm.ppf(0.95) * sd / goal.half[0]) ** 2
     assert goal.needed(np.array([[sd**2]]), 0.9) == int(np.ceil(exact)) == 55
-
-
-def test_a_batch_lies_about_the_answer():
     data = observed(n=20, noise=4.0)
     found = advised(data, most_pours=999, probability=0.99, batch=100)
     inside = (found.answer > 0.3) & (found.answer < 0.7)
@@ -233,9 +227,6 @@ def test_a_batch_lies_about_the_answer():
     # 100 draws: the mean within three standard errors, the spread within three of its own
     assert found.batch[:, inside].mean(axis=0) == pytest.approx(found.answer[inside], abs=0.03)
     assert found.batch[:, inside].std(axis=0) == pytest.approx(0.1, rel=0.22)
-
-
-def test_no_point_near_a_failed_sample():
     data = observed(n=30, noise=4.0)
     first = advised(data, most_pours=999, probability=0.99)
     failed = first.batch[:1]

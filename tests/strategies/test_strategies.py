@@ -54,7 +54,7 @@ def test_strategies_are_known_by_name():
 
 
 @pytest.mark.slow
-def test_the_answer_is_right(walked):
+def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
     study, _, _ = walked
     found = study.answer()
     answer = pd.DataFrame([found.parameters | {"sample": 1, "run": 1}])
@@ -66,10 +66,6 @@ def test_the_answer_is_right(walked):
     shown = found._repr_html_()
     assert "friction" in shown
     assert "within 1 percent" in shown
-
-
-@pytest.mark.slow
-def test_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
     study, asked, file = walked
     other = tmp_path / "study.csv"
     repose.Study(**STUDY, strategy=study.config["strategy"], file=other)

@@ -35,16 +35,12 @@ def combinations(folder, differences, errors=(0.0, 0.0), eligible=True, distance
     return folder / "combinations.csv"
 
 
-def test_a_stated_one_is_a_share_of_each_target_and_correlated_within_a_bench_test():
+def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
     found = discrepancy.of_targets(targets, design(1.0, 2.0), 10.0, 0.9)
     assert found == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
     opposite = discrepancy.of_targets(targets, design(1.0, -2.0), 10.0, 0.9)
     assert opposite[0, 1] == pytest.approx(-16.2)
-
-
-def test_that_of_a_shape_study_is_the_spread_of_its_plausible_models(tmp_path):
-    """4000 models with a known covariance, measured with a known error; others are not plausible."""
     random = np.random.default_rng(1)
     known = np.array([[9.0, 12.0], [12.0, 25.0]])
     models = random.multivariate_normal([-3, 5], known, 4000) + random.normal(size=(4000, 2)) * [0.5, 2.0]
@@ -107,13 +103,10 @@ def test_a_cell_that_cannot_be_is_refused_with_its_row(tmp_path, column, value, 
     input_error(rf"row 3: {column} is .*{allowed}", discrepancy.of_shape_study, path, TARGETS)
 
 
-def test_the_study_of_the_configuration_is_the_published_one():
+def test_the_published_study_has_a_discrepancy_and_so_have_responses_of_a_users_simulator():
     root = Path(__file__).parents[2]
     published = root / "results" / "published" / "shape_study" / "combinations.csv"
     assert (root / "resources" / "shape_study.csv").read_bytes() == published.read_bytes()
-
-
-def test_responses_of_a_simulator_that_only_its_user_knows_have_a_discrepancy():
     content = {"simulator": "mine", "label": "own", "seed": 1, "parameters": {"friction": [0.2, 0.8]}}
     content["targets"] = {name: {"value": value, "sd": 1.0, "repetitions": 5} for name, value in OWN.items()}
     own = Study.own(content).targets
@@ -153,7 +146,7 @@ def curve_of(model, targets, study=None):
     return points, implausibility.curve(points, SPACE, targets, observed(targets), study)
 
 
-def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribution():
+def test_bits_and_interval_by_hand_where_a_correlated_discrepancy_leaves_the_contrast():
     targets = targets_of(height_mm=60.0)
     _, table = curve_of(Linear(40.0), targets)
     assert table["discrepancy_percent"].tolist() == list(implausibility.PERCENT)
@@ -167,9 +160,6 @@ def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribu
         assert getattr(row, f"{first}_high") == pytest.approx(0.5 + 1.96 * sd, abs=0.005)
         assert getattr(row, f"{first}_bits") == pytest.approx(bits, abs=0.1)
         assert getattr(row, f"{PARAMETERS[1]}_bits") < 0.02
-
-
-def test_a_correlated_discrepancy_leaves_the_contrast_sharp_and_a_shape_study_is_that_stated():
     targets = targets_of(aor_deg=30.0, height_mm=60.0)
     _, table = curve_of(Linear(20.0, 40.0), targets)
     bits = table.pivot(index="discrepancy_percent", columns="discrepancy_correlation", values="information_bits")

@@ -61,7 +61,7 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, caps
     assert len(pd.read_csv(out / "seeds.csv")) == 64
 
 
-def test_one_target_has_no_correlation():
+def test_one_target_has_no_correlation_and_responses_of_different_bench_tests_are_independent():
     one = targets_of(drum_slip_deg=40.0)
     found = noise.noise_floor(made_up_runs(), one)
     reachable = [f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")]
@@ -69,9 +69,6 @@ def test_one_target_has_no_correlation():
     assert found.responses["sd_within"][0] == pytest.approx(3, rel=0.2)
     assert found.responses["failed_runs"][0] == 0, "runs of the other bench test do not count"
     assert found.summary["correlation"] == {}
-
-
-def test_responses_of_different_bench_tests_are_independent():
     matrix, pairs = noise.within_correlation(made_up_runs(), FOUR)
     assert list(pairs) == ["aor_deg, height_mm", "aor_deg, base_radius_mm", "height_mm, base_radius_mm"]
     assert matrix[:3, :3] == pytest.approx(np.array([[1, 0.89, -0.45], [0.89, 1, -0.4], [-0.45, -0.4, 1]]), abs=0.15)
@@ -109,7 +106,7 @@ def test_bits_of_known_variances(between, within, percent):
         assert covered == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 100))
 
 
-def test_bits_with_a_discrepancy_by_hand_and_the_most_informative_first():
+def test_bits_with_a_discrepancy_by_hand_and_the_most_informative_first_and_plausible_sets_are_draws(tmp_path):
     runs = made_up(1.0, 0.5)
     parts = variance_components(runs["value"], runs["sample"])
     ratio = parts.within * parts.icc / (1 - parts.icc) / (parts.within / 10 + (0.2 * parts.mean) ** 2)
@@ -119,9 +116,6 @@ def test_bits_with_a_discrepancy_by_hand_and_the_most_informative_first():
     table = next_measurement.information(pd.concat(runs), 10, 0.0)
     assert list(table["response"]) == ["turning_deg", "flow_g_s"]  # a constant response is left out
     assert table["bits_low"].iloc[1] == 0.0
-
-
-def test_plausible_sets_are_draws(tmp_path):
     draws = pd.DataFrame(np.random.default_rng(1).random((50, 6)), columns=list(PARAMETERS))
     draws.to_csv(tmp_path / "draws.csv", index=False)
     samples = next_measurement.plausible_sets(tmp_path / "draws.csv", 3, tmp_path / "samples.csv")

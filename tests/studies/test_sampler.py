@@ -46,7 +46,7 @@ def test_linear_model_has_its_closed_form_posterior_and_information(linear):
         assert sampler.information_bits(draws[:, k], effective) == pytest.approx(marginal, abs=0.06)
 
 
-def test_chains_end_at_their_bounds_repeat_by_seed_and_take_all_steps_where_nothing_changes():
+def test_chains_end_at_their_bounds_repeat_and_hold_no_walkers_without_weight():
     chains = sampler.sample(lambda u: 3 * u[:, 0], 1, 16, 1500, 1).points
     assert chains.min() >= 0
     assert chains.max() <= 1
@@ -57,13 +57,6 @@ def test_chains_end_at_their_bounds_repeat_by_seed_and_take_all_steps_where_noth
     chains = sampler.sample(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
     assert chains.density_time == 50
     assert np.isfinite(chains.times).all()
-
-
-def test_a_mode_of_no_weight_holds_no_walkers():
-    """A normal of sd 0.01 beside one of sd 0.05 that lies lower: it holds 5e-4 of the draws.
-
-    Walkers that start anywhere stay on the lower hill: a fifth of the draws.
-    """
     heights, sds = np.array([0.0, -12.0]), np.array([0.01, 0.05])
     centres = np.array([[0.2, 0.3, 0.3], [0.75, 0.7, 0.6]])
 
@@ -79,7 +72,7 @@ def test_a_mode_of_no_weight_holds_no_walkers():
     assert draws.std(axis=0) == pytest.approx(0.01, rel=0.1)
 
 
-def test_r_hat_of_known_chains():
+def test_r_hat_of_known_chains_and_information_of_known_draws():
     random = np.random.default_rng(1)
     good = random.normal(size=(4, 2000, 1))
     assert sampler.split_r_hat(good) == pytest.approx(1, abs=0.005)
@@ -90,10 +83,7 @@ def test_r_hat_of_known_chains():
     # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
     assert sampler.split_r_hat(drifting) == pytest.approx(math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02)
     value_error(r"shape \(4, 3, 1\)", sampler.split_r_hat, good[:, :3])
-
-
-def test_information_of_known_draws():
-    """Uniform: none. Density 2u: 1 - 1 / (2 ln 2) bits. A quarter of the range: two."""
+    # Uniform: none. Density 2u: 1 - 1 / (2 ln 2) bits. A quarter of the range: two.
     random = np.random.default_rng(2)
     u = random.uniform(size=40_000)
     assert sampler.information_bits(u, 40_000) < 0.002

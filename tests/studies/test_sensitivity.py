@@ -29,7 +29,7 @@ def ishigami_indices(a=7.0, b=0.1):
     return np.array([first, second, 0]) / total, np.array([first + both, second, both]) / total
 
 
-def test_ishigami():
+def test_ishigami_and_sums_have_their_indices_and_main_effects_are_means_over_the_other_inputs():
     found = sensitivity.indices(ishigami, LOW, HIGH, 4096, 100, 7)
     for name, known in zip(("first", "total"), ishigami_indices(), strict=True):
         assert found[name][0] == pytest.approx(known, abs=0.015)
@@ -38,8 +38,6 @@ def test_ishigami():
         assert (found[f"{name}_low"][0] <= known + 0.01).all()
         assert (known - 0.01 <= found[f"{name}_high"][0]).all()
 
-
-def test_sums_have_their_indices_and_main_effects_are_means_over_the_other_inputs():
     def weigh(X):
         return np.column_stack([1000 + X @ [1, 2, 0], -50 + X @ [0, 3, 4]])
 

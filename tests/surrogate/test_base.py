@@ -113,7 +113,7 @@ def test_a_search_gets_the_same_responses(name, fitted):
 
 
 @every
-def test_a_shift_moves_the_mean_alone(name, fitted, tmp_path):
+def test_a_shift_moves_the_mean_alone_and_an_input_that_does_not_vary_has_no_effect(name, fitted, tmp_path):
     X, offset = points(10, 6), np.array([0.5, -3.0])
     moved = fitted[name].shifted(offset)
     mean, std = fitted[name].predict(X, return_std=True)
@@ -125,10 +125,6 @@ def test_a_shift_moves_the_mean_alone(name, fitted, tmp_path):
     assert load(tmp_path / "moved.json").predict(X) == pytest.approx(mean + offset)
     respond = moved.response_function(np.full(3, 2.0), np.full(3, 4.0))
     assert respond(X - 3) == pytest.approx(mean + offset)
-
-
-@every
-def test_an_input_that_does_not_vary_has_no_effect(name):
     X = points(60, 0)
     X[:, 2] = 3.0
     model = make(name, SETTINGS).fit(X, truth(X))
@@ -181,16 +177,12 @@ def test_wrong_samples_are_refused(name, fitted):
     value_error(r"expected \(samples, 3\)", fitted[name].predict, X[:, :2])
 
 
-def test_a_quadratic_surface_is_exact_for_a_quadratic_function():
+def test_a_quadratic_surface_is_exact_and_its_errors_are_those_of_many_data_sets():
     X, fresh = points(11, 0), points(20, 1)
     model = make("quadratic", {}).fit(X, truth(X))
     assert model.predict(fresh) == pytest.approx(truth(fresh))
     with pytest.raises(ValueError, match="10 samples; expected at least 11"):
         make("quadratic", {}).fit(X[:10], truth(X[:10]))
-
-
-def test_errors_of_a_weighted_quadratic_surface_are_those_of_many_data_sets():
-    """The closed form beside brute force: 4000 data sets with the same points and other noise."""
     X, fresh = points(25, 0), points(5, 1)
     random = np.random.default_rng(2)
     precision = random.uniform(0.2, 3.0, (25, 2))

@@ -31,7 +31,7 @@ def noise_of(request):
     return lambda precision: {"noise": SampleNoise(0.3, "fixed", precision)}
 
 
-def test_moments_are_those_of_the_conditional_distribution(noise_of):
+def test_moments_are_those_of_the_conditional_distribution_and_a_value_is_left_out_as_if_the_others_were_all(noise_of):
     random = np.random.default_rng(1)
     x, new, precision = random.random((9, 2)), random.random((5, 2)), random.uniform(1, 4, 9)
     values = random.normal(size=9)
@@ -41,9 +41,6 @@ def test_moments_are_those_of_the_conditional_distribution(noise_of):
     assert mean == pytest.approx(gain @ values)
     assert process.mean(new) == pytest.approx(mean)
     assert variance == pytest.approx(2 - (gain * covariance(new, x)).sum(axis=1))
-
-
-def test_a_value_is_left_out_as_if_the_others_were_all(noise_of):
     random = np.random.default_rng(2)
     x, precision, values = random.random((9, 2)), random.uniform(1, 4, 9), random.normal(size=9)
     means, variances = Process(KERNEL, x, values, **noise_of(precision)).left_out()
@@ -135,7 +132,7 @@ def test_distances_are_in_ranges_and_thin_beyond_those_of_samples_from_each_othe
     assert support.distance([[0.2, 2.5]]) == pytest.approx([0.05])
 
 
-def test_leverage_is_that_of_a_quadratic_model_which_few_samples_do_not_bear():
+def test_leverage_is_that_of_a_quadratic_model_which_few_samples_do_not_bear_and_warnings_in_words():
     points = np.random.default_rng(1).uniform(size=(40, 2))
     support = Support(points, [0, 0], [1, 1], NAMES)
     X = np.column_stack([np.ones(40), points, points**2, points[:, 0] * points[:, 1]])
@@ -148,9 +145,6 @@ def test_leverage_is_that_of_a_quadratic_model_which_few_samples_do_not_bear():
     support = Support(points, np.zeros(6), np.ones(6))
     assert quadratic_terms(points).shape == (20, 28)
     assert support.leverage(points).tolist() == [0.0] * 20
-
-
-def test_warnings_in_words():
     support = Support(grid(), [0, 0], [1, 1], NAMES)
     inside, bound, near, far = support.warnings([[0.45, 0.5], [0.005, 0.995], [0.012, 0.5], [0.45, 0.9]])
     assert inside == ""
@@ -160,7 +154,7 @@ def test_warnings_in_words():
     assert "leverage" in far
 
 
-def test_support_of_a_dataset_takes_usable_samples_of_its_shape(tmp_path):
+def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_path):
     table = pd.DataFrame(np.random.default_rng(1).uniform(size=(40, 6)), columns=list(PARAMETERS))
     table["sample"], table["status"] = np.arange(40), "ok"
     table.loc[0, "status"] = "jammed"
@@ -177,9 +171,6 @@ def test_support_of_a_dataset_takes_usable_samples_of_its_shape(tmp_path):
     input_error("usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space)
     with pytest.raises(ValueError, match=r"points has shape \(3, 2\); expected at least two rows of 6"):
         Support(np.zeros((3, 2)), np.zeros(6), np.ones(6))
-
-
-def test_a_fixed_parameter_plays_no_part():
     points = np.insert(grid(), 1, 0.3, axis=1)
     fixed = Support(points, [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b"))
     free = Support(grid(), [0, 0], [1, 1], NAMES)

@@ -27,23 +27,17 @@ def time_steps(monkeypatch):
     return importlib.import_module("time_steps")
 
 
-def test_medians_are_set_beside_the_kernel_and_the_first_particle():
+def test_medians_are_set_beside_the_kernel_and_particles_are_poured_in_turn(monkeypatch):
     pours = {"a": [(80.0, 9.0), (100.0, 12.0), (300.0, 10.0)], "b": [(250.0, 30.0), (20.0, 31.0), (251.0, 5.0)]}
     found = speed.summary([40.0, 700.0, 50.0], pours)
     assert found["reference_us"] == 50.0
-    assert found["particles"] == [
-        {"name": "a", "us_per_step": 100.0, "job_s": 10.0, "ratio": 2.0, "to_first": 1.0},
-        {"name": "b", "us_per_step": 250.0, "job_s": 30.0, "ratio": 5.0, "to_first": 2.5},
-    ]
+    names, rows = ("name", "us_per_step", "job_s", "ratio", "to_first"), [("a", 100.0, 10.0, 2.0, 1.0)]
+    rows.append(("b", 250.0, 30.0, 5.0, 2.5))
+    assert found["particles"] == [dict(zip(names, row, strict=True)) for row in rows]
     table = speed.message(found | {"berries": 500, "time_step_s": 2e-4} | speed.machine()).splitlines()
     assert f"vectors of {speed.machine()['vector_bits']} bits" in table[0]
-    assert [line.split() for line in table[3:]] == [
-        ["a", "100.0", "1.00", "2.000", "10.00"],
-        ["b", "250.0", "2.50", "5.000", "30.00"],
-    ]
-
-
-def test_particles_are_poured_in_turn_after_a_small_pour_of_each(monkeypatch):
+    wanted = ["a 100.0 1.00 2.000 10.00", "b 250.0 2.50 5.000 30.00"]
+    assert [" ".join(line.split()) for line in table[3:]] == wanted
     asked = []
 
     def pour(config, parameters, seed, particle, berry):
@@ -58,14 +52,11 @@ def test_particles_are_poured_in_turn_after_a_small_pour_of_each(monkeypatch):
     assert [row["to_first"] for row in found["particles"]] == [1.0, 2.5]
 
 
-def test_the_reference_kernel_does_every_step_of_its_chain():
+def test_the_reference_kernel_does_every_step_and_the_solution_is_the_published_one():
     x = 1.0
     for k in range(500):
         x = np.sqrt(x * 1.0000001 + 1e-9 * k) / (1.0 + 1e-7 * x)
     assert speed.reference_kernel(500) == pytest.approx(x, rel=1e-12)
-
-
-def test_the_representative_solution_is_the_published_one():
     path = "resources/published/table4.csv"
     assert published.representative(path) == REPRESENTATIVE
     input_error("column gamma_gg is 'missing'", published.representative, path, (*REPRESENTATIVE, "gamma_gg"))

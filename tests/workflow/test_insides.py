@@ -28,7 +28,7 @@ rule one:
 """
 
 
-def test_no_file_of_the_workflow_uses_an_inside():
+def test_no_file_of_the_workflow_uses_an_inside_and_the_workflow_has_fewer_functions_than_rules_and_no_program():
     used, imported = set(), set()
     for path in FILES:
         text = path.read_text()
@@ -36,9 +36,6 @@ def test_no_file_of_the_workflow_uses_an_inside():
         imported |= set(re.findall(r"(?:from|import) (snakemake[\w.]*)", text))
     assert used - DOCUMENTED == KEPT
     assert imported == {"snakemake.utils"}
-
-
-def test_the_workflow_has_fewer_functions_than_rules_and_no_program():
     own = [path for path in FILES if "research" not in path.parts]
     functions, rules = (
         sum(len(re.findall(pattern, path.read_text(), re.MULTILINE)) for path in own)

@@ -111,14 +111,10 @@ POURS = {"pour": 12, "validation_pour": 3, "trajectory": 1, "drum_run": 2}
 
 # The stages of the method in their order, and one rule that follows each.
 STAGES = {
-    "design": ("design", "pour"),
-    "pour": ("pour", "measure_runs"),
-    "dataset": ("dataset", "network"),
-    "network": ("network", "miga"),
-    "miga": ("miga", "validation_pour"),
-    "validate": ("validate", "card"),
+    "design": ("design", "pour"), "pour": ("pour", "measure_runs"), "dataset": ("dataset", "network"),
+    "network": ("network", "miga"), "miga": ("miga", "validation_pour"), "validate": ("validate", "card"),
     "drum": ("drum", "draw_drum"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.essential

@@ -138,13 +138,10 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
         assert jobs.get(rule, count) == count
 
 
-def test_an_engine_compiled_again_is_no_reason_to_pour_again(finished):
+def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_a_target_of_its_own(finished):
     project, words = finished
     for targets in (("calibration",), ("drum", "film")):
         assert planned(project, *words, "--forcerun", "warm_up", "--", *targets)["total"] == 1
-
-
-def test_uncertainty_is_a_target_of_its_own(finished):
     project, words = finished
     own = ("noise_tables", "sensitivity_tables")  # the posterior's tables belong to every study
     drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_discrepancy", "draw_sobol")
