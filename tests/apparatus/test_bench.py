@@ -53,7 +53,7 @@ def config(drop, monkeypatch):
     return quick | {"drop": dict(SECTION), "targets": [*quick["targets"], TARGET]}
 
 
-def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
+def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(drop):
     assert bench("drop") is drop
     assert names()[-1] == "drop"
     assert responses.response("spread_mm").apparatus == "drop"
@@ -64,6 +64,14 @@ def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
     for test in bench_tests():
         assert test.statuses[0] == "ok"
         assert test.settings.model_fields["seeds"].is_required()
+    found = [seed for name in names() for k in range(1, 151) for seed in pour_seeds(1, "design", k, 8, name)]
+    numbers = [*range(1, 7), *range(101, 107)]
+    found += [seed for name in names() for k in numbers for seed in pour_seeds(1, "validation", k, 8, name)]
+    found += pour_seeds(2, "design", 1, 8, "funnel")
+    assert len(set(found)) == len(found)
+    assert pour_seeds(1, "design", 1, 2) == found[:2] == pour_seeds(1, "design", 1, 2, names()[0])
+    # the stream of the drum alone says so by its purpose
+    assert pour_seeds(1, "drum", 1, 2, "drum") == pour_seeds(1, "drum", 1, 2)
 
 
 def test_its_section_is_part_of_the_configuration(config):
@@ -127,7 +135,7 @@ def test_a_berry_has_to_fit(name, keys):
     assert not list(bench(name).misfits(SceneSettings(configured(name)), axes_mm))
 
 
-def test_the_job_pours_and_measures_it(drop, config, tmp_path):
+def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp_path):
     pours = pour_job(drop, Scene.of(config, SET, BERRY, PARTICLE), "007", [3, 4], tmp_path, interval_s=0.1)
     saved = json.loads(pours.read_text())
     assert (saved["sample"], saved["apparatus"], len(saved["pours"])) == (7, "drop", 2)
@@ -141,9 +149,6 @@ def test_the_job_pours_and_measures_it(drop, config, tmp_path):
     assert spread[1] == pytest.approx(1e3 * np.hypot(x, y).mean(), rel=1e-5)
     assert result["summary"]["spread_mm"] == pytest.approx(np.mean(spread))
     assert result["summary"]["spread_se_mm"] == pytest.approx(abs(spread[0] - spread[1]) / 2)
-
-
-def test_a_job_that_is_no_run_of_its_bench_test_is_refused(drop, config, tmp_path):
     path = tmp_path / "001.pours.json"
     for name, status, message in (
         ("shaker", "ok", "apparatus is 'shaker'"),
@@ -151,17 +156,6 @@ def test_a_job_that_is_no_run_of_its_bench_test_is_refused(drop, config, tmp_pat
     ):
         path.write_text(json.dumps({"apparatus": name, "pours": [{"seed": 1, "status": status}]}))
         input_error(message, measure_job, Scene.of(config, {}, BERRY, PARTICLE), path)
-
-
-def test_seeds_are_stable_and_every_bench_test_and_purpose_has_its_own(drop):
-    found = [seed for name in names() for k in range(1, 151) for seed in pour_seeds(1, "design", k, 8, name)]
-    numbers = [*range(1, 7), *range(101, 107)]
-    found += [seed for name in names() for k in numbers for seed in pour_seeds(1, "validation", k, 8, name)]
-    found += pour_seeds(2, "design", 1, 8, "funnel")
-    assert len(set(found)) == len(found)
-    assert pour_seeds(1, "design", 1, 2) == found[:2] == pour_seeds(1, "design", 1, 2, names()[0])
-    # the stream of the drum alone says so by its purpose
-    assert pour_seeds(1, "drum", 1, 2, "drum") == pour_seeds(1, "drum", 1, 2)
 
 
 @pytest.mark.parametrize("one", ["funnel", "drum"])

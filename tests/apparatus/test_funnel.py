@@ -130,7 +130,14 @@ def in_a_new_process(**environment):
 
 
 @pytest.mark.slow
-def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypatch):
+def test_code_compiled_or_cached_gives_the_same_bits_and_springs_may_be_linear(tmp_path, monkeypatch):
+    whole = small()
+    whole["simulation"]["contact_law"] = "linear_spring"
+    poured = TEST.pour(of(whole))
+    assert not poured.unstable
+    assert poured.on_plate.sum() == 60
+    assert poured.kinetic_energy_j / 60 < 1e-12
+    assert digest(poured) != digest(TEST.pour(of(small())))
     signatures = set()
 
     def noting(*arguments):
@@ -143,17 +150,6 @@ def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypat
     # this process has compiled the kernel itself where its cache was empty
     if not signatures <= set(advance.stats.cache_misses):
         assert in_a_new_process(NUMBA_CACHE_DIR=str(tmp_path)) == (here, 1)
-
-
-@pytest.mark.slow
-def test_a_study_may_choose_the_linear_spring():
-    whole = small()
-    whole["simulation"]["contact_law"] = "linear_spring"
-    poured = TEST.pour(of(whole))
-    assert not poured.unstable
-    assert poured.on_plate.sum() == 60
-    assert poured.kinetic_energy_j / 60 < 1e-12
-    assert digest(poured) != digest(TEST.pour(of(small())))
 
 
 @pytest.fixture(scope="module")
@@ -257,7 +253,7 @@ def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
     assert not scene.largest_cluster(contacts, np.zeros(8, bool)).any()
 
 
-def test_the_pile_is_at_rest_and_on_the_plate_and_measured_by_the_pile_module():
+def test_a_pile_rests_on_the_plate_is_measured_as_piles_are_and_keeps_its_sizes(plain):
     record, run = run_once(bench("funnel"), of(heap()))
     assert (record["status"], record["reason"]) == ("ok", "")
     assert record["kinetic_energy_J"] / record["berries_in_pile"] < 1e-12
@@ -267,9 +263,6 @@ def test_the_pile_is_at_rest_and_on_the_plate_and_measured_by_the_pile_module():
     settings = pile.MeasureSettings.of(heap()["measure"], BERRY)
     again = pile.measure_pile(*bodies, settings, members=run.arrays["in_pile"])
     assert {key: record[key] for key in again.record()} == again.record()
-
-
-def test_berries_of_measured_sizes_keep_them(plain):
     settings = small()
     settings["berry"] = settings["berry"] | {"size_distribution": "measured"}
     berry = BERRY | {"scale_sd": 0.083, "scale_low": 0.78, "scale_high": 1.16}

@@ -37,7 +37,7 @@ def judged(config, line, dataset_csv=None, particle=None):
     return found
 
 
-def test_the_cone_of_a_height_and_a_volume_in_closed_form():
+def test_the_closed_cone_and_what_is_said_without_angle_and_height(config):
     for angle in (10.0, 32.87, 60.0):
         slope = math.tan(math.radians(angle))
         volume = math.pi * 0.06557**3 / (3 * slope**2)
@@ -45,6 +45,16 @@ def test_the_cone_of_a_height_and_a_volume_in_closed_form():
         bound = reach.steepest_deg("whole", 65.57, reach.DENSEST * volume)
         assert bound == pytest.approx(angle)
     assert 1e6 * math.pi * 0.06557**3 / (3 * math.tan(math.radians(32.87)) ** 2) == pytest.approx(707, abs=0.5)
+    angle, height = config["targets"]
+    drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
+    for targets in ([angle], [height], [drum], [drum, height], []):
+        assert list(reach.said(config | {"targets": targets}, grain(), None)) == []
+    (line,) = reach.said(config, grain(), None)
+    assert line.startswith("reach: ")
+    config["targets"][0]["response"] = "aor_secant_deg"
+    config["measure"] |= WHOLE
+    assert list(reach.of(config, grain())) == ["aor_secant_deg"]
+    assert reach.of(config, grain())["aor_secant_deg"].line == "secant, foot to crest"
 
 
 def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is_none(config):
@@ -135,16 +145,3 @@ def test_the_band_holds_for_grains_that_the_table_has_not(crop):
         found = reach.of(config | {"targets": targets}, body)[name]
         assert found.possible, (definition, mean, found)
         assert ", not of this grain" in found.band.source
-
-
-def test_nothing_is_said_without_angle_and_height_and_an_own_definition_by_its_line(config):
-    angle, height = config["targets"]
-    drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
-    for targets in ([angle], [height], [drum], [drum, height], []):
-        assert list(reach.said(config | {"targets": targets}, grain(), None)) == []
-    (line,) = reach.said(config, grain(), None)
-    assert line.startswith("reach: ")
-    config["targets"][0]["response"] = "aor_secant_deg"
-    config["measure"] |= WHOLE
-    assert list(reach.of(config, grain())) == ["aor_secant_deg"]
-    assert reach.of(config, grain())["aor_secant_deg"].line == "secant, foot to crest"

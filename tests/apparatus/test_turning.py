@@ -32,7 +32,7 @@ def bed(angle_deg, count=400):
     return places[below & inside][:count], rng.normal(size=(count, 4))
 
 
-def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
+def test_what_the_angle_and_the_profile_of_a_turning_drum_are():
     frames = [bed(angle) for angle in (20.0, 30.0)]
     position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
@@ -49,6 +49,14 @@ def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
     )
     assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
     assert "60 mm a pixel" in coarse["reason"]
+    occupied = np.zeros((100, 100))
+    occupied[80:], occupied[90:] = 1 / 3, 1.0
+    occupied[:, 70:] = 0.0
+    x_m = np.array([-0.02, 0.0, 0.03])
+    for covered, rows in ((0.3, 19.6), (2 / 3, 10.0)):
+        heights = measure_bed.surface_heights(occupied, covered, x_m, 0.05, 1.0)
+        assert heights[:2] == pytest.approx(1e-3 * rows - 0.05, abs=1e-4)
+        assert heights[2] == pytest.approx(-0.04, abs=1e-3)
 
 
 def inclined(angle_deg, seed, count=10_000, radius_m=1e-3):
@@ -67,18 +75,6 @@ def test_the_profile_of_a_flat_bed_is_straight_within_a_tenth_of_a_grain(angle_d
     occupied = measure_bed.occupied_share(centres, turns, grain, 0.095, 0.1)
     heights = measure_bed.surface_heights(occupied, 0.5, x, 0.095, 0.1)
     assert np.abs(heights - np.tan(np.radians(angle_deg)) * x).max() < 0.1 * 2e-3
-
-
-def test_the_profile_lies_where_the_share_of_the_frames_is_crossed():
-    """Two frames of three cover 10 pixels, one covers 20; where no frame covers any, the wall is the surface."""
-    occupied = np.zeros((100, 100))
-    occupied[80:], occupied[90:] = 1 / 3, 1.0
-    occupied[:, 70:] = 0.0
-    x_m = np.array([-0.02, 0.0, 0.03])
-    for covered, rows in ((0.3, 19.6), (2 / 3, 10.0)):
-        heights = measure_bed.surface_heights(occupied, covered, x_m, 0.05, 1.0)
-        assert heights[:2] == pytest.approx(1e-3 * rows - 0.05, abs=1e-4)
-        assert heights[2] == pytest.approx(-0.04, abs=1e-3)
 
 
 def profile_target(name, slope):
@@ -117,7 +113,7 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     assert turning.status_of(False)[0] == "lost"
 
 
-def test_a_drum_goes_on_from_its_first_speed_and_friction_lifts_the_bed():
+def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_lowers_an_end():
     short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
     once, twice = (
         TEST.run(Scene.of(config(**short, **more), ROUGH, BERRY, PARTICLE, 1))
@@ -135,9 +131,6 @@ def test_a_drum_goes_on_from_its_first_speed_and_friction_lifts_the_bed():
     assert (rough["status"], level["status"]) == ("ok", "ok")
     assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy
     assert rough["turning_deg"] > 15.0
-
-
-def test_a_tilted_drum_is_low_at_one_end_where_berries_without_friction_gather():
     tilted = config(**SMALL, tilt_deg=20.0)
     simulation = TEST.build(Scene.of(tilted, SMOOTH, BERRY, PARTICLE))
     simulation.add("berry", (0.0, 0.0, 0.0))

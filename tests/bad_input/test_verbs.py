@@ -62,7 +62,7 @@ ELSEWHERE = ("run", "provenance", "report")
 READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
 
 
-def test_every_verb_refuses_files_that_it_cannot_read(refused, garbage):
+def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, garbage):
     def check(name, path):
         words = [name, *NEEDED.get(name, [])]
         for option, _ in files_of(VERBS[name]):
@@ -73,11 +73,6 @@ def test_every_verb_refuses_files_that_it_cannot_read(refused, garbage):
 
     check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
 
-
-WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options))
-
-
-def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage):
     def check(name, config):
         words = [name, *NEEDED.get(name, []), f"--config={config}"]
         for option, keywords in files_of(VERBS[name]):
@@ -95,7 +90,10 @@ def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage
     check_all(check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()])
 
 
-def test_every_verb_refuses_an_option_that_it_does_not_have(refused):
+WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options))
+
+
+def test_what_options_are_not_there_or_cannot_take(refused):
     def check(name):
         verb = VERBS[name]
         needed = ["some_file" for option, _ in files_of(verb) if not option.startswith("-")]
@@ -103,6 +101,7 @@ def test_every_verb_refuses_an_option_that_it_does_not_have(refused):
         assert "--no-such-option" in refused(name, *NEEDED.get(name, []), *needed, "--no-such-option")
 
     check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
+    check_all(lambda words: refused(*words), [(" ".join(words), words) for words in BAD_VALUES])
 
 
 AXES = ["--axes", "17", "11", "9", "--stl=a.stl"]
@@ -147,10 +146,6 @@ BAD_VALUES = (
     ["marker", "--out=sheet.png"],
     *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
 )
-
-
-def test_values_that_an_option_cannot_take(refused):
-    check_all(lambda words: refused(*words), [(" ".join(words), words) for words in BAD_VALUES])
 
 
 CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"

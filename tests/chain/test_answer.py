@@ -80,7 +80,7 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
     assert found.out_of_reach
 
 
-def test_failed_runs_have_no_number(tmp_path):
+def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp_path):
     found = read(study(tmp_path, ""))
     assert not found.met
     assert found.checks[0].margin is None
@@ -90,6 +90,7 @@ def test_failed_runs_have_no_number(tmp_path):
     )
     assert found.within == {1.0: None, 2.0: None}
     assert "the distance of the means from their targets is unknown" in str(found)
+    input_error(r"summary\.json", read, {"label": "wheat", "results_dir": str(tmp_path / "no"), "targets": [TARGET]})
 
 
 def test_a_small_run_says_so_first(tmp_path):
@@ -187,7 +188,3 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     assert first.startswith(
         f"wheat: targets {'met' if feasible and simulated == 32.0 else 'NOT met'}. Angle of repose "
     )
-
-
-def test_a_study_that_has_not_run_is_reported(tmp_path):
-    input_error(r"summary\.json", read, {"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})

@@ -137,13 +137,10 @@ def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words)
     assert card.with_remark("friction", found) == words
 
 
-def test_an_interval_that_begins_at_the_bound_tells_it_too():
+def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(config, solutions):
     assert card.held(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {"low": 0.2, "high": 0.6, "at_bound": "lower"}
     fixed = ParameterSpace.of({name: {"fixed": 0.3} if name == "e_gp" else [0.1, 0.5] for name in PARAMETERS})
     assert card.held(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
-
-
-def test_the_card_and_its_words_tell_of_each_interval(config, solutions):
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame({"parameter": free, "credible_low": 0.45, "credible_high": 0.5})
     values = {"e_gg": 0.1, "mus_gg": 0.47, "mus_gp": 0.44}

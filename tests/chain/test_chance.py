@@ -61,7 +61,7 @@ class Sure:
         return (1 + 20 * (X[:, 1] - 0.7) ** 2)[:, None, None] ** 2
 
 
-def test_the_set_of_least_loss_is_surest_on_target_inside_the_ranges_and_near_the_prior():
+def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     found = expected_loss.least(Sure(), SPACE, TARGETS)
     assert found[PARAMETERS[0]] == pytest.approx(0.65, abs=1e-3)
     assert found[PARAMETERS[1]] == pytest.approx(0.7, abs=0.01)
@@ -80,9 +80,6 @@ def test_the_set_of_least_loss_is_surest_on_target_inside_the_ranges_and_near_th
     found = expected_loss.least(Sure(), space, TARGETS)
     assert found[PARAMETERS[2]] == pytest.approx(0.2, abs=0.01)
     assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
-
-
-def test_the_loss_is_the_mean_of_eq_11_of_draws():
     X = np.full((1, 6), 0.6)
     draws = np.random.default_rng(0).normal(64.0, 1.2, 400_000)
     loss = expected_loss.expected_loss(Sure(), X, TARGETS)[0]

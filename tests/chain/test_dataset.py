@@ -185,9 +185,19 @@ def read(tables):
     return dataset, read_runs(tables / "runs.csv", TARGETS, dataset, tables / "dataset.csv")
 
 
-def test_a_whole_study_is_read(tables):
+def test_a_whole_study_is_read_and_runs_twice_lost_or_of_another_are_refused(tables):
     dataset, runs = read(tables)
     assert (len(dataset), len(runs)) == (150, 900)
+    lines = (tables / "runs.csv").read_text().splitlines(keepends=True)
+    (tables / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
+    input_error(r"row 2: sample and seed is \[.*\]; expected each once", read, tables)
+    (tables / "runs.csv").write_text("".join([lines[0], *lines[2:]]))
+    input_error("rows is 899; expected 900", read, tables)
+    shutil.copy(STUDY.parent / "paper/runs.csv", tables)
+    input_error(r"runs\.csv: rows is 150; expected 900", read, tables)
+    summary = json.loads((tables / "dataset_summary.json").read_text())
+    (tables / "dataset_summary.json").write_text(json.dumps(summary | {"runs": 150}))
+    input_error(r"sample 1: ok runs is 1; expected 6", read, tables)
 
 
 @pytest.mark.parametrize(("name", "rows"), [("dataset.csv", 150), ("runs.csv", 900)])
@@ -229,16 +239,3 @@ def changed(tables, name, row, column, value):
 def test_a_damaged_cell_is_reported(tables, name, column, value, message):
     changed(tables, name, 2, column, value)
     input_error(message, read, tables)
-
-
-def test_runs_twice_lost_or_of_another_study_are_refused(tables):
-    lines = (tables / "runs.csv").read_text().splitlines(keepends=True)
-    (tables / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
-    input_error(r"row 2: sample and seed is \[.*\]; expected each once", read, tables)
-    (tables / "runs.csv").write_text("".join([lines[0], *lines[2:]]))
-    input_error("rows is 899; expected 900", read, tables)
-    shutil.copy(STUDY.parent / "paper/runs.csv", tables)
-    input_error(r"runs\.csv: rows is 150; expected 900", read, tables)
-    summary = json.loads((tables / "dataset_summary.json").read_text())
-    (tables / "dataset_summary.json").write_text(json.dumps(summary | {"runs": 150}))
-    input_error(r"sample 1: ok runs is 1; expected 6", read, tables)

@@ -22,12 +22,32 @@ def slow_minimum_distance(points):
     return min(sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5 for a, b in pairs)
 
 
-def test_all_designs_are_latin_hypercubes():
+def test_designs_are_latin_hypercubes_and_an_exchange_gains_what_it_says():
     rng = np.random.default_rng(1)
     assert strata_are_filled_once(design.random_lhs(150, 6, rng))
     assert strata_are_filled_once(design.lhsdesign(150, 6, rng=rng))
     for n, d in ((2, 1), (2, 6), (3, 2), (7, 1)):
         assert strata_are_filled_once(design.optimal_lhs(n, d, seed=1))
+    rng = np.random.default_rng(4)
+    points = design.random_lhs(25, 4, rng)
+    doublings = 3
+    pairs = exchange_search.Pairs(points, doublings)
+    points = pairs.points
+
+    def total(p):
+        return sum(np.sum((a - b) ** 2) ** -(2.0**doublings) for i, a in enumerate(p) for b in p[:i])
+
+    assert pairs.total() == pytest.approx(total(points))
+    assert pairs.squared.min() == pytest.approx(design.minimum_distance(points) ** 2)
+    for _ in range(20):
+        column = rng.integers(4)
+        i, j = rng.choice(25, 2, replace=False)
+        (gain,) = pairs.gains(column, np.array([i]), np.array([j]))
+        before = total(points)
+        pairs.exchange(column, i, j)
+        after = total(points)
+        assert gain == pytest.approx(after - before, rel=1e-6, abs=1e-9 * max(before, after))
+        assert pairs.total() == pytest.approx(after)
 
 
 @pytest.mark.slow
@@ -60,29 +80,6 @@ def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_th
     assert design.minimum_distance(design.optimal_lhs(16, 2, seed=1)) == 0.2312518711027318
 
 
-def test_gain_of_an_exchange_against_recomputation():
-    rng = np.random.default_rng(4)
-    points = design.random_lhs(25, 4, rng)
-    doublings = 3
-    pairs = exchange_search.Pairs(points, doublings)
-    points = pairs.points
-
-    def total(p):
-        return sum(np.sum((a - b) ** 2) ** -(2.0**doublings) for i, a in enumerate(p) for b in p[:i])
-
-    assert pairs.total() == pytest.approx(total(points))
-    assert pairs.squared.min() == pytest.approx(design.minimum_distance(points) ** 2)
-    for _ in range(20):
-        column = rng.integers(4)
-        i, j = rng.choice(25, 2, replace=False)
-        (gain,) = pairs.gains(column, np.array([i]), np.array([j]))
-        before = total(points)
-        pairs.exchange(column, i, j)
-        after = total(points)
-        assert gain == pytest.approx(after - before, rel=1e-6, abs=1e-9 * max(before, after))
-        assert pairs.total() == pytest.approx(after)
-
-
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
 def test_written_samples_are_still_stratified(tmp_path, method):
     design.run(ParameterSpace.of(RANGES), 15, method, 2026, tmp_path)
@@ -98,13 +95,15 @@ def test_written_samples_are_still_stratified(tmp_path, method):
     assert distances["random"] <= distances["lhsdesign"] < distances["optimal"]
 
 
-def test_a_fixed_parameter_is_a_column_and_a_prior_leaves_its_range_filled():
+def test_a_fixed_parameter_is_a_column_and_sizes_without_a_design_are_refused():
     section = RANGES | {"e_gp": {"fixed": 0.4}, "mus_gg": {"prior": {"mean": 0.5, "sd": 0.02}}}
     table, comparison = design.design(ParameterSpace.of(section), 12, "optimal", 1)
     assert table["e_gp"].tolist() == 12 * [0.4]
     strata = np.floor(12 * (table["mus_gg"] - 0.44) / 0.12)
     assert sorted(strata) == list(range(12))
     assert comparison["samples"].tolist() == [12, 12, 12]
+    value_error("at least 2", design.optimal_lhs, 1, 3, seed=1)
+    value_error("at least 1", design.lhsdesign, 5, 0)
 
 
 @pytest.mark.parametrize(
@@ -118,8 +117,3 @@ def test_a_fixed_parameter_is_a_column_and_a_prior_leaves_its_range_filled():
 )
 def test_bad_settings_are_refused(tmp_path, samples, method, seed, key):
     input_error(f"{key} is", design.run, ParameterSpace.of(RANGES), samples, method, seed, tmp_path)
-
-
-def test_sizes_without_a_design_are_refused():
-    value_error("at least 2", design.optimal_lhs, 1, 3, seed=1)
-    value_error("at least 1", design.lhsdesign, 5, 0)

@@ -28,7 +28,7 @@ def test_split_is_the_published_one_and_a_partition(samples, sizes):
     assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
 
 
-def test_noise_correction_recovers_r2_on_the_noise_free_means():
+def test_noise_correction_recovers_r2_and_shared_noise_is_no_signal():
     random = np.random.RandomState(3)
     m = 20_000
     truth = random.normal(size=m) * 2
@@ -39,6 +39,13 @@ def test_noise_correction_recovers_r2_on_the_noise_free_means():
     assert r2(y, predicted) < 0.8
     assert train.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
     assert train.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
+    _, learned, _ = of_single_pours(0.0, starts=1)
+    training, flat, _ = of_single_pours(0.0, starts=1, validation_noise=True)
+    assert learned.min() > 2
+    assert flat.max() < 0.25
+    covariance = np.array(training.metrics["noise_covariance"])
+    assert covariance[0, 1] > 0.8 * np.sqrt(covariance[0, 0] * covariance[1, 1])
+    assert training.metrics["noise_freedom"] is None
 
 
 def write_tables(folder, samples=40, seeds=4):
@@ -120,16 +127,6 @@ def of_single_pours(signal, **settings):
     U = np.random.default_rng(13).uniform(-1, 1, (500, 6))
     P, sd = training.model.predict(0.5 + 0.4 * U), np.sqrt(np.diagonal(NOISE))
     return training, P.std(axis=0) / sd, np.sqrt(np.mean((P - signal * known_function(U)) ** 2, axis=0)) / sd
-
-
-def test_noise_that_single_runs_share_is_no_signal_once_the_validation_samples_show_it():
-    _, learned, _ = of_single_pours(0.0, starts=1)
-    training, flat, _ = of_single_pours(0.0, starts=1, validation_noise=True)
-    assert learned.min() > 2
-    assert flat.max() < 0.25
-    covariance = np.array(training.metrics["noise_covariance"])
-    assert covariance[0, 1] > 0.8 * np.sqrt(covariance[0, 0] * covariance[1, 1])
-    assert training.metrics["noise_freedom"] is None
 
 
 @pytest.mark.slow

@@ -63,7 +63,7 @@ def test_every_verb_explains_itself_with_an_example_that_parses(capsys, monkeypa
     assert not silent
 
 
-def test_help_fits_a_screen_and_lists_and_groups_what_a_person_types(capsys):
+def test_help_fits_a_screen_and_guesses_what_was_mistyped(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     out = capsys.readouterr().out
@@ -76,9 +76,6 @@ def test_help_fits_a_screen_and_lists_and_groups_what_a_person_types(capsys):
         main(["stage", "--help"])
     assert re.findall("^ {2}([a-z_]+) {2,}", capsys.readouterr().out, re.MULTILINE)[-len(STAGES) :] == list(STAGES)
     assert not [name for names in GROUPS.values() for name in names if name not in VERBS]
-
-
-def test_a_mistyped_verb_or_stage_is_guessed_and_each_has_a_name_of_its_own(capsys):
     assert "did you mean measure?" in error_of(capsys, "mesure")
     assert "did you mean dataset?" in error_of(capsys, "stage", "datset")
     assert "did you mean stage dataset?" in error_of(capsys, "datset")
@@ -101,14 +98,11 @@ def test_the_version_and_the_commit_are_printed(monkeypatch, capsys, commit):
     assert re.fullmatch(rf"repose \d+\.\d+\.\d+{after}\n", capsys.readouterr().out)
 
 
-def test_help_loads_none_of_the_slow_libraries_that_the_verbs_need():
+def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
     code = "import sys; from repose.__main__ import main\ntry: main(['heap', '--help'])\nexcept SystemExit: "
     code += "print('loaded:', *({'numba', 'scipy', 'pandas', 'cv2', 'matplotlib'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "loaded:"
-
-
-def test_the_module_runs_as_a_program_that_ends_with_2_on_bad_input_and_without_a_reader():
     command = [sys.executable, "-m", "repose", "check", "--config", "nowhere.yaml"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 2

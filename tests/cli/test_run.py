@@ -53,7 +53,7 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
         assert given == expected, words
 
 
-def test_a_closed_terminal_that_is_ignored_stays_so():
+def test_a_target_that_nothing_makes_and_a_closed_terminal(tmp_path):
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with run._as_interrupts([]):
@@ -62,6 +62,12 @@ def test_a_closed_terminal_that_is_ignored_stays_so():
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     finally:
         signal.signal(signal.SIGHUP, before)
+    (tmp_path / "Snakefile").write_text("rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n")
+    words = ["repose", "run", "nonsense", "-c1", "-s", "Snakefile", "--workflow-profile", "none", "--logger", "repose"]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "repose: error: command line: target is 'nonsense'; expected a target" in done.stderr
+    assert "MissingRuleException" not in done.stderr
 
 
 def test_without_snakemake_the_message_says_what_to_install(monkeypatch, capsys):
@@ -138,12 +144,3 @@ def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_kn
         main(["check", "--speed", "3"])
     assert end.value.code == 2
     assert "unrecognized arguments: --speed 3" in capsys.readouterr().err
-
-
-def test_a_target_that_nothing_makes_is_bad_input(tmp_path):
-    (tmp_path / "Snakefile").write_text("rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n")
-    words = ["repose", "run", "nonsense", "-c1", "-s", "Snakefile", "--workflow-profile", "none", "--logger", "repose"]
-    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "repose: error: command line: target is 'nonsense'; expected a target" in done.stderr
-    assert "MissingRuleException" not in done.stderr

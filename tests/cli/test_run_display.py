@@ -124,12 +124,15 @@ def test_no_time_is_awaited_where_nothing_pours_errors_are_said_and_targets_are_
     assert "Doing all" not in capsys.readouterr().err
 
 
-def test_an_empty_log_on_a_full_disk_says_so(tmp_path, monkeypatch):
+def test_an_empty_log_says_so_and_snakemake_finds_the_display_by_its_package(tmp_path, monkeypatch):
     log = tmp_path / "a.log"
     log.touch()
     assert run_display.last_lines(log) == ["(it is empty)"]
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
     assert run_display.last_lines(log) == ["(it is empty: the disk is full)"]
+    from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
+
+    assert LoggerPluginRegistry().get_plugin("repose").log_handler is run_display.LogHandler
 
 
 @pytest.mark.parametrize("option", ["dryrun", "quiet", "verbose", "printshellcmds", "debug_dag"])
@@ -139,12 +142,6 @@ def test_an_option_for_snakemakes_own_output_shows_that(option, capsys):
     setattr(settings, option, {"progress"} if option == "quiet" else True)
     run_display.LogHandler(settings, None).emit(emitted("Select jobs to execute..."))
     assert capsys.readouterr().err == "Select jobs to execute...\n"
-
-
-def test_snakemake_finds_the_display_by_the_name_of_its_package():
-    from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
-
-    assert LoggerPluginRegistry().get_plugin("repose").log_handler is run_display.LogHandler
 
 
 WORKFLOW = """

@@ -128,7 +128,7 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
     assert np.abs(shown.astype(int) - bare).max() < 10
 
 
-def test_the_plate_is_darker_in_the_shadow_and_the_funnel_is_translucent():
+def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.02]])
     centre = np.array([[0.0, 0.0, 0.006]])
     bare = render_pile(np.full((1, 3), np.nan), UPRIGHT, BALL, 30, 0, 240, 160, frame_m=frame).astype(int)
@@ -147,9 +147,6 @@ def test_the_plate_is_darker_in_the_shadow_and_the_funnel_is_translucent():
     middle = tuple(np.argwhere(reddish(bare)).mean(axis=0).astype(int))
     assert reddish(dressed)[middle]
     assert not np.array_equal(dressed[middle], bare[middle])
-
-
-def test_same_input_same_picture_and_shape_and_funnel_walls_follow_the_configuration():
     rng = np.random.default_rng(5)
     centres, turns = rng.uniform([-0.03, -0.03, 0.01], [0.03, 0.03, 0.07], (30, 3)), rng.normal(size=(30, 4))
     first = render_pile(centres, turns, BARREL, width=120)

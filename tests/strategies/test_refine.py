@@ -44,12 +44,19 @@ def proposed(round_=0, space=SPACE, targets=TARGETS, table=None, **changes):
     return refine.propose(table, flat(*targets.names), space, targets, SECTION | changes, round_, 7)
 
 
-def test_the_box_is_cut_to_the_ranges():
+def test_the_box_is_cut_and_added_samples_leave_the_split_as_it_was():
     box = refine.search_box(SPACE, MIDDLE | {"e_gg": 0.05, "mus_gg": 4.0, "e_gp": 0.99}, 0.1)
     ends = dict(zip(box.free, zip(box.low, box.high, strict=True), strict=True))
     np.testing.assert_allclose(ends["e_gg"], [0.01, 0.148])
     np.testing.assert_allclose(ends["mus_gg"], [3.6, 4.4])
     np.testing.assert_allclose(ends["e_gp"], [0.892, 0.99])
+    design = pd.DataFrame({"sample": np.arange(1, 41), "round": pd.array([pd.NA] * 40, dtype="Int64")})
+    table = pd.concat([design, pd.DataFrame({"sample": [1001, 1002, 2001], "round": [0, 0, 1]})])
+    before = train.rows_of(design, [0.7, 0.15, 0.15], 3)
+    after = train.rows_of(table, [0.7, 0.15, 0.15], 3)
+    for name in ("validation", "test"):
+        np.testing.assert_array_equal(after[name], before[name])
+    np.testing.assert_array_equal(after["train"], [*before["train"], 40, 41, 42])
 
 
 def test_the_proposal_is_the_representative_and_neighbours_that_keep_fixed_parameters():
@@ -75,16 +82,6 @@ def test_the_proposal_is_the_representative_and_neighbours_that_keep_fixed_param
     assert set(table.loc[table["role"] == "neighbour", "warning"]) == {""}
     among_others = pd.concat([solutions(warning=np.nan), solutions(warning="thin", representative=False)])
     assert set(proposed(table=among_others)["warning"]) == {""}
-
-
-def test_added_samples_train_and_leave_the_design_split_as_it_was():
-    design = pd.DataFrame({"sample": np.arange(1, 41), "round": pd.array([pd.NA] * 40, dtype="Int64")})
-    table = pd.concat([design, pd.DataFrame({"sample": [1001, 1002, 2001], "round": [0, 0, 1]})])
-    before = train.rows_of(design, [0.7, 0.15, 0.15], 3)
-    after = train.rows_of(table, [0.7, 0.15, 0.15], 3)
-    for name in ("validation", "test"):
-        np.testing.assert_array_equal(after[name], before[name])
-    np.testing.assert_array_equal(after["train"], [*before["train"], 40, 41, 42])
 
 
 @pytest.mark.parametrize("names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")])

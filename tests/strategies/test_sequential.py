@@ -180,23 +180,11 @@ def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
     assert drawn.std(axis=0) == pytest.approx(sd, rel=0.2)
 
 
-def test_the_expected_deviation_is_the_mean_over_what_the_responses_may_be():
+def test_pours_that_are_left_or_may_move_a_mean_and_the_expected_deviation():
     goal = Goal.of(TARGETS, 1.0, SPACE)
     mean, covariance = np.add(TARGETS.aim, [[0.7, -1.0]]), np.array([[[2.0, 1.5], [1.5, 3.0]]])
     drawn = np.random.default_rng(1).multivariate_normal(mean[0], covariance[0], 200_000)
     assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(goal.of_responses(drawn)[1].mean(), rel=0.01)
-
-
-def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they_say():
-    """Variance 4 and noise 4: one pour leaves 2 and says 2, so a mean 5 off may come to 5 - 3 root 2."""
-    model = SimpleNamespace(noise=np.array([[4.0]]), predict=lambda _: (np.array([[65.0]]), np.array([[[4.0]]])))
-    goal = Goal(np.array([60.0]), np.array([1.0]), SPACE, np.ones(1))
-    off = 5 - 3 * np.sqrt(2)
-    expected = norm.cdf((1 - off) / np.sqrt(2)) - norm.cdf((-1 - off) / np.sqrt(2))
-    assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(expected, abs=1e-6)
-
-
-def test_pours_that_are_left_cannot_do_more_than_reachable():
     # the simulator's own answers after all pours of the budget at one point: the bound holds in each of 30 cases
     data = observed(n=20, noise=4.0)
     goal = Goal.of(TARGETS, 1.0, SPACE)
@@ -212,6 +200,15 @@ def test_pours_that_are_left_cannot_do_more_than_reachable():
         rest = np.linalg.inv(np.linalg.inv(covariance[0]) + 40 * np.linalg.inv(model.noise))
         new = rest @ (np.linalg.solve(covariance[0], mean[0]) + 40 * np.linalg.solve(model.noise, pours))
         assert goal.probability(new[None], rest[None])[0] <= bound + 1e-9
+
+
+def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they_say():
+    """Variance 4 and noise 4: one pour leaves 2 and says 2, so a mean 5 off may come to 5 - 3 root 2."""
+    model = SimpleNamespace(noise=np.array([[4.0]]), predict=lambda _: (np.array([[65.0]]), np.array([[[4.0]]])))
+    goal = Goal(np.array([60.0]), np.array([1.0]), SPACE, np.ones(1))
+    off = 5 - 3 * np.sqrt(2)
+    expected = norm.cdf((1 - off) / np.sqrt(2)) - norm.cdf((-1 - off) / np.sqrt(2))
+    assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(expected, abs=1e-6)
 
 
 def test_pours_that_the_noise_alone_asks_for_and_a_batch_lies_about_the_answer_and_no_point_near_a_failed_sample():
@@ -256,7 +253,7 @@ def test_failed_runs_count_for_the_budget_and_too_few_are_refused(tmp_path):
         batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
 
 
-def test_runs_of_several_bench_tests_are_independent():
+def test_runs_of_bench_tests_are_independent_and_a_corner_is_asked_for_once():
     other = BOTH[1] | {"response": "drum_slip_deg", "apparatus": "drum", "value": 40, "range": [30, 50]}
     targets = Targets.of([BOTH[1], other])
     table = pd.DataFrame(SPACE.values(np.full((2, 6), 0.5)), columns=list(PARAMETERS))
@@ -267,6 +264,14 @@ def test_runs_of_several_bench_tests_are_independent():
     seen, _ = observed_of(data_of(data, runs, targets), SPACE, targets)
     assert seen.values[0].tolist() == [[60, 40], [61, 41]]
     assert seen.counts.tolist() == [2, 1]
+    section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}
+    target = {"value": 20.0, "sd": 0.1, "repetitions": 1, "noise_sd": 0.01}
+    own = Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"sum_mm": target}, sequential=section)
+    own.tell(own.ask().eval("sum_mm = 10 + a + b"))
+    asked = own.ask()
+    assert not asked.duplicated(["a", "b"]).any()
+    own.tell(asked.eval("sum_mm = 10 + a + b"))
+    assert not own.runs.duplicated(["a", "b"]).any()
 
 
 @pytest.mark.parametrize("targets", [TARGETS, HEIGHT])
@@ -279,14 +284,3 @@ def test_figure(done, targets):
     texts = " ".join(text.get_text() for text in figure.findobj(Text))
     assert "All targets within 1 %" in texts
     assert "asked for" in texts
-
-
-def test_a_corner_that_all_draws_find_is_asked_for_once():
-    section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}
-    target = {"value": 20.0, "sd": 0.1, "repetitions": 1, "noise_sd": 0.01}
-    own = Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"sum_mm": target}, sequential=section)
-    own.tell(own.ask().eval("sum_mm = 10 + a + b"))
-    asked = own.ask()
-    assert not asked.duplicated(["a", "b"]).any()
-    own.tell(asked.eval("sum_mm = 10 + a + b"))
-    assert not own.runs.duplicated(["a", "b"]).any()

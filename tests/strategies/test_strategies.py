@@ -48,9 +48,20 @@ def walked(request, tmp_path_factory):
     return study, walk(study), file
 
 
-def test_strategies_are_known_by_name():
+def test_strategies_are_known_and_an_answer_takes_one_thread(tmp_path, monkeypatch):
     assert {"published", "refined", "response_surface", "sequential"} <= set(strategies.names())
     input_error("strategy is 'brute'; expected one of published, ", strategies.strategy, "brute")
+    seen = set()
+
+    def calibrate(*_):
+        seen.update(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+
+    monkeypatch.setattr("repose.studies.calibration.calibrate", calibrate)
+    study = repose.Study(**STUDY, file=tmp_path / "study.csv")
+    study.tell(simulate(study.ask()))
+    with threadpool_limits(limits=2, user_api="blas"):
+        study.answer()
+    assert seen == {1}
 
 
 @pytest.mark.slow
@@ -77,20 +88,6 @@ def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(walk
         again.tell(simulate(table).sample(frac=1, random_state=1))
     assert repose.Study.resume(other).done
     assert other.read_bytes() == file.read_bytes()
-
-
-def test_an_answer_takes_one_thread(tmp_path, monkeypatch):
-    seen = set()
-
-    def calibrate(*_):
-        seen.update(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
-
-    monkeypatch.setattr("repose.studies.calibration.calibrate", calibrate)
-    study = repose.Study(**STUDY, file=tmp_path / "study.csv")
-    study.tell(simulate(study.ask()))
-    with threadpool_limits(limits=2, user_api="blas"):
-        study.answer()
-    assert seen == {1}
 
 
 def test_returned_runs_must_be_those_of_ask(tmp_path):

@@ -59,8 +59,7 @@ def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
     assert height == pytest.approx(found[1:, 1:])
 
 
-def test_a_model_counts_by_how_well_it_describes_the_piles(tmp_path):
-    """Ten models at 0 and 2 near the piles, as many at 40 four standard deviations off; definitions count once."""
+def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused(tmp_path):
     values = np.repeat([0.0, 2.0, 40.0], [5, 5, 10])
     path = combinations(tmp_path, np.column_stack([values, values]), distance=np.repeat([0.0, 4.0], 10))
     result = discrepancy.of_shape_study(path, TARGETS)
@@ -74,9 +73,6 @@ def test_a_model_counts_by_how_well_it_describes_the_piles(tmp_path):
     twice = pd.concat([table, table])
     twice.to_csv(path, index=False)
     assert discrepancy.of_shape_study(path, TARGETS).models == pytest.approx(result.models)
-
-
-def test_a_study_that_says_too_little_is_refused(tmp_path):
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
     with pytest.raises(InputError, match=r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"):
         discrepancy.of_shape_study(few, TARGETS)

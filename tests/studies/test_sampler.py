@@ -25,7 +25,7 @@ def linear():
     return log_density, sampler.sample(log_density, 2, 24, 1200, 3), truth, known
 
 
-def test_linear_model_has_its_closed_form_posterior_and_information(linear):
+def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     log_density, chains, truth, known = linear
     draws, effective = chains.points.reshape(-1, 2), chains.log_density.size / chains.times.max()
     assert chains.log_density.ravel() == pytest.approx(log_density(draws))
@@ -44,6 +44,19 @@ def test_linear_model_has_its_closed_form_posterior_and_information(linear):
         marginal = -0.5 * math.log2(2 * math.pi * math.e * known[k, k])
         effective = draws[:, k].size / chains.times[k]
         assert sampler.information_bits(draws[:, k], effective) == pytest.approx(marginal, abs=0.06)
+    random = np.random.default_rng(3)
+    draws = random.normal(0.55, 0.1 / math.sqrt(2), (20_000, 1))
+
+    def likelihood(u):
+        return -0.5 * ((u[:, 0] - 0.6) / 0.1) ** 2
+
+    def from_prior(share):
+        return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
+
+    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior)
+    # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
+    known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
+    assert found == pytest.approx(known / math.log(2), abs=0.02)
 
 
 def test_chains_end_at_their_bounds_repeat_and_hold_no_walkers_without_weight():
@@ -91,20 +104,3 @@ def test_r_hat_of_known_chains_and_information_of_known_draws():
     assert sampler.information_bits(u / 4, 40_000) == pytest.approx(2, abs=0.01)
     few = [sampler.information_bits(random.uniform(size=400), 400) for _ in range(200)]
     assert np.mean(few) < 0.02  # 0.07 without the correction
-
-
-def test_information_beyond_an_informative_prior():
-    """Prior N(0.5, 0.1), likelihood N(0.6; u, 0.1): posterior N(0.55, 0.1 / sqrt 2)."""
-    random = np.random.default_rng(3)
-    draws = random.normal(0.55, 0.1 / math.sqrt(2), (20_000, 1))
-
-    def likelihood(u):
-        return -0.5 * ((u[:, 0] - 0.6) / 0.1) ** 2
-
-    def from_prior(share):
-        return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
-
-    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior)
-    # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
-    known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
-    assert found == pytest.approx(known / math.log(2), abs=0.02)

@@ -51,9 +51,16 @@ def test_ishigami_and_sums_have_their_indices_and_main_effects_are_means_over_th
     assert means[0] == pytest.approx(np.sin(grid[0]) * (1 + 0.1 * np.pi**4 / 5) + 3.5, abs=0.05)
 
 
-def test_bad_arguments_are_reported():
+def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
     value_error("samples is 100; expected a power of two", sensitivity.indices, ishigami, LOW, HIGH, 100, 20, 1)
     value_error("does not vary", sensitivity.indices, lambda X: np.ones(len(X)), LOW, HIGH, 64, 20, 1)
+    space = ParameterSpace.of(UNIT | {"e_gg": {"fixed": 0.9}})
+    targets = targets_of(drum_slip_deg=30.0)
+    table, effects = sensitivity.analyse(Linear(targets.names, SLOPES[:1]), space, targets, SETTINGS)
+    assert "e_gg" not in set(table["parameter"]) | set(effects["parameter"])
+    assert table.set_index("parameter").loc["mus_gp", "first"] == pytest.approx(1, abs=0.02)
+    middle = effects[(effects["parameter"] == "mus_gp") & (effects["value"] == 0.5)]
+    assert middle["drum_slip_deg"].item() == pytest.approx(30.4)  # e_gg is 0.4 above its middle
 
 
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
@@ -71,16 +78,6 @@ def test_one_target_and_four(names):
     if len(names) == 4:
         assert first["drum_slip_deg", "mur_gp"] == pytest.approx(16 / 25, abs=0.02)
     assert effects.columns.tolist() == ["parameter", "value", *names]
-
-
-def test_a_fixed_parameter_has_no_index():
-    space = ParameterSpace.of(UNIT | {"e_gg": {"fixed": 0.9}})
-    targets = targets_of(drum_slip_deg=30.0)
-    table, effects = sensitivity.analyse(Linear(targets.names, SLOPES[:1]), space, targets, SETTINGS)
-    assert "e_gg" not in set(table["parameter"]) | set(effects["parameter"])
-    assert table.set_index("parameter").loc["mus_gp", "first"] == pytest.approx(1, abs=0.02)
-    middle = effects[(effects["parameter"] == "mus_gp") & (effects["value"] == 0.5)]
-    assert middle["drum_slip_deg"].item() == pytest.approx(30.4)  # e_gg is 0.4 above its middle
 
 
 @pytest.mark.parametrize("name", names())

@@ -158,7 +158,7 @@ def test_correlated_noise_is_taken_and_what_is_no_covariance_is_refused(name):
         make(name, SETTINGS).fit(X, Y, precision=1 + X[:, :2], noise_covariance=covariance)
 
 
-def test_correlated_noise_makes_correlated_errors_of_gaussian_processes():
+def test_correlated_noise_is_noticed_and_definitions_of_a_response_do_not_mix():
     random = np.random.default_rng(0)
     X = points(60, 0)
     shared = random.normal(size=(60, 1))
@@ -166,6 +166,10 @@ def test_correlated_noise_makes_correlated_errors_of_gaussian_processes():
     covariance = 0.04 * np.array([[1.0, 0.9], [0.9, 1.0]])
     found = make("gaussian_process", {}).fit(X, Y, noise_covariance=covariance).covariance(points(10, 1))
     assert (found[:, 0, 1] / np.sqrt(found[:, 0, 0] * found[:, 1, 1]) > 0.6).all()
+    secant, flank = {"aor_deg": {"measure.response": "secant"}}, {"aor_deg": {"measure.response": "flank"}}
+    require_same_definitions(secant, "network.json", secant | {"height_mm": {}}, "dataset.csv")
+    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"):
+        require_same_definitions(secant, "network.json", flank, "dataset.csv")
 
 
 @every
@@ -232,10 +236,3 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
         load(tmp_path / "bad.json")
     with pytest.raises(InputError, match=r"outputs is \['x_deg', 'y_mm'\]; expected the targets y_mm, x_deg"):
         load(tmp_path / "good.json", ("y_mm", "x_deg"))
-
-
-def test_two_definitions_of_a_response_are_refused():
-    secant, flank = {"aor_deg": {"measure.response": "secant"}}, {"aor_deg": {"measure.response": "flank"}}
-    require_same_definitions(secant, "network.json", secant | {"height_mm": {}}, "dataset.csv")
-    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"):
-        require_same_definitions(secant, "network.json", flank, "dataset.csv")

@@ -122,7 +122,7 @@ def test_a_start_keeps_its_largest_evidence_and_is_at_the_minimum_there(monkeypa
     assert kept.log_evidence_ > gone_on.log_evidence_ + 3
 
 
-def test_starts_that_have_not_converged_do_not_compete(monkeypatch):
+def test_starts_that_have_not_converged_do_not_compete_and_classes_have_a_cap(monkeypatch):
     honest = bayesian_bp.train_start
     X, Y = noisy_data(40, 2)
     settings = {"hidden": 3, "starts": 3, "epochs": 100, "goal": 0.0}
@@ -142,9 +142,7 @@ def test_starts_that_have_not_converged_do_not_compete(monkeypatch):
     unconverged = bool(1).__or__
     found = BayesianBP(**settings).fit(X, Y)
     assert (found.best_start_, found.converged_starts_) == (best, 0)
-
-
-def test_classes_at_the_cap_are_reported(monkeypatch):
+    monkeypatch.undo()
     X, Y = noisy_data(60, 3)
     settings = {"hidden": 3, "starts": 1, "epochs": 60, "goal": 0.0, "prior": "inputs"}
     model = BayesianBP(**settings).describe("abcdef", ("y", "z"))

@@ -52,13 +52,19 @@ def test_moments_are_those_of_the_conditional_distribution_and_a_value_is_left_o
         assert variances[i] == pytest.approx(variance[0], rel=1e-6)
 
 
-def test_covariances_are_those_of_the_textbook():
+def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fitted):
     random = np.random.default_rng(3)
     a, b = random.random((4, 2)), random.random((5, 2))
     r = np.sqrt(5 * (((a[:, None] - b) / [0.4, 0.9]) ** 2).sum(axis=2))
     assert KERNEL(a, b) == pytest.approx(covariance(a, b))
     assert smooth(2.0, [0.4, 0.9], smoothness=2.5)(a, b) == pytest.approx(2 * (1 + r + r**2 / 3) * np.exp(-r))
     assert straight(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
+    _, _, X, Y = fitted
+    settings = SETTINGS | {"starts": 1}
+    one, alone = NetworkEnsemble.of(settings).fit(X, Y), BayesianBP.of(settings).fit(X, Y)
+    assert one.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
+    assert one.covariance(X) == pytest.approx(alone.covariance(X))
+    assert one.predict(X, return_std=True)[1] == pytest.approx(alone.predict(X, return_std=True)[1])
 
 
 SETTINGS = {"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"}
@@ -73,8 +79,7 @@ def fitted():
     return model, BayesianBP.of(SETTINGS).fit(X, Y, **noise), X, Y
 
 
-def test_mean_and_covariance_are_those_of_the_mixture_written_as_loops(fitted):
-    """E[y y'] of the mixture is the mean of C + m m' over the networks."""
+def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch):
     model, best, _, _ = fitted
     fresh = np.random.RandomState(2).uniform(-1, 1, (6, 6))
     networks = [best.of_start(k) for k in model.near_]
@@ -91,9 +96,6 @@ def test_mean_and_covariance_are_those_of_the_mixture_written_as_loops(fitted):
     own = np.mean([np.diagonal(network.covariance(fresh), axis1=1, axis2=2) for network in networks], axis=0)
     std = model.predict(fresh, return_std=True, noise=False)[1]
     assert (std**2 > own).all()
-
-
-def test_converged_starts_of_like_evidence_take_part_the_best_first(fitted, monkeypatch):
     model, best, X, Y = fitted
     assert model.members_[0].best_start_ == best.best_start_
     monkeypatch.setattr(network_ensemble, "NATS", 3.0)
@@ -103,15 +105,6 @@ def test_converged_starts_of_like_evidence_take_part_the_best_first(fitted, monk
     near = [start["log_evidence"] > largest - 3 and start["decrement"] < CONVERGED for start in starts]
     assert [row["member"] for row in few.start_rows()] == near
     assert few.report()["members"] == sum(near)
-
-
-def test_one_network_is_that_network(fitted):
-    _, _, X, Y = fitted
-    settings = SETTINGS | {"starts": 1}
-    one, alone = NetworkEnsemble.of(settings).fit(X, Y), BayesianBP.of(settings).fit(X, Y)
-    assert one.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
-    assert one.covariance(X) == pytest.approx(alone.covariance(X))
-    assert one.predict(X, return_std=True)[1] == pytest.approx(alone.predict(X, return_std=True)[1])
 
 
 NAMES = ("a", "b")

@@ -58,8 +58,7 @@ def test_a_call_that_only_looks_takes_no_folder_and_configurations_are_no_target
 
 
 @pytest.mark.slow
-def test_the_profile_lets_the_scheduler_look_seldom(tmp_path):
-    """Not once a second more for each job that has ended."""
+def test_the_profile_looks_seldom_and_a_benchmark_has_the_time_of_the_whole_job(tmp_path, project):
     (line,) = (ROOT / "profiles/default/config.yaml").read_text().split("max-jobs-per-timespan: ")[1:]
     (tmp_path / "Snakefile").write_text(NAPS)
     looks = []
@@ -68,10 +67,6 @@ def test_the_profile_lets_the_scheduler_look_seldom(tmp_path):
         assert done.returncode == 0, done.stderr
         looks.append(done.stderr.count("Resources before job selection"))
     assert 9 <= looks[1] < 0.7 * looks[0]
-
-
-@pytest.mark.slow
-def test_a_benchmark_has_the_processor_time_of_the_whole_job(project):
     done = snakemake(project, "results/quick/design/samples.csv", *QUICK, "--forceall")
     assert done.returncode == 0, done.stderr
     (process,) = usage.since(project / "results/quick", 0)

@@ -78,7 +78,7 @@ def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(projec
 
 
 @pytest.mark.essential
-def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(project):
+def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project):
     words = (TARGET, *QUICK)
     assert snakemake(project, *words).returncode == 0
     path = project / TARGET
@@ -91,10 +91,6 @@ def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(pro
     path.unlink()
     assert snakemake(project, *words).returncode == 0
     assert path.read_text() == good
-
-
-@pytest.mark.essential
-def test_somebodys_file_in_the_place_of_a_result_stops_the_workflow_and_stays(project):
     path = project / "results/quick/network/network.json"
     path.parent.mkdir(parents=True)
     path.write_text("mine")

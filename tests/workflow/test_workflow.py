@@ -40,7 +40,7 @@ def test_the_workflow_runs_from_either_file_and_the_small_run_has_the_same_rules
     assert (small["pour"], small["drum_run"]) == (14, 2)
 
 
-def test_samples_are_run_in_every_bench_test_of_the_targets(project):
+def test_the_drum_alone_draws_no_funnel_and_samples_run_in_every_bench_test(project):
     for targets, folders in ((MIXED, ("heaps", "drum_runs")), (MIXED[1:], ("drum_runs",))):
         mine = {"targets": targets, "posterior": {"shape_study": None}}
         (project / "mine.yaml").write_text(json.dumps(mine))
@@ -52,6 +52,19 @@ def test_samples_are_run_in_every_bench_test_of_the_targets(project):
             assert f"results/quick/{folder}/014.json" in shown
         assert shown.count(f"measure_runs results/quick/{folder} --samples ") == 1
         assert "--apparatus drum" in shown
+    slip = target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)
+    drum = {"targets": [slip], "surrogate": "gaussian_process", "posterior": {"shape_study": None}}
+    (project / "drum.json").write_text(json.dumps(drum))
+    # Other tests leave results in the study's own folder.
+    nowhere = ("--config", "results_dir=results/nowhere", "validation={published_simulated: null}")
+    both = planned(project, "--configfile", "config/quick.yaml", *nowhere)
+    alone = planned(project, "--configfile", "config/quick.yaml", "drum.json", *nowhere)
+    assert set(both) - set(alone) == {
+        *("draw_figure05", "draw_figure06", "draw_figure08", "draw_definitions", "measure", "trajectory"),
+        "draw_plane",  # one target
+        "draw_figure10",  # a Gaussian process has no nodes
+    }
+    assert set(alone) < set(both)
 
 
 CALL = "command line (--config)"
@@ -182,22 +195,6 @@ def test_every_figure_and_table_has_a_caption():
         assert name in captions
     for name in re.findall(r'caption="(?:../)+report/(\w+)\.rst"', text):
         assert name in captions
-
-
-def test_a_study_of_the_drum_alone_draws_no_funnel(project):
-    slip = target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)
-    drum = {"targets": [slip], "surrogate": "gaussian_process", "posterior": {"shape_study": None}}
-    (project / "drum.json").write_text(json.dumps(drum))
-    # Other tests leave results in the study's own folder.
-    nowhere = ("--config", "results_dir=results/nowhere", "validation={published_simulated: null}")
-    both = planned(project, "--configfile", "config/quick.yaml", *nowhere)
-    alone = planned(project, "--configfile", "config/quick.yaml", "drum.json", *nowhere)
-    assert set(both) - set(alone) == {
-        *("draw_figure05", "draw_figure06", "draw_figure08", "draw_definitions", "measure", "trajectory"),
-        "draw_plane",  # one target
-        "draw_figure10",  # a Gaussian process has no nodes
-    }
-    assert set(alone) < set(both)
 
 
 def test_every_job_declares_memory_and_time_and_more_of_both_when_it_is_tried_again(tmp_path):
