@@ -11,7 +11,7 @@ from repose.apparatus import Scene, bench, drawdown
 from repose.apparatus.job import run_once
 from repose.apparatus.settings import SceneSettings
 
-TEST = drawdown.DrawdownTest()
+BOX = drawdown.DrawdownTest()
 
 SET = named((0.3, 0.4, 0.05, 0.3, 0.4, 0.05))
 SMALL = {"berries": 550, "rate_per_s": 600.0, "open_from_s": 1.5, "longest_s": 4.0, "width_mm": 160.0}
@@ -28,10 +28,10 @@ def test_a_run_of_a_box_is_judged_and_both_of_its_slopes_are_measured():
         ("lost", {"held": False}), ("not_at_rest", {"energy_j": 1e-6}), ("not_at_rest", {"energy_j": math.nan}),
         ("jammed", {"over_slot": 1}),
     ]  # fmt: skip
-    check_statuses(TEST, config(), GOOD, cases)
+    check_statuses(BOX, config(), GOOD, cases)
     arrays = slopes(33.0, 24.0)
     berry = BEAD | {"long_mm": 1.0, "major_mm": 1.0, "minor_mm": 1.0}
-    found = TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, berry, SPHERE))
+    found = BOX.measure({"status": "ok"}, arrays, Scene.of(config(), {}, berry, SPHERE))
     assert found["drawdown_above_deg"] == pytest.approx(33.0, abs=0.5)
     assert found["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
     below = int(arrays["in_pile"].sum())
@@ -44,7 +44,7 @@ def test_a_run_of_a_box_is_judged_and_both_of_its_slopes_are_measured():
 
 def slopes(above_deg, below_deg):
     """Centres of small spheres that fill two wedges above and a pile below, of these slopes, 0.5 mm apart."""
-    box = drawdown.Box.of(TEST.section(SceneSettings(config())))
+    box = drawdown.Box.of(BOX.section(SceneSettings(config())))
     x, z = np.meshgrid(np.arange(-0.13, 0.13, 5e-4), np.arange(5e-4, 0.1, 5e-4), indexing="ij")
     x, z = x.ravel(), z.ravel()
     wedge = (np.abs(x) > box.half_slot) & (z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot))

@@ -1,4 +1,4 @@
-"""Every command of the documents is known to the script that runs them, and the quick ones run."""
+"""The commands of the documents are known and run; cells of their tables are short."""
 
 import re
 import subprocess
@@ -66,3 +66,25 @@ def test_the_quick_commands_run():
 def test_a_command_that_fails_is_named_with_its_page(tmp_path):
     with pytest.raises(SystemExit, match=r"page\.md: status 3\d*"):
         commands.run("page.md", "set -e\nexit 31", tmp_path)
+
+
+MOST_WORDS = 20
+
+
+def long_cells(page, text):
+    fenced = False
+    for number, line in enumerate(text.splitlines(), 1):
+        fenced ^= line.lstrip().startswith("```")
+        if not fenced and line.lstrip().startswith("|"):
+            for cell in re.split(r"(?<!\\)\|", line):
+                if len(cell.split()) > MOST_WORDS:
+                    yield f"{page}:{number}: {len(cell.split())} words: {cell.strip()}"
+
+
+def test_no_cell_of_a_table_has_more_than_20_words_and_a_long_cell_is_found_and_a_fenced_one_is_not():
+    pages = [page for page in commands.pages() if not page.startswith("tests/")]  # those tables are results
+    found = [cell for page in pages for cell in long_cells(page, (commands.ROOT / page).read_text())]
+    assert not found, "\n".join(found)
+    line = f"| a | {'word ' * 21}|"
+    assert len(list(long_cells("page", line))) == 1
+    assert not list(long_cells("page", f"```\n{line}\n```"))
