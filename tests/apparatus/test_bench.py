@@ -118,16 +118,11 @@ def test_a_bench_test_that_cannot_run_is_refused():
     assert not not_refused(lambda case: Study.of(configured(case[0], **case[1])), cases, InputError)
 
 
-@pytest.mark.parametrize(
-    ("name", "keys"),
-    [
-        ("cylinder", {"diameter_mm": 20.0}),
-        ("discharge", {"outlet_diameter_mm": 9.0, "inlet_diameter_mm": 20.0}),
-        ("turning", {"length_mm": 20.0, "factory_height_mm": 90.0}),
-        ("drawdown", {"slot_mm": 9.0, "depth_mm": 20.0}),
-        ("lifted_cylinder", {"diameter_mm": 20.0}),
-    ],
-)
+@pytest.mark.parametrize(("name", "keys"), [
+    ("cylinder", {"diameter_mm": 20.0}), ("discharge", {"outlet_diameter_mm": 9.0, "inlet_diameter_mm": 20.0}),
+    ("turning", {"length_mm": 20.0, "factory_height_mm": 90.0}), ("drawdown", {"slot_mm": 9.0, "depth_mm": 20.0}),
+    ("lifted_cylinder", {"diameter_mm": 20.0}),
+])  # fmt: skip
 def test_a_berry_has_to_fit(name, keys):
     axes_mm = (21.1, 11.4, 9.9)
     too_small = [key for key, _ in bench(name).misfits(SceneSettings(configured(name, **keys)), axes_mm)]

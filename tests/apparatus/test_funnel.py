@@ -186,15 +186,11 @@ def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_
     assert filmed.largest_motion_m <= 1e-3 * small()["funnel"]["rest_motion_mm"]
 
 
-@pytest.mark.parametrize(
-    ("keys", "status", "reason"),
-    [
-        ({"outlet_diameter_mm": 14.0}, "jammed", "berries in the funnel"),
-        ({"plate_diameter_mm": 40.0}, "left_plate", "left the plate"),
-        ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a berry"),
-        ({"berries": 4}, "no_flank", " "),
-    ],
-)
+@pytest.mark.parametrize(("keys", "status", "reason"), [
+    ({"outlet_diameter_mm": 14.0}, "jammed", "berries in the funnel"),
+    ({"plate_diameter_mm": 40.0}, "left_plate", "left the plate"),
+    ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a berry"), ({"berries": 4}, "no_flank", " "),
+])  # fmt: skip
 def test_a_run_without_a_pile_has_a_status_and_a_reason(keys, status, reason):
     record, _ = run_once(bench("funnel"), of(small(**keys)))
     assert record["status"] == status

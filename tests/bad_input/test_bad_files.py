@@ -195,12 +195,9 @@ def test_a_reader_reads_any_bytes_or_reports_what_is_wrong(tmp_path):
 
     readers = {
         "a.csv": (files.read_table, files.read_rows, berry_files.read_sizes, berry_files.read_compression),
-        "a.json": (files.read_json, berry_files.read_berry, Particle.load),
-        "a.npz": (files.read_npz,),
-        "a.stl": (load_mesh,),
-        "a.png": (read_image,),
-        "a.yaml": (reading.read,),
-    }
+        "a.json": (files.read_json, berry_files.read_berry, Particle.load), "a.npz": (files.read_npz,),
+        "a.stl": (load_mesh,), "a.png": (read_image,), "a.yaml": (reading.read,),
+    }  # fmt: skip
 
     def check(content, name):
         path = tmp_path / name

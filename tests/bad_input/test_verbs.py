@@ -173,14 +173,10 @@ def test_a_card_of_another_simulator_and_arrays_of_another_kind_are_refused(refu
     assert "position_1" in refused("stage", "measure_runs", "a.pours.json", *berry)
 
 
-@pytest.mark.parametrize(
-    ("column", "cell", "words"),
-    [
-        *(("e_gg", cell, "a number") for cell in ("1_0", "\uff10.3", "1:30")),
-        ("gamma_gg", "0.2", "no such column"),
-        ("sample", "1", "each sample once"),
-    ],
-)
+@pytest.mark.parametrize(("column", "cell", "words"), [
+    *(("e_gg", cell, "a number") for cell in ("1_0", "\uff10.3", "1:30")), ("gamma_gg", "0.2", "no such column"),
+    ("sample", "1", "each sample once"),
+])  # fmt: skip
 def test_a_cell_of_a_samples_table_is_refused_by_name(column, cell, words, tmp_path, capsys):
     row = dict(zip(("sample", *PARAMETERS), ("1", ".2", ".5", ".05", ".3", ".5", ".1"), strict=True))
     rows = [row, row | {"sample": "1"}] if column == "sample" else [row | {column: cell}]

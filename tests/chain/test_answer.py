@@ -160,16 +160,10 @@ def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line()
     )
 
 
-@pytest.mark.parametrize(
-    ("summary", "out_of_reach"),
-    [
-        ({"feasible": True}, False),
-        ({"feasible": False}, True),
-        ({"feasible": False, "stop": "budget"}, False),
-        ({"feasible": False, "stop": "out_of_reach"}, True),
-        ({"feasible": True, "stop": "out_of_reach"}, False),
-    ],
-)
+@pytest.mark.parametrize(("summary", "out_of_reach"), [
+    ({"feasible": True}, False), ({"feasible": False}, True), ({"feasible": False, "stop": "budget"}, False),
+    ({"feasible": False, "stop": "out_of_reach"}, True), ({"feasible": True, "stop": "out_of_reach"}, False),
+])  # fmt: skip
 def test_out_of_reach_is_a_miss_that_was_predicted(summary, out_of_reach):
     assert answer.out_of_reach(summary) is out_of_reach
 

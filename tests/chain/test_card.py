@@ -116,20 +116,16 @@ def test_the_posterior_replaces_the_range_of_the_sets(config, solutions):
 SPACE = ParameterSpace.of({name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] for name in PARAMETERS})
 
 
-@pytest.mark.parametrize(
-    ("value", "expected", "words"),
-    [
-        (0.5, {"low": 0.4, "high": 0.6}, "friction"),
-        (0.4, {"low": 0.4, "high": 0.6}, "friction"),
-        (0.3, {"low": 0.3, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
-        (0.65, {"low": 0.4, "high": 0.65, "widened": True}, "friction; interval widened to hold the answer"),
-        (0.2, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
-        (0.2004, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
-        (0.2006, {"low": 0.2006, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
-        (0.7, {"low": 0.4, "high": 0.6, "at_bound": "upper"}, "friction; at the upper bound of the range"),
-        (0.6994, {"low": 0.4, "high": 0.6994, "widened": True}, "friction; interval widened to hold the answer"),
-    ],
-)
+@pytest.mark.parametrize(("value", "expected", "words"), [
+    (0.5, {"low": 0.4, "high": 0.6}, "friction"), (0.4, {"low": 0.4, "high": 0.6}, "friction"),
+    (0.3, {"low": 0.3, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
+    (0.65, {"low": 0.4, "high": 0.65, "widened": True}, "friction; interval widened to hold the answer"),
+    (0.2, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
+    (0.2004, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
+    (0.2006, {"low": 0.2006, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
+    (0.7, {"low": 0.4, "high": 0.6, "at_bound": "upper"}, "friction; at the upper bound of the range"),
+    (0.6994, {"low": 0.4, "high": 0.6994, "widened": True}, "friction; interval widened to hold the answer"),
+])  # fmt: skip
 def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words):
     """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
     found = card.held(SPACE, "mus_gg", value, 0.4, 0.6)

@@ -106,14 +106,8 @@ def test_a_fixed_parameter_is_a_column_and_sizes_without_a_design_are_refused():
     value_error("at least 1", design.lhsdesign, 5, 0)
 
 
-@pytest.mark.parametrize(
-    ("samples", "method", "seed", "key"),
-    [
-        (1, "optimal", 1, "samples"),
-        (2.5, "optimal", 1, "samples"),
-        (9, "best", 1, "method"),
-        (9, "optimal", -1, "seed"),
-    ],
-)
+@pytest.mark.parametrize(("samples", "method", "seed", "key"), [
+    (1, "optimal", 1, "samples"), (2.5, "optimal", 1, "samples"), (9, "best", 1, "method"), (9, "optimal", -1, "seed"),
+])  # fmt: skip
 def test_bad_settings_are_refused(tmp_path, samples, method, seed, key):
     input_error(f"{key} is", design.run, ParameterSpace.of(RANGES), samples, method, seed, tmp_path)

@@ -127,11 +127,8 @@ def test_check_prints_the_number_of_pours(capsys):
     assert "min on 2 cores" in out
     assert "funnel.berries would" not in out
     lines = (
-        "time step: simulation.time_step_s is",
-        "stiffness: the pile sinks by",
-        "volume: 500 grains hold",
-        "reach: ",
-    )
+        "time step: simulation.time_step_s is", "stiffness: the pile sinks by", "volume: 500 grains hold", "reach: ",
+    )  # fmt: skip
     lines += ("funnel: centre of the ranges: angle of repose ",)
     lines += ("aor_deg: WARNING: the target 32.87 is outside the single runs, ",)
     assert [line for line in lines if line not in out] == []
@@ -305,16 +302,11 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
         assert f"aor_deg: WARNING: {warned}" in lines[0]
 
 
-@pytest.mark.parametrize(
-    ("words", "own", "warned"),
-    [
-        (["design"], None, True),
-        (["design", "--config=small.yaml"], None, True),
-        (["design", "--config=config/paper.yaml"], None, False),
-        (["design"], "config.yaml", False),
-        (["design", "--config=own.yaml"], None, False),
-    ],
-)
+@pytest.mark.parametrize(("words", "own", "warned"), [
+    (["design"], None, True), (["design", "--config=small.yaml"], None, True),
+    (["design", "--config=config/paper.yaml"], None, False), (["design"], "config.yaml", False),
+    (["design", "--config=own.yaml"], None, False),
+])  # fmt: skip
 def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
     words, own, warned, tmp_path, monkeypatch, capsys
 ):

@@ -118,15 +118,12 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(ca
     assert "not with this configuration: response_surface.surface; expected " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
-        (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
-        (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
-        (["--config", "label=a", "uncertainty"], f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before"),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [
+    (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
+    (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
+    (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
+    (["--config", "label=a", "uncertainty"], f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before"),
+])  # fmt: skip
 def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.yaml").write_text("a: [")

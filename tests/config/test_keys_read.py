@@ -23,13 +23,10 @@ NOT_RUN = {"next"}  # it needs runs of four sets in a further bench test
 SEVERAL = ("sequential", "response_surface", "refined")  # strategies; here each proposes by a stage of its name
 LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SMALL = {
-    "surrogate": "gaussian_process",
-    "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
-    "posterior": {"walkers": 32, "steps": 100},
-    "sensitivity": {"samples": 64, "resamples": 20},
-    "sequential": {"probability": 0.05},
-    "berry": {"particle": "ellipsoid"},
-}
+    "surrogate": "gaussian_process", "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
+    "posterior": {"walkers": 32, "steps": 100}, "sensitivity": {"samples": 64, "resamples": 20},
+    "sequential": {"probability": 0.05}, "berry": {"particle": "ellipsoid"},
+}  # fmt: skip
 
 
 class Noted(dict):

@@ -72,16 +72,13 @@ def test_the_card_names_the_convention_of_the_surface_energy():
     assert words["end of an impact"].startswith("the force without cohesion never pulls")
 
 
-@pytest.mark.parametrize(
-    ("law", "parameters", "message"),
-    [
-        ("jkr", {}, r"contact_law is 'jkr'; expected jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
-        ("jkr", GRAINS, r"expected jkr with parameters.gamma_gp \(surface energy"),
-        ("sjkr", COHESION, r"expected sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
-        ("hertz_mindlin", GRAINS, "gamma_gg is .*; expected absent: it belongs to .* jkr or eepa, not hertz"),
-        ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; expected a pair .* from 0 to"),
-    ],
-)
+@pytest.mark.parametrize(("law", "parameters", "message"), [
+    ("jkr", {}, r"contact_law is 'jkr'; expected jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
+    ("jkr", GRAINS, r"expected jkr with parameters.gamma_gp \(surface energy"),
+    ("sjkr", COHESION, r"expected sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
+    ("hertz_mindlin", GRAINS, "gamma_gg is .*; expected absent: it belongs to .* jkr or eepa, not hertz"),
+    ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; expected a pair .* from 0 to"),
+])  # fmt: skip
 def test_parameters_and_law_belong_together(law, parameters, message):
     input_error(message, study, law, **parameters)
 

@@ -72,33 +72,27 @@ def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(q
     assert before.targets[-1].value != heights.targets[-1].value
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"z": "height_mm"}, r"surface.csv: column height_mm is 'missing'.*found: x_mm"),
-        ({"sd": "error_mm"}, r"surface.csv: column error_mm is 'missing'"),
-        ({"file": "nowhere.csv"}, r"nowhere.csv: table.*a CSV file of a profile"),
-        ({"functions": 5}, r"surface.csv: rows is 5; expected more than functions, 5"),
-        ({"functions": 12}, r"targets\.2\.functions is 12; expected an integer from 2 to 9"),
-        ({"hight": 3}, r"targets\.2\.hight is 3; expected a known key"),
-        ({"response": "turning_deg"}, r"targets\.2\.response is 'turning_deg'; expected the profile of a bench test"),
-        ({"apparatus": "drum"}, r"targets\.2\.apparatus is 'drum'; expected turning"),
-        ({"response": "turning_2_profile_mm"}, r"response is 'turning_2_profile_1_mm'.*one of 1 speeds"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    ({"z": "height_mm"}, r"surface.csv: column height_mm is 'missing'.*found: x_mm"),
+    ({"sd": "error_mm"}, r"surface.csv: column error_mm is 'missing'"),
+    ({"file": "nowhere.csv"}, r"nowhere.csv: table.*a CSV file of a profile"),
+    ({"functions": 5}, r"surface.csv: rows is 5; expected more than functions, 5"),
+    ({"functions": 12}, r"targets\.2\.functions is 12; expected an integer from 2 to 9"),
+    ({"hight": 3}, r"targets\.2\.hight is 3; expected a known key"),
+    ({"response": "turning_deg"}, r"targets\.2\.response is 'turning_deg'; expected the profile of a bench test"),
+    ({"apparatus": "drum"}, r"targets\.2\.apparatus is 'drum'; expected turning"),
+    ({"response": "turning_2_profile_mm"}, r"response is 'turning_2_profile_1_mm'.*one of 1 speeds"),
+])  # fmt: skip
 def test_a_wrong_entry_is_refused(quick, entry, change, words):
     input_error(words, study_of, quick, entry | change)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("0.5,1", "nan,1", r"surface.csv, row 4: z_mm is 'nan'; expected a finite number"),
-        ("8.5", "", r"surface.csv, row 3: z_mm is ''; expected a finite number; empty heights only at the ends"),
-        ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; expected above the previous row's -20"),
-        ("-30,", "-300,", r"targets\.2\.profile\.x.*inside the drum, between -95 and 95"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("0.5,1", "nan,1", r"surface.csv, row 4: z_mm is 'nan'; expected a finite number"),
+    ("8.5", "", r"surface.csv, row 3: z_mm is ''; expected a finite number; empty heights only at the ends"),
+    ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; expected above the previous row's -20"),
+    ("-30,", "-300,", r"targets\.2\.profile\.x.*inside the drum, between -95 and 95"),
+])  # fmt: skip
 def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
     table.write_text(TABLE.replace(old, new))
     input_error(words, study_of, quick, entry)

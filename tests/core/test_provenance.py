@@ -70,15 +70,12 @@ def test_readers_leave_the_record_out_and_without_a_stage_a_file_is_plain(tmp_pa
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png")), np.full((4, 5, 3), 7))
 
 
-@pytest.mark.parametrize(
-    ("verb", "same", "other"),
-    [
-        ("pour", {"network": {"hidden": 3}}, {"simulation": {"gravity_m_s2": 1.62}}),
-        ("pour", {"funnel": {"seeds": 9}}, {"funnel": {"berries": 9}}),
-        ("measure_runs", {"miga": {"islands": 9}}, {"measure": {"mm_per_pixel": 9.0}}),
-        ("network", {"funnel": {"berries": 9}}, {"network": {"hidden": 3}}),
-    ],
-)
+@pytest.mark.parametrize(("verb", "same", "other"), [
+    ("pour", {"network": {"hidden": 3}}, {"simulation": {"gravity_m_s2": 1.62}}),
+    ("pour", {"funnel": {"seeds": 9}}, {"funnel": {"berries": 9}}),
+    ("measure_runs", {"miga": {"islands": 9}}, {"measure": {"mm_per_pixel": 9.0}}),
+    ("network", {"funnel": {"berries": 9}}, {"network": {"hidden": 3}}),
+])  # fmt: skip
 def test_settings_are_those_that_the_stage_reads(tmp_path, verb, same, other):
     hashes = []
     for k, changes in enumerate(({}, {"design": {}}, same, other)):

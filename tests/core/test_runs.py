@@ -27,16 +27,10 @@ def test_mean_and_standard_error_by_hand():
     assert (single["status"], single["aor_deg"], single["aor_se_deg"]) == ("ok", 22.0, None)
 
 
-@pytest.mark.parametrize(
-    ("statuses", "expected"),
-    [
-        (["ok", "jammed"], "ok"),
-        (["ok", "jammed", "no_flank", "no_flank"], "no_flank"),
-        (["jammed", "no_flank"], "jammed"),
-        (["unstable"], "unstable"),
-        (["ok", "ok", "jammed", "jammed"], "ok"),
-    ],
-)
+@pytest.mark.parametrize(("statuses", "expected"), [
+    (["ok", "jammed"], "ok"), (["ok", "jammed", "no_flank", "no_flank"], "no_flank"),
+    (["jammed", "no_flank"], "jammed"), (["unstable"], "unstable"), (["ok", "ok", "jammed", "jammed"], "ok"),
+])  # fmt: skip
 def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
     summary = summarise_runs([one_run(k, status) for k, status in enumerate(statuses)], RECORDED)
     assert summary["status"] == expected
@@ -123,14 +117,9 @@ def test_seeds_for_a_standard_error_and_residual_correlation_leaves_out_what_lie
     assert high - low == pytest.approx(2 * 1.96 * (1 - value**2) / np.sqrt(998), rel=0.02)
 
 
-@pytest.mark.parametrize(
-    ("values", "groups", "message"),
-    [
-        ([1.0, 2.0], ["a", "b"], "2 values in 2 groups"),
-        ([1.0, 2.0], ["a", "a"], "2 values in 1 groups"),
-        ([1.0, np.nan], ["a", "a"], "finite"),
-        ([1.0], ["a", "a"], r"shape \(1,\)"),
-    ],
-)
+@pytest.mark.parametrize(("values", "groups", "message"), [
+    ([1.0, 2.0], ["a", "b"], "2 values in 2 groups"), ([1.0, 2.0], ["a", "a"], "2 values in 1 groups"),
+    ([1.0, np.nan], ["a", "a"], "finite"), ([1.0], ["a", "a"], r"shape \(1,\)"),
+])  # fmt: skip
 def test_bad_values_are_reported(values, groups, message):
     value_error(message, variance.variance_components, values, groups)

@@ -81,24 +81,16 @@ def test_scores_of_a_straight_profile_are_mean_and_slope_named_with_the_unit():
 RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"e_gg": (0.4, 0.1)}, "e_gg"),
-        ({"e_gg": (0.2, 0.2)}, "e_gg"),
-        ({"e_gp": (0.2, 1.5)}, "e_gp"),
-        ({"mus_gg": (-0.1, 0.5)}, "mus_gg"),
-        ({"mur_gg": (0.1, float("inf"))}, "mur_gg"),
-        ({"mur_gp": (float("nan"), 0.5)}, "mur_gp"),
-        ({"mur_gp": 0.5}, "mur_gp"),
-        ({"mur_gp": ("a", "b")}, "mur_gp"),
-        ({"mu_gp": (0.1, 0.5)}, r"mu_gp is \(0.1, 0.5\); expected one of e_gg, .*, mur_gp$"),
-        ({"gamma_gg": (0.0, 0.1), "mu_gp": (0.1, 0.5)}, "expected one of e_gg, .*, mur_gp, gamma_gg$"),
-        ({"e_gp": {"fixed": 1.5}}, r"my.yaml: e_gp.fixed is 1.5; expected 0.01 to 1"),
-        ({"e_gp": {"prior": {"mean": 0.5}}}, "e_gp is"),
-        ({name: {"fixed": 0.5} for name in PARAMETERS}, "at least one free parameter"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"e_gg": (0.4, 0.1)}, "e_gg"), ({"e_gg": (0.2, 0.2)}, "e_gg"), ({"e_gp": (0.2, 1.5)}, "e_gp"),
+    ({"mus_gg": (-0.1, 0.5)}, "mus_gg"), ({"mur_gg": (0.1, float("inf"))}, "mur_gg"),
+    ({"mur_gp": (float("nan"), 0.5)}, "mur_gp"), ({"mur_gp": 0.5}, "mur_gp"), ({"mur_gp": ("a", "b")}, "mur_gp"),
+    ({"mu_gp": (0.1, 0.5)}, r"mu_gp is \(0.1, 0.5\); expected one of e_gg, .*, mur_gp$"),
+    ({"gamma_gg": (0.0, 0.1), "mu_gp": (0.1, 0.5)}, "expected one of e_gg, .*, mur_gp, gamma_gg$"),
+    ({"e_gp": {"fixed": 1.5}}, r"my.yaml: e_gp.fixed is 1.5; expected 0.01 to 1"),
+    ({"e_gp": {"prior": {"mean": 0.5}}}, "e_gp is"),
+    ({name: {"fixed": 0.5} for name in PARAMETERS}, "at least one free parameter"),
+])  # fmt: skip
 def test_bad_ranges_are_refused(changes, words):
     with pytest.raises(InputError, match=words):
         ParameterSpace.of(RANGES | changes, "my.yaml").check_searchable("my.yaml")

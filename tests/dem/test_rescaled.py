@@ -142,15 +142,11 @@ def loop(led, forward):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("shape", "depth"),
-    [
-        pytest.param(sphere, RADIUS, id="sphere"),
-        pytest.param(berry, BERRY[0, 2], id="berry"),
-        pytest.param(ball, RADIUS, id="clump of one", marks=pytest.mark.slow),
-        pytest.param(bent, 4.5e-3, id="bent clump", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("shape", "depth"), [
+    pytest.param(sphere, RADIUS, id="sphere"), pytest.param(berry, BERRY[0, 2], id="berry"),
+    pytest.param(ball, RADIUS, id="clump of one", marks=pytest.mark.slow),
+    pytest.param(bent, 4.5e-3, id="bent clump", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_a_closed_path_without_slip_gives_no_energy(shape, depth):
     for forward in (True, False):
         assert loop(Led(shape(), depth), forward) < 2e-8

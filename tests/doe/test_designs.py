@@ -122,14 +122,10 @@ def test_a_face_centred_design_has_three_levels():
     assert design[:3].tolist() == [[-1, -1, -1], [1, -1, -1], [-1, 1, -1]], "standard order"
 
 
-@pytest.mark.parametrize(
-    ("design", "given"),
-    [
-        (plackett_burman, ((12, 12), (0, 12), (3, 10), (21, None))),
-        (box_behnken, ((2, None), (8, None), (4, 2), (3, 0))),
-        (central_composite, ((1,), (8,), (3, "far"), (3, "rotatable", -1))),
-    ],
-)
+@pytest.mark.parametrize(("design", "given"), [
+    (plackett_burman, ((12, 12), (0, 12), (3, 10), (21, None))), (box_behnken, ((2, None), (8, None), (4, 2), (3, 0))),
+    (central_composite, ((1,), (8,), (3, "far"), (3, "rotatable", -1))),
+])  # fmt: skip
 def test_what_is_no_design_is_refused(design, given):
     for words in given:
         value_error("expected", design, *words)

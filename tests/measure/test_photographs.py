@@ -81,18 +81,14 @@ def test_our_own_picture_is_not_replaced_by_its_overlay(tmp_path, capsys):
 STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones((320, 1), np.uint8)
 
 
-@pytest.mark.parametrize(
-    ("corners", "background", "reason"),
-    [
-        ([(60, 20), (300, 180), (540, 20)], 220, "upside down"),
-        ([(60, 0), (300, 160), (540, 0)], 220, "at the top: its crest is not seen"),
-        ([(60, 299), (250, 0), (350, 0), (540, 299)], 220, "at the top: its crest is not seen"),
-        ([(60, 400), (300, 140), (540, 400)], 220, "at the bottom: its foot is not seen"),
-        ([(-200, 299), (300, 140), (800, 299)], 220, "sideways, or the background is not plain"),
-        ([(300, 150), (300, 150)], 220, ""),
-        (PILE, STRIPES, ""),
-    ],
-)
+@pytest.mark.parametrize(("corners", "background", "reason"), [
+    ([(60, 20), (300, 180), (540, 20)], 220, "upside down"),
+    ([(60, 0), (300, 160), (540, 0)], 220, "at the top: its crest is not seen"),
+    ([(60, 299), (250, 0), (350, 0), (540, 299)], 220, "at the top: its crest is not seen"),
+    ([(60, 400), (300, 140), (540, 400)], 220, "at the bottom: its foot is not seen"),
+    ([(-200, 299), (300, 140), (800, 299)], 220, "sideways, or the background is not plain"),
+    ([(300, 150), (300, 150)], 220, ""), (PILE, STRIPES, ""),
+])  # fmt: skip
 def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, background, reason):
     photograph(tmp_path / "pile.png", corners, background)
     message = refused(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)

@@ -253,15 +253,12 @@ def test_settings_out_of_range_name_the_key(key, value):
     input_error(key, MeasureSettings, **{key: value})
 
 
-@pytest.mark.parametrize(
-    ("picture", "reason"),
-    [
-        (np.full((200, 300), 128, np.uint8), "nothing in the picture"),
-        (toned(drawn(lambda u: np.where(np.abs(u) < 60, 3.0, 0.0), 80), 40, 220), "pixels high"),
-        (toned(drawn(lambda u: triangle(30, u), 50), 40, 220), "runs out of the picture"),
-        (toned(drawn(lambda u: np.where(np.abs(u) < 40, 60.0, 0.0), 80), 40, 220), "a wall"),
-    ],
-)
+@pytest.mark.parametrize(("picture", "reason"), [
+    (np.full((200, 300), 128, np.uint8), "nothing in the picture"),
+    (toned(drawn(lambda u: np.where(np.abs(u) < 60, 3.0, 0.0), 80), 40, 220), "pixels high"),
+    (toned(drawn(lambda u: triangle(30, u), 50), 40, 220), "runs out of the picture"),
+    (toned(drawn(lambda u: np.where(np.abs(u) < 40, 60.0, 0.0), 80), 40, 220), "a wall"),
+])  # fmt: skip
 def test_pictures_without_a_flank_say_why(picture, reason):
     with pytest.raises(NoFlankError, match=reason):
         measure_image(picture, MM)

@@ -85,16 +85,11 @@ def test_what_floats_over_the_plate_or_only_touches_the_pile_is_left_out():
     assert left[:, :290].sum() == pile[:, :290].sum()
 
 
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        *BAD,
-        ({"rotation": (0.0, 0.0, 40.0)}, "tilted by 40 degrees"),
-        ({"rotation": (0.0, 0.0, 180.0)}, "upside down"),
-        ({"with_sheet": False}, "the printed sheet is not seen"),
-        ({"with_pile": False}, "nothing that stands on the plate"),
-    ],
-)
+@pytest.mark.parametrize(("change", "reason"), [
+    *BAD, ({"rotation": (0.0, 0.0, 40.0)}, "tilted by 40 degrees"), ({"rotation": (0.0, 0.0, 180.0)}, "upside down"),
+    ({"with_sheet": False}, "the printed sheet is not seen"),
+    ({"with_pile": False}, "nothing that stands on the plate"),
+])  # fmt: skip
 def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, reason):
     one = measured(tmp_path, Scene(**SMALL | change))
     assert one.measurement is None

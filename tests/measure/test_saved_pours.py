@@ -168,17 +168,13 @@ def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_o
     assert len(lines) == len(DEFINITIONS)
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("008.pours.json", None, "008.pours.json: file is "),
-        ("007.json", "{}", "007.json: pours is None"),
-        ("009.pours.json", '{"pours": []}', r"009.pours.json: pours is \[\]"),
-        ("009.pours.json", '{"pours": [{"seed": 1, "status": "fine"}]}', "status is 'fine'"),
-        ("009.pours.json", '{"pours": [{"seed": 1, "status": "ok"}]}', r"009.npz: arrays"),
-        ("007.pours.json", '{"pours": [{"seed": 4, "status": "ok"}]}', "position_4"),
-    ],
-)
+@pytest.mark.parametrize(("name", "content", "message"), [
+    ("008.pours.json", None, "008.pours.json: file is "), ("007.json", "{}", "007.json: pours is None"),
+    ("009.pours.json", '{"pours": []}', r"009.pours.json: pours is \[\]"),
+    ("009.pours.json", '{"pours": [{"seed": 1, "status": "fine"}]}', "status is 'fine'"),
+    ("009.pours.json", '{"pours": [{"seed": 1, "status": "ok"}]}', r"009.npz: arrays"),
+    ("007.pours.json", '{"pours": [{"seed": 4, "status": "ok"}]}', "position_4"),
+])  # fmt: skip
 def test_files_that_are_no_pours_are_named(saved, name, content, message):
     path = saved.with_name(name)
     if content is not None:

@@ -224,18 +224,12 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
     assert np.ptp(size) == pytest.approx(0.2 / (GOJI_MM[2] / 2), rel=0.05)
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"mass_g": 2.0}, "to 1.56 for these axes"),
-        ({"mass_g": 0.5}, "0.42 to 0.78 of the box"),
-        ({"axes_mm": (9.0, 12.0, 20.0)}, "longest first"),
-        ({"taper": 2.0}, "-0.5 to 0.5"),
-        ({"wrinkles": 5}, "wrinkle_depth_mm"),
-        ({"wrinkles": 5, "wrinkle_depth_mm": 3.0}, "0 to 0.741"),
-        ({"density_kg_m3": -1.0}, "positive"),
-    ],
-)
+@pytest.mark.parametrize(("keys", "words"), [
+    ({"mass_g": 2.0}, "to 1.56 for these axes"), ({"mass_g": 0.5}, "0.42 to 0.78 of the box"),
+    ({"axes_mm": (9.0, 12.0, 20.0)}, "longest first"), ({"taper": 2.0}, "-0.5 to 0.5"),
+    ({"wrinkles": 5}, "wrinkle_depth_mm"), ({"wrinkles": 5, "wrinkle_depth_mm": 3.0}, "0 to 0.741"),
+    ({"density_kg_m3": -1.0}, "positive"),
+])  # fmt: skip
 def test_impossible_berries_are_refused_with_what_is_allowed(keys, words):
     arguments = {"axes_mm": GOJI_MM, "mass_g": GOJI_G, "density_kg_m3": DENSITY} | keys
     input_error(words, mesh_from_axes.berry_mesh, **arguments)

@@ -165,16 +165,11 @@ def inside_out():
     return mesh
 
 
-@pytest.mark.parametrize(
-    ("mesh", "words"),
-    [
-        (holed, "watertight"),
-        (inside_out, "outwards"),
-        (lambda: build.ellipsoid_mesh([0.020, 0.012, 0.009]), "millimetres"),
-        (lambda: trimesh.creation.torus(10, 3), "convex"),
-        (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
-    ],
-)
+@pytest.mark.parametrize(("mesh", "words"), [
+    (holed, "watertight"), (inside_out, "outwards"),
+    (lambda: build.ellipsoid_mesh([0.020, 0.012, 0.009]), "millimetres"),
+    (lambda: trimesh.creation.torus(10, 3), "convex"), (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
+])  # fmt: skip
 def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
     path = saved(mesh(), tmp_path)
     with pytest.raises(InputError, match=words) as error:

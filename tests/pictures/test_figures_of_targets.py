@@ -117,12 +117,9 @@ def test_solutions_have_a_strip_for_each_target(names, tmp_path, monkeypatch):
 
 
 DRAWN = {
-    "figure10": ("network",),
-    "figure13": ("predictions", "dataset"),
-    "dataset": ("dataset",),
-    "validation": ("table4",),
-    "published": ("published",),
-}
+    "figure10": ("network",), "figure13": ("predictions", "dataset"), "dataset": ("dataset",),
+    "validation": ("table4",), "published": ("published",),
+}  # fmt: skip
 
 
 def texts(figure):

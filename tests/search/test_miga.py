@@ -164,18 +164,13 @@ def test_islands_ga_succeeds_from_every_seed_on_easy_functions(dimensions):
             assert islands_ga(function, [(-1, 1)] * dimensions, target=target, seed=seed).success
 
 
-@pytest.mark.parametrize(
-    ("function", "bounds", "settings", "fault"),
-    [
-        (bowl, [0, 1], {}, r"bounds has shape \(2,\)"),
-        (bowl, [(0, np.inf)], {}, "all finite"),
-        (bowl, [(0, 1), (2, 2)], {}, r"\[2.0, 2.0\]\]; expected each lowest below its highest"),
-        (bowl, BOX, {"rounds": 0}, "rounds is 0"),
-        (bowl, BOX, {"islands": 0}, "islands is 0"),
-        (lambda x: x, BOX, {}, r"objective returned shape \(200, 3\)"),
-        (lambda x: np.full(len(x), np.nan), BOX, {}, "with 200 NaN"),
-        (lambda x: np.full(len(x), np.inf), BOX, {"rounds": 1}, "infinite at all 2000 points"),
-    ],
-)
+@pytest.mark.parametrize(("function", "bounds", "settings", "fault"), [
+    (bowl, [0, 1], {}, r"bounds has shape \(2,\)"), (bowl, [(0, np.inf)], {}, "all finite"),
+    (bowl, [(0, 1), (2, 2)], {}, r"\[2.0, 2.0\]\]; expected each lowest below its highest"),
+    (bowl, BOX, {"rounds": 0}, "rounds is 0"), (bowl, BOX, {"islands": 0}, "islands is 0"),
+    (lambda x: x, BOX, {}, r"objective returned shape \(200, 3\)"),
+    (lambda x: np.full(len(x), np.nan), BOX, {}, "with 200 NaN"),
+    (lambda x: np.full(len(x), np.inf), BOX, {"rounds": 1}, "infinite at all 2000 points"),
+])  # fmt: skip
 def test_islands_ga_names_what_is_wrong(function, bounds, settings, fault):
     value_error(fault, islands_ga, function, bounds, **settings)

@@ -167,14 +167,11 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
 
 SPREAD = np.array([1.2, 2.4])
 CONFIG = {
-    "parameters": RANGES,
-    "surrogate": "network",
-    "design": {"samples": 60, "seed": 7},
-    "funnel": {"seeds": 6},
+    "parameters": RANGES, "surrogate": "network", "design": {"samples": 60, "seed": 7}, "funnel": {"seeds": 6},
     "refine": SECTION | {"seeds": 200, "block": 50, "neighbours": 6, "neighbour_seeds": 20},
     "network": {"hidden": 4, "epochs": 150, "goal": 1e-4, "starts": 2, "seed": 1, "split": [0.7, 0.15, 0.15]},
     "miga": MIGA | {"islands": 2, "answer": "least_objective", "population": 20, "rounds": 15},
-}
+}  # fmt: skip
 CONFIG["network"] |= {"replicates": True}
 CONFIG["miga"] |= {"mutation_probability": 0.1, "solutions": 10, "distance": 0.02, "seed": 3}
 

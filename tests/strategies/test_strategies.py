@@ -109,18 +109,15 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     input_error("seed is 1; expected 2, as asked for", repose.Study, **STUDY | {"seed": 2}, file=tmp_path / "study.csv")
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"file": "study.json"}, "file is 'study.json'; expected a path that ends in .csv"),
-        ({"strategie": "published"}, "did you mean strategy"),
-        ({"strategy": "brute"}, "published or refined or response_surface or sequential"),
-        ({"design": {"samples": 3}}, "design.samples is 3; expected an integer from 12"),
-        ({"surrogate": "crystal"}, "surrogate is 'crystal'; expected .*gaussian_process"),
-        ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
-        (FEW_FACTORS, "most_factors is 2; expected at least 3"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"file": "study.json"}, "file is 'study.json'; expected a path that ends in .csv"),
+    ({"strategie": "published"}, "did you mean strategy"),
+    ({"strategy": "brute"}, "published or refined or response_surface or sequential"),
+    ({"design": {"samples": 3}}, "design.samples is 3; expected an integer from 12"),
+    ({"surrogate": "crystal"}, "surrogate is 'crystal'; expected .*gaussian_process"),
+    ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
+    (FEW_FACTORS, "most_factors is 2; expected at least 3"),
+])  # fmt: skip
 def test_bad_settings_are_refused_by_name(changes, words):
     input_error(words, repose.Study, **STUDY | changes)
 

@@ -84,18 +84,11 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     input_error("drum_slip_difference_deg", discrepancy.of_shape_study, few, targets_of(drum_slip_deg=40.0))
 
 
-@pytest.mark.parametrize(
-    ("column", "value", "allowed"),
-    [
-        ("eligible", "yes", "True or False"),
-        ("eligible", "", "True or False"),
-        ("distance", "far", "a number from 0"),
-        ("distance", -1.0, "a number from 0"),
-        ("aor_se_deg", -1000.0, "a number from 0"),
-        ("aor_difference_deg", "inf", "a finite number"),
-        ("height_difference_mm", "much", "a finite number"),
-    ],
-)
+@pytest.mark.parametrize(("column", "value", "allowed"), [
+    ("eligible", "yes", "True or False"), ("eligible", "", "True or False"), ("distance", "far", "a number from 0"),
+    ("distance", -1.0, "a number from 0"), ("aor_se_deg", -1000.0, "a number from 0"),
+    ("aor_difference_deg", "inf", "a finite number"), ("height_difference_mm", "much", "a finite number"),
+])  # fmt: skip
 def test_a_cell_that_cannot_be_is_refused_with_its_row(tmp_path, column, value, allowed):
     path = combinations(tmp_path, np.arange(40.0).reshape(20, 2))
     table = pd.read_csv(path, dtype=str)

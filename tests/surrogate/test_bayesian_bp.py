@@ -215,32 +215,24 @@ def test_weights_draw_the_fit_and_count_by_their_ratios():
     assert one.beta_ == pytest.approx(7 * other.beta_, rel=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("X", "y", "weights", "fault"),
-    [
-        (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); expected"),
-        (np.full((3, 2), np.nan), np.ones(3), {}, "must be finite"),
-        (np.ones((3, 2)), np.ones(3), {"sample_weight": np.ones(2)}, r"sample_weight has shape \(2,\)"),
-        (np.ones((3, 2)), np.ones(3), {"sample_weight": -np.ones(3)}, "must not be negative"),
-        (np.ones((3, 2)), np.ones(3), {"sample_weight": np.eye(3)[0]}, "1 samples have a weight above zero"),
-        (np.ones((3, 2)), np.ones(3), {"precision": np.zeros(3)}, "precision must be above zero"),
-        (np.ones((3, 2)), np.ones(3), {"precision": np.ones((3, 2))}, r"precision has shape \(3, 2\)"),
-    ],
-)
+@pytest.mark.parametrize(("X", "y", "weights", "fault"), [
+    (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); expected"),
+    (np.full((3, 2), np.nan), np.ones(3), {}, "must be finite"),
+    (np.ones((3, 2)), np.ones(3), {"sample_weight": np.ones(2)}, r"sample_weight has shape \(2,\)"),
+    (np.ones((3, 2)), np.ones(3), {"sample_weight": -np.ones(3)}, "must not be negative"),
+    (np.ones((3, 2)), np.ones(3), {"sample_weight": np.eye(3)[0]}, "1 samples have a weight above zero"),
+    (np.ones((3, 2)), np.ones(3), {"precision": np.zeros(3)}, "precision must be above zero"),
+    (np.ones((3, 2)), np.ones(3), {"precision": np.ones((3, 2))}, r"precision has shape \(3, 2\)"),
+])  # fmt: skip
 def test_bad_data_is_refused(X, y, weights, fault):
     with pytest.raises(ValueError, match=fault):
         BayesianBP().fit(X, y, **weights)
 
 
-@pytest.mark.parametrize(
-    ("setting", "value", "allowed"),
-    [
-        *((name, 0, "at least 1") for name in ("hidden", "epochs", "starts")),
-        ("goal", -1.0, "at least 0"),
-        ("prior", "two", "one, layers, inputs"),
-        ("scaled_range", (0.9, 0.1), "its first below its second"),
-    ],
-)
+@pytest.mark.parametrize(("setting", "value", "allowed"), [
+    *((name, 0, "at least 1") for name in ("hidden", "epochs", "starts")), ("goal", -1.0, "at least 0"),
+    ("prior", "two", "one, layers, inputs"), ("scaled_range", (0.9, 0.1), "its first below its second"),
+])  # fmt: skip
 def test_bad_settings_are_named(setting, value, allowed):
     with pytest.raises(ValueError, match=rf"{setting} is .*expected {allowed}"):
         BayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))

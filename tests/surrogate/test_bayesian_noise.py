@@ -139,14 +139,10 @@ def test_means_of_replicates_are_the_single_runs_and_known_noise_is_kept():
     value_error(r"noise_freedom is 3; expected from 0, and 0 without noise_cov", model.fit, X, Y, noise_freedom=3)
 
 
-@pytest.mark.parametrize(
-    ("covariance", "allowed"),
-    [
-        (np.eye(3), r"symmetric, \(2, 2\)"),
-        ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
-        ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
-    ],
-)
+@pytest.mark.parametrize(("covariance", "allowed"), [
+    (np.eye(3), r"symmetric, \(2, 2\)"), ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
+    ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
+])  # fmt: skip
 def test_what_is_no_covariance_is_refused(covariance, allowed):
     X, Y = noisy_data(20, 33)
     with pytest.raises(ValueError, match=rf"(?s)noise_covariance is .*expected {allowed}"):

@@ -27,21 +27,14 @@ def case_of(row):
     return lambda _effort: [row]
 
 
-@pytest.mark.parametrize(
-    ("row", "status"),
-    [
-        (close("x", "m", 1.0029, 1.0), PASSED),
-        (close("x", "m", 1.0031, 1.0), MISSED),
-        (close("x", "m", -1.024, -1.0, "digitised, someone"), PASSED),
-        (close("x", "m", 1.026, 1.0, "digitised, someone"), MISSED),
-        (close("x", "m", 1.1, 1.0, known="a reason"), KNOWN),
-        (close("x", "m", float("nan"), 1.0), MISSED),
-        (at_most("x", "", 1.0, 1.0, "limit"), PASSED),
-        (at_most("x", "", 1.1, 1.0, "limit"), MISSED),
-        (at_most("x", "", float("nan"), 1.0, "limit"), MISSED),
-        (within("x", "", 0.5, 0.6, 0.7, "range"), MISSED),
-    ],
-)
+@pytest.mark.parametrize(("row", "status"), [
+    (close("x", "m", 1.0029, 1.0), PASSED), (close("x", "m", 1.0031, 1.0), MISSED),
+    (close("x", "m", -1.024, -1.0, "digitised, someone"), PASSED),
+    (close("x", "m", 1.026, 1.0, "digitised, someone"), MISSED), (close("x", "m", 1.1, 1.0, known="a reason"), KNOWN),
+    (close("x", "m", float("nan"), 1.0), MISSED), (at_most("x", "", 1.0, 1.0, "limit"), PASSED),
+    (at_most("x", "", 1.1, 1.0, "limit"), MISSED), (at_most("x", "", float("nan"), 1.0, "limit"), MISSED),
+    (within("x", "", 0.5, 0.6, 0.7, "range"), MISSED),
+])  # fmt: skip
 def test_a_row_is_judged_by_its_tolerance(row, status):
     assert row.status == status
     assert row.passed is (status != MISSED)

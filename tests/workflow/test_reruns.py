@@ -183,15 +183,10 @@ def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothin
     assert planned(project, *words, "label=other", "--", "calibration") == {}
 
 
-@pytest.mark.parametrize(
-    ("lost", "rule"),
-    [
-        ("network/network.json", "network"),
-        ("heaps/003.pours.json", "pour"),
-        ("heaps/003.json", "measure_runs"),
-        ("validation/heaps/003.npz", "validation_pour"),
-    ],
-)
+@pytest.mark.parametrize(("lost", "rule"), [
+    ("network/network.json", "network"), ("heaps/003.pours.json", "pour"), ("heaps/003.json", "measure_runs"),
+    ("validation/heaps/003.npz", "validation_pour"),
+])  # fmt: skip
 def test_a_file_that_a_killed_job_left_out_is_made_again(finished, lost, rule):
     project, words = finished
     path = project / "results/quick" / lost
