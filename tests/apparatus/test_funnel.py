@@ -202,15 +202,10 @@ def of_last_positions(heights_m, exits_s, radius_m=0.005):
     """A judged pour of grains at these heights, which touch each other, under an outlet at 0.1 m."""
     n = len(heights_m)
     simulation = SimpleNamespace(
-        positions=np.column_stack([np.zeros((n, 2)), heights_m]),
-        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-        scales=np.ones(n),
-        present=np.ones(n, bool),
-        radius=radius_m,
-        exit_times_s=np.array(exits_s),
-        contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]),
-        kinetic_energies=lambda: np.zeros(n),
-    )
+        positions=np.column_stack([np.zeros((n, 2)), heights_m]), quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+        scales=np.ones(n), present=np.ones(n, bool), radius=radius_m, exit_times_s=np.array(exits_s),
+        contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]), kinetic_energies=lambda: np.zeros(n),
+    )  # fmt: skip
     return funnel._judge(simulation, SimpleNamespace(outlet_height_m=0.1), None, "", None, 1.0, 1.0)
 
 

@@ -90,12 +90,8 @@ def test_a_card_has_intervals_and_correlations_of_the_sets_and_the_simulated_bod
     assert made_card["interval"] == card.RANGE
     made_card = made(config, solutions)
     assert made_card["parameters"]["e_gp"] | {"meaning": ""} == {
-        "meaning": "",
-        "value": 0.3,
-        "low": None,
-        "high": None,
-        "given": "fixed",
-    }
+        "meaning": "", "value": 0.3, "low": None, "high": None, "given": "fixed",
+    }  # fmt: skip
     assert "e_gp" not in made_card["correlations"]
     grain = made(config, solutions)["grain"]
     assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]

@@ -30,18 +30,8 @@ FOLDERS = ("", "results", "results/berry", "results/design", "results/validation
 NAMES = (
     *("berry.json", "berry.stl", "summary.csv", "particle.json", "particles.csv", "samples.csv", "table4.csv"),
     *("comparison.csv", "dataset.csv", "runs.csv", "dataset_summary.json", "fresh_samples.csv", "config.json"),
-    *(
-        "figure.png",
-        "table.html",
-        "silhouette.png",
-        "pile.png",
-        "snapshot.txt",
-        "rounds.csv",
-        "o ü.png",
-        "heap.npz",
-        "heap.pours.json",
-        "heap.json",
-    ),
+    *("figure.png", "table.html", "silhouette.png", "pile.png", "snapshot.txt", "rounds.csv", "o ü.png", "heap.npz"),
+    *("heap.pours.json", "heap.json"),
 )
 GOOD = {
     "config": "in/config.json", "pictures": "in/pile.png", "csv": "in/berries.csv", "name": "figure02",

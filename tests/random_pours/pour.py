@@ -43,17 +43,8 @@ MANY, MANY_SHARE = 300, 0.01
 LONGEST_S = 60.0
 COLUMNS = [
     *("number", "apparatus", "particle", "berries", "long_mm", "shear_modulus_pa", "e_gg", "e_gp"),
-    *(
-        "contact_law",
-        "rolling_law",
-        "tension",
-        "gravity_m_s2",
-        "time_step_s",
-        "share_of_limit",
-        "steps",
-        "status",
-        "cpu_s",
-    ),
+    *("contact_law", "rolling_law", "tension", "gravity_m_s2", "time_step_s", "share_of_limit", "steps", "status"),
+    "cpu_s",
     *("energy_over_given", "speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent", "reason"),
 ]
 
@@ -214,15 +205,10 @@ def _discharge(rng, d, span_s, n):
 def _turning(rng, d, span_s, n):
     """A drum for berries of length d [mm] that fills for a third of a span of time, then turns at the same speed."""
     drum = _drum(rng, d, span_s, n)
-    shared = (
-        *("berries", "rate_per_s", "rotate_from_s", "outer_diameter_mm", "wall_thickness_mm", "length_mm"),
-        *("factory_height_mm", "record_s"),
-    )
-    return {key: drum[key] for key in shared} | {
-        "angular_velocity_rad_s": min(10.0, rng.uniform(1.0, 6.0) / (span_s / 3)),
-        "measure_from_s": 2 * span_s / 3,
-        "measure_until_s": span_s,
-    }
+    shared = "berries rate_per_s rotate_from_s outer_diameter_mm wall_thickness_mm length_mm factory_height_mm record_s"
+    measured = {"measure_from_s": 2 * span_s / 3, "measure_until_s": span_s}
+    speed = {"angular_velocity_rad_s": min(10.0, rng.uniform(1.0, 6.0) / (span_s / 3))}
+    return {key: drum[key] for key in shared.split()} | speed | measured
 
 
 def _lifted_cylinder(rng, d, span_s, n):
@@ -259,12 +245,8 @@ def _drop_test(rng, d, _span_s, _n):
 def _inclined_plane(rng, _d, span_s, _n):
     """A plane that is tilted as fast as is allowed, for about ten spans of time or less; by 2 degrees at least."""
     steepest = max(2.0, min(rng.uniform(20.0, 60.0), 100.0 * span_s))
-    return {
-        "surface": str(rng.choice(["wall", "berry", "glued"])),
-        "tilting_deg_s": min(20.0, 2.0 * steepest),
-        "steepest_deg": steepest,
-        "settle_s": 0.1 * span_s,
-    }
+    tilting = {"tilting_deg_s": min(20.0, 2.0 * steepest), "steepest_deg": steepest, "settle_s": 0.1 * span_s}
+    return {"surface": str(rng.choice(["wall", "berry", "glued"]))} | tilting
 
 
 SCENES = {
@@ -309,15 +291,11 @@ def poured(number, default, mean, particles, seen):
     except Exception as error:
         status, reason = "CRASH", f"{type(error).__name__}: {error}"
     return row | {
-        "steps": seen[-1].steps,
-        "status": status,
-        "cpu_s": f"{time.process_time() - began:.2f}",
-        "energy_over_given": f"{seen[-1].energy:.5g}",
-        "speed_over_fall": f"{seen[-1].speed:.3g}",
+        "steps": seen[-1].steps, "status": status, "cpu_s": f"{time.process_time() - began:.2f}", "reason": reason,
+        "energy_over_given": f"{seen[-1].energy:.5g}", "speed_over_fall": f"{seen[-1].speed:.3g}",
         "overlap_over_extent": f"{seen[-1].overlap:.3g}",
         "wall_overlap_over_extent": f"{seen[-1].wall_overlap:.3g}",
-        "reason": reason,
-    }
+    }  # fmt: skip
 
 
 def violation(row):
