@@ -151,17 +151,13 @@ BAD_VALUES = (
 CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"
 
 
-def test_a_card_and_a_configuration_of_two_studies(refused):
-    """Wheat's friction with another crop's density would be a deck of no grain."""
+def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_refused(refused, tmp_path):
     words = ["export", "--to=edem", f"--card={CARD}"]
     message = refused(*words, "--config=config/config.yaml")
     assert f"{CARD}: material is 'wheat'; expected recommended, as in config/config.yaml" in message
     for key in ("grain.density_kg_m3", "grain.shear_modulus_pa", "grain.mean_axes_mm", "wall.poisson_ratio"):
         assert key in message
     assert "--config is None" in refused(*words)
-
-
-def test_a_card_of_another_simulator_and_arrays_of_another_kind_are_refused(refused, tmp_path):
     card = json.loads(CARD.read_text())
     keep = {key: value for key, value in card.items() if key not in ("grain", "wall", "laws")}
     chance = {"within_1_percent": 0.5, "within_2_percent": 0.5, "inside": 0.5}

@@ -79,7 +79,7 @@ def record_of_an_ellipsoid():
     return Particle("ellipsoid", half[None], 1000.0, volume, mass, inertia, half.max(), 0.0, 0.0).record()
 
 
-def test_a_card_has_intervals_and_correlations_of_the_sets_and_the_simulated_body(config, solutions):
+def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, solutions):
     made_card = made(config, solutions)
     card.check(made_card, "card")
     parameters = made_card["parameters"]
@@ -97,9 +97,6 @@ def test_a_card_has_intervals_and_correlations_of_the_sets_and_the_simulated_bod
     assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]
     assert grain["volume_mm3"] == pytest.approx(4 / 3 * np.pi * 8, rel=1e-5)
     assert grain["spheres_mm"] == []
-
-
-def test_the_posterior_replaces_the_range_of_the_sets(config, solutions):
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame({"parameter": free, "credible_low": 0.21, "credible_high": 0.39})
     draws = solutions.assign(mus_gg=solutions["mur_gg"])

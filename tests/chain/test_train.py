@@ -139,7 +139,7 @@ def test_a_signal_of_single_runs_is_found_with_the_noise_of_the_validation_sampl
         assert np.shape(training.metrics["noise_covariance"]) == (2, 2)
 
 
-def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_bench_tests():
+def test_the_covariance_of_errors_and_too_few_samples(tmp_path):
     errors = np.random.default_rng(14).normal(size=(5, 3)) @ [[1, 0.5, 0.2], [0, 1, 0.3], [0, 0, 1]]
     three = Targets.of([*shared.TARGETS, shared.SLIP])
     covariance = train.error_covariance(errors, three, "my.csv")
@@ -149,9 +149,6 @@ def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_benc
     for wrong in (errors[:3], np.zeros((5, 3)), errors[:0]):
         with pytest.raises(InputError, match=r"my\.csv: validation samples is \d; expected more than 3"):
             train.error_covariance(wrong, three, "my.csv")
-
-
-def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     paths = write_tables(tmp_path, samples=12)
     input_error(r"usable samples is 11; expected at least 12", train.run, *paths, TARGETS, SETTINGS, tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)

@@ -274,15 +274,13 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30.0, abs=0.5)
 
 
-def test_measure_refuses_a_picture_without_a_pile(tmp_path, capsys):
+def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(tmp_path, capsys, monkeypatch):
     path, out = tmp_path / "empty.png", str(tmp_path / "out")
     cv2.imwrite(str(path), np.full((200, 300), 200, np.uint8))
     words = ("measure", str(path), "--mm-per-pixel", "0.1", "--out", out)
     assert "a pile with two flanks" in error_of(capsys, *words)
     assert "nowhere.png" in error_of(capsys, "measure", "nowhere.png", "--mm-per-pixel", "0.1")
 
-
-def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
     def provenance(_args):
         print("1 ± 0.1 µm")
 

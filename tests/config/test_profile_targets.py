@@ -61,7 +61,7 @@ def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry)
         study_of(quick, number | {"repetitions": 1, "range": [0.0, 2.0]})
 
 
-def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(quick, entry, table):
+def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_height(quick, entry, table):
     before = study_of(quick, entry)
     table.write_text(TABLE.replace("16", "15"))
     heights = study_of(quick, entry)
@@ -70,6 +70,13 @@ def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(q
         assert what(before) == what(heights)
         assert what(before) != what(share)
     assert before.targets[-1].value != heights.targets[-1].value
+    target = study_of(quick, entry).targets[-1]
+    assert abs(target.value) < 0.1 * target.whole
+    assert target.off_percent(target.value + 0.02 * target.whole) == pytest.approx(2.0)
+    check = Check.of(target, target.value + 0.02 * target.whole, None, 4, "ok")
+    assert check.distance.startswith("turning_profile_3_mm +2.0 %")
+    goal = Goal.of(study_of(quick, entry).targets, 2.0, quick.parameters)
+    np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)
 
 
 @pytest.mark.parametrize(("change", "words"), [
@@ -96,17 +103,6 @@ def test_a_wrong_entry_is_refused(quick, entry, change, words):
 def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
     table.write_text(TABLE.replace(old, new))
     input_error(words, study_of, quick, entry)
-
-
-def test_percents_of_a_score_are_of_the_height(quick, entry):
-    """Score 3 of the surface is near 0, where percents of the score itself say nothing."""
-    target = study_of(quick, entry).targets[-1]
-    assert abs(target.value) < 0.1 * target.whole
-    assert target.off_percent(target.value + 0.02 * target.whole) == pytest.approx(2.0)
-    check = Check.of(target, target.value + 0.02 * target.whole, None, 4, "ok")
-    assert check.distance.startswith("turning_profile_3_mm +2.0 %")
-    goal = Goal.of(study_of(quick, entry).targets, 2.0, quick.parameters)
-    np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)
 
 
 @pytest.mark.essential

@@ -146,13 +146,10 @@ def test_keys_of_a_bench_test_define_what_its_targets_are():
     assert Study.of(other).definitions["drum_slip_deg"]["drum.fit_share"] == other["drum"]["fit_share"]
 
 
-def test_results_do_not_depend_on_the_files_of_figures(config):
+def test_results_stand_on_the_content_of_named_files_and_not_on_figures(config, tmp_path):
     for verb in ("material_card", "network", "report"):
         settings = stands_on.settings_of(config | {"figures": {"format": ["png", "pdf"]}}, verb)
         assert settings == stands_on.settings_of(config, verb)
-
-
-def test_every_file_that_a_configuration_names_counts_by_its_content(config, tmp_path):
 
     def of(key, name, content):
         section, _, last = key.rpartition(".")

@@ -16,7 +16,7 @@ from repose.core.runs import Recorded, error_of, summarise_runs
 RECORDED = Recorded(("aor_deg", "height_mm", "discharge_s"), ("discharge_s",), ("aor_deg", "berries"))
 
 
-def test_mean_and_standard_error_by_hand():
+def test_the_mean_its_error_and_the_targets_in_front():
     summary = summarise_runs([one_run(1, aor=20.0), one_run(2, aor=22.0), one_run(3, aor=27.0)], RECORDED)
     assert (summary["status"], summary["reason"], summary["n_seeds"]) == ("ok", "", 3)
     assert summary["aor_deg"] == pytest.approx(23.0)
@@ -25,19 +25,6 @@ def test_mean_and_standard_error_by_hand():
     assert summary["discharge_s"] == pytest.approx(17.0)
     single = summarise_runs([one_run(1)], RECORDED)
     assert (single["status"], single["aor_deg"], single["aor_se_deg"]) == ("ok", 22.0, None)
-
-
-@pytest.mark.parametrize(("statuses", "expected"), [
-    (["ok", "jammed"], "ok"), (["ok", "jammed", "no_flank", "no_flank"], "no_flank"),
-    (["jammed", "no_flank"], "jammed"), (["unstable"], "unstable"), (["ok", "ok", "jammed", "jammed"], "ok"),
-])  # fmt: skip
-def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
-    summary = summarise_runs([one_run(k, status) for k, status in enumerate(statuses)], RECORDED)
-    assert summary["status"] == expected
-    assert (summary["aor_deg"] is None) is (expected != "ok")
-
-
-def test_no_runs_are_refused_and_targets_stand_in_front_with_their_errors_and_a_heap_job_does_not_pay_for_pandas():
     value_error("at least one run", summarise_runs, [], RECORDED)
     ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
     assert ours.summary == (
@@ -50,6 +37,16 @@ def test_no_runs_are_refused_and_targets_stand_in_front_with_their_errors_and_a_
     assert error_of("packing_percent") == "packing_se_percent"
     code = "import sys; from repose.core.runs import summarise_runs; sys.exit('pandas' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": ":".join(sys.path)}).returncode == 0
+
+
+@pytest.mark.parametrize(("statuses", "expected"), [
+    (["ok", "jammed"], "ok"), (["ok", "jammed", "no_flank", "no_flank"], "no_flank"),
+    (["jammed", "no_flank"], "jammed"), (["unstable"], "unstable"), (["ok", "ok", "jammed", "jammed"], "ok"),
+])  # fmt: skip
+def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
+    summary = summarise_runs([one_run(k, status) for k, status in enumerate(statuses)], RECORDED)
+    assert summary["status"] == expected
+    assert (summary["aor_deg"] is None) is (expected != "ok")
 
 
 def normal_model(random, sizes, tau, sigma, mean=30.0):
@@ -84,7 +81,7 @@ def test_components_are_those_by_hand_unbiased_and_covered_by_their_intervals():
         assert 0.91 < np.mean(inside) < 0.985  # 0.95 +- 3.3 standard errors of 400
 
 
-def test_no_difference_between_samples_has_no_explainable_variance_and_reachable_r2_is_what_the_true_means_reach():
+def test_variance_between_samples_seeds_for_an_error_and_residual_correlation():
     random = np.random.default_rng(2)
     values, groups = normal_model(random, [6] * 30, 0.0, 1.0)
     one = variance.variance_components(values, groups)
@@ -98,9 +95,6 @@ def test_no_difference_between_samples_has_no_explainable_variance_and_reachable
         seen = true + 1.5 / np.sqrt(seeds) * random.normal(size=4000)
         reached = 1 - np.sum((seen - true) ** 2) / np.sum((seen - seen.mean()) ** 2)
         assert one.reachable_r2(seeds) == pytest.approx(reached, abs=0.02)
-
-
-def test_seeds_for_a_standard_error_and_residual_correlation_leaves_out_what_lies_between_samples():
     one = variance.Components(1, 1, 0.0, 2.25, 2.25, 2.25, 4.0, 0.64, 0.6, 0.7, 8.0)
     assert one.seeds_for(0.5) == 9  # 1.5 / sqrt(9) exactly
     assert one.seeds_for(0.499) == 10

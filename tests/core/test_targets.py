@@ -16,7 +16,7 @@ from repose.core.targets import Targets
 SLIP = shared.target("drum_slip_deg", 40.0, 1.0, 38, 42, 4)
 
 
-def test_targets_give_names_and_numbers_and_unknown_responses_are_named():
+def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
     targets = Targets.of([SLIP | {"weight": 2.0}, *shared.TARGETS])
     assert targets.names == ("drum_slip_deg", "aor_deg", "height_mm")
     assert targets.predicted == ("drum_slip_predicted_deg", "aor_predicted_deg", "height_predicted_mm")
@@ -31,9 +31,6 @@ def test_targets_give_names_and_numbers_and_unknown_responses_are_named():
     assert targets.in_words(["32.9", "66", "40"]) == "AoR 32.9 deg, Height 66 mm and slip 40 deg"
     with pytest.raises(InputError, match=r"targets: response is 'colour'; expected one of aor_deg, "):
         Targets.of([SLIP | {"response": "colour", "range": [0, 1]}])
-
-
-def test_published_solutions_count_where_they_have_a_target(tmp_path):
     path = tmp_path / "table4.csv"
     columns = ["solution", *PARAMETERS, "height_predicted_mm", "height_simulated_mm", "aor_simulated_deg"]
     path.write_text(",".join(columns) + "\n" + ",".join(["22"] + 9 * ["0.5"]) + "\n")
@@ -52,7 +49,7 @@ def of(heights, functions=5):
     return Profile("surface_mm", tuple(X), tuple(heights), functions)
 
 
-def test_the_distance_of_two_smooth_profiles_is_that_of_their_scores_and_what_the_functions_leave_over_stands_apart():
+def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     profile, random = of(X), np.random.default_rng(2)
     one, other = random.normal(size=(2, 5))
     off = profile.heights(one) - profile.heights(other)
@@ -64,9 +61,6 @@ def test_the_distance_of_two_smooth_profiles_is_that_of_their_scores_and_what_th
     assert np.mean(heights**2) == pytest.approx(profile.height**2 + profile.residual**2, rel=1e-12)
     assert profile.residual > 0.1
     assert of(3 + X - 0.01 * X**2 + 1e-3 * X**3, functions=4).residual < 1e-12
-
-
-def test_scores_of_a_straight_profile_are_mean_and_slope_named_with_the_unit():
     mean, slope, *others = of(2.0 - 0.8 * X).scores(2.0 - 0.8 * X)
     assert mean == pytest.approx(np.mean(2.0 - 0.8 * X))
     assert slope == pytest.approx(-0.8 * np.std(X))

@@ -93,7 +93,7 @@ def test_a_contact_that_is_loaded_again_goes_up_as_it_unloads_and_gives_no_energ
         assert np.abs(np.diff(forces)).max() < 0.05 * K1 * DEEP**1.5
 
 
-def test_without_plasticity_it_is_the_dry_law_and_the_limit_of_friction_is_the_force_above_the_adhesion():
+def test_without_plasticity_it_is_the_dry_law_and_its_step_that_of_unloading():
     compare_with_the_dry_law("eepa", contact(0.0, 0.5, 0.4, 0.5), DEEP, 1e-15)
     plasticity, gamma = 0.5, 0.02
     strongest, plastic, k2 = pull(plasticity, gamma)
@@ -104,6 +104,11 @@ def test_without_plasticity_it_is_the_dry_law_and_the_limit_of_friction_is_the_f
         limit = force + strongest / meets * overlap**1.5
         np.testing.assert_allclose(tile[tl.PUSH // LANES], limit, rtol=1e-9, atol=1e-12 * K1 * DEEP**1.5)
     assert limit == pytest.approx(0.0, abs=1e-9 * K1 * DEEP**1.5)
+    steps = [
+        simulation([[6e-3] * 3], contact=contact(plasticity), contact_law="eepa", dt=1e-6).longest_time_step()
+        for plasticity in (0.0, 0.75)
+    ]
+    assert steps[1] == pytest.approx(0.5 * steps[0])
 
 
 @pytest.mark.slow
@@ -121,11 +126,3 @@ def test_a_hit_returns_the_restitution_of_its_plasticity(plasticity):
 
     assert returned(1.0) == pytest.approx(eepa.restitution(plasticity), rel=5e-3)
     assert returned(0.7) < min(0.7, eepa.restitution(plasticity))
-
-
-def test_the_time_step_is_that_of_unloading():
-    steps = [
-        simulation([[6e-3] * 3], contact=contact(plasticity), contact_law="eepa", dt=1e-6).longest_time_step()
-        for plasticity in (0.0, 0.75)
-    ]
-    assert steps[1] == pytest.approx(0.5 * steps[0])

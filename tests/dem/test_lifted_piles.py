@@ -38,7 +38,7 @@ def test_the_angle_of_a_cone_is_found(degrees):
     assert found["height_mm"] == pytest.approx(40.0, abs=4.0)
 
 
-def test_a_low_pile_is_measured_along_its_radius_and_grains_that_move_are_left_out():
+def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin():
     low = cone(8.0, height_m=0.012)
     found = lifted_piles.angle(low)
     assert found["flat"]
@@ -46,9 +46,6 @@ def test_a_low_pile_is_measured_along_its_radius_and_grains_that_move_are_left_o
     flying = grains(np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)]))._replace(speeds_m_s=np.ones(50))
     both = Grains(*map(np.concatenate, zip(low, flying, strict=True)))
     assert lifted_piles.angle(both) == {**found, "moving": 50}
-
-
-def test_the_rings_are_those_of_a_slow_twin_and_the_density_is_that_of_the_bed_between_its_ends():
     rng = np.random.default_rng(1)
     out, tops, width = 0.05 * np.sqrt(rng.random(900)), 0.03 * rng.random(900), 2.0 * RADIUS_M
     expected = []

@@ -112,8 +112,7 @@ def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured
             assert f"{job.plate_radius_m:.6g}" in export.PROGRAMS[program](job)[name], program
 
 
-def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
-    """Not as a clump, whose contacts are damped one by one and need half the step."""
+def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     round_grain = replace(SMOOTH, kind="ellipsoid", semi_axes_m=np.full((1, 3), 5 * MM))
     of_clump, of_sphere, of_ellipsoid = (job_of(config, body) for body in (THREE, BALL, round_grain))
     step = config["simulation"]["time_step_s"]
@@ -133,9 +132,6 @@ def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
         assert re.search(r"multisphere|rigid|\.clump\(|ClumpParticle", deck)
     text = export.PROGRAMS["liggghts"](of_sphere)["in.pour"]
     assert re.search(r"particletemplate/sphere .* radius constant 0.005\n", text)
-
-
-def test_one_sphere_has_volume_and_mass_of_the_grain_and_the_deck_says_so(config):
     centre = ParameterSpace.of(config["parameters"]).centre
     job = make(config, centre, SMOOTH, BERRY, one_sphere=True)
     volume = SMOOTH.mass_kg / SMOOTH.density_kg_m3

@@ -43,7 +43,7 @@ def views_of(lens, count, rng):
     return seen
 
 
-def test_the_lens_is_found_from_many_places_of_the_sheet_and_no_focal_length_from_one():
+def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
     found = camera.calibrate(views_of((-0.12, 0.03), 8, np.random.default_rng(1)), (1600, 1200))
     assert found.note == ""
     assert found.matrix[0, 0] == pytest.approx(1300, rel=0.003)
@@ -55,10 +55,6 @@ def test_the_lens_is_found_from_many_places_of_the_sheet_and_no_focal_length_fro
     assert "focal length as the camera states it: the sheet is seen in too few places" in found.note
     assert found.matrix[0, 0] == 1111.0
     assert not found.lens.any()
-
-
-def test_a_cone_seen_from_above_gets_its_angle_back():
-    """The slow twin: the outline of a cone as the hull of its apex and its rim, seen from a point."""
     height, slope, eye = 60.0, math.radians(31.0), np.array([0.0, -500.0, 120.0])
     turn = np.linspace(0, 2 * np.pi, 100001)
     rim = height / math.tan(slope) * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
@@ -73,18 +69,6 @@ def test_a_cone_seen_from_above_gets_its_angle_back():
     assert photographs.seen_level(one, look_down).aor_deg == pytest.approx(31.0, abs=1e-3)
 
 
-def test_what_floats_over_the_plate_or_only_touches_the_pile_is_left_out():
-    mask = np.zeros((100, 400), np.uint8)
-    cv2.fillPoly(mask, [np.array([(100, 99), (200, 10), (300, 99)])], 1)
-    pile = mask.copy()
-    cv2.circle(mask, (105, 60), 12, 1, -1)  # behind the pile, on the plate
-    assert np.array_equal(finding._largest(finding._without_floating(mask, 6)), pile)
-    cv2.circle(pile, (320, 88), 12, 1, -1)  # at the foot
-    left = finding._largest(finding._without_touching(pile, 7))
-    assert left[:, 316:].sum() == 0
-    assert left[:, :290].sum() == pile[:, :290].sum()
-
-
 @pytest.mark.parametrize(("change", "reason"), [
     *BAD, ({"rotation": (0.0, 0.0, 40.0)}, "tilted by 40 degrees"), ({"rotation": (0.0, 0.0, 180.0)}, "upside down"),
     ({"with_sheet": False}, "the printed sheet is not seen"),
@@ -96,10 +80,19 @@ def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, re
     assert reason in one.refused
 
 
-def test_a_deep_shadow_at_the_foot_changes_nothing(tmp_path):
+def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     light, deep = (measured(tmp_path, Scene(**SMALL | {"shadow": shadow})).measurement for shadow in (0.0, 0.7))
     assert deep.height_mm == pytest.approx(light.height_mm, abs=0.1)
     assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
+    mask = np.zeros((100, 400), np.uint8)
+    cv2.fillPoly(mask, [np.array([(100, 99), (200, 10), (300, 99)])], 1)
+    pile = mask.copy()
+    cv2.circle(mask, (105, 60), 12, 1, -1)  # behind the pile, on the plate
+    assert np.array_equal(finding._largest(finding._without_floating(mask, 6)), pile)
+    cv2.circle(pile, (320, 88), 12, 1, -1)  # at the foot
+    left = finding._largest(finding._without_touching(pile, 7))
+    assert left[:, 316:].sum() == 0
+    assert left[:, :290].sum() == pile[:, :290].sum()
 
 
 @pytest.mark.slow

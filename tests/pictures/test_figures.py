@@ -232,7 +232,7 @@ def test_a_figure_with_the_calibrated_angle_names_its_line(name, inputs, drawn, 
     assert line not in words(without.pop()).replace("\n", " ")
 
 
-def test_the_lines_of_figure_6_carry_the_angles_of_their_sides(inputs, drawn):
+def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axes(inputs, drawn, tmp_path):
     files = inputs_of("figure06", inputs)
     settings = pile.MeasureSettings.of(CONFIG["measure"], read_berry(files["berry"]))
     image = side_view(saved_pours.first_pour(files["heap"]), Particle.load(files["particle"]), settings)
@@ -245,6 +245,15 @@ def test_the_lines_of_figure_6_carry_the_angles_of_their_sides(inputs, drawn):
         assert text.get_text() == f"{name} {getattr(measured, f'{name}_deg'):.1f}°"
         along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
         assert along[0] < text.xy[0] < along[1]
+    history = pd.read_csv(inputs["history"])
+    history["best_objective"], history["feasible_found"] = 2.1, 0
+    history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
+    with style.applied():
+        figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
+        figure.canvas.draw()
+    (panel,) = figure.axes  # none for the number of solutions, 0 all along
+    assert panel.get_title(loc="left") == "no feasible solution was met"
+    assert len(list(filter(None, (tick.get_text() for tick in panel.get_yticklabels())))) > 1
 
 
 @pytest.mark.parametrize("fresh", [False, True])
@@ -286,15 +295,3 @@ def test_large_weights_that_cancel_draw_no_thick_lines_and_a_scale_bar_is_as_lon
     x, _, _ = camera.project(np.array([[0.02, 0.0, 0.0], [0.07, 0.0, 0.0]]))
     assert np.ptp(bar.get_xdata()) == pytest.approx(x[1] - x[0])
     assert max(bar.get_xdata()) < 600
-
-
-def test_a_search_that_met_nothing_has_numbers_at_its_axes(inputs, tmp_path):
-    history = pd.read_csv(inputs["history"])
-    history["best_objective"], history["feasible_found"] = 2.1, 0
-    history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
-    with style.applied():
-        figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
-        figure.canvas.draw()
-    (panel,) = figure.axes  # none for the number of solutions, 0 all along
-    assert panel.get_title(loc="left") == "no feasible solution was met"
-    assert len(list(filter(None, (tick.get_text() for tick in panel.get_yticklabels())))) > 1

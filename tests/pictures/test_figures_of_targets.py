@@ -74,22 +74,6 @@ def of_profile(targets):
     return [*targets, *(score | numbers for score in scores)]
 
 
-def test_a_profile_is_drawn_as_measured_predicted_and_simulated(tmp_path, monkeypatch):
-    monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
-    files = made_up(tmp_path, 5)
-    with style.applied():
-        figure = figures.FIGURES["profiles"].draw({"table4": files["table4"]}, config_of(5))
-        style.save(figure, tmp_path / "figure.png", small_run=False)
-    (panel,) = figure.axes
-    assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(texts(figure))
-    predicted = next(line for line in panel.lines if line.get_label() == "predicted")
-    # the made-up prediction is the target, a parabola that three scores describe
-    np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
-    inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
-    with style.applied():
-        assert len(plane.planes(inputs, config_of(5)).axes) == 1  # scores have no planes
-
-
 SETS = (
     ("height_mm",),
     ("aor_deg", "height_mm", "packing_percent", "drum_slip_deg"),
@@ -169,7 +153,7 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
     assert not any("Height" in text for text in result)
 
 
-def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):
+def test_a_target_that_was_not_published_and_a_profile_are_drawn(tmp_path, monkeypatch):
     files = made_up(tmp_path, 4)
     with style.applied():
         inputs = {"table4": files["table4"], "published": files["theirs"]}
@@ -183,6 +167,19 @@ def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):
         assert len(checks.validation(inputs, alone).axes) == 2
         result = texts(checks.published_solutions({"published": files["published"]}, alone))
         assert "published simulation" not in result
+    monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
+    files = made_up(tmp_path, 5)
+    with style.applied():
+        figure = figures.FIGURES["profiles"].draw({"table4": files["table4"]}, config_of(5))
+        style.save(figure, tmp_path / "figure.png", small_run=False)
+    (panel,) = figure.axes
+    assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(texts(figure))
+    predicted = next(line for line in panel.lines if line.get_label() == "predicted")
+    # the made-up prediction is the target, a parabola that three scores describe
+    np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
+    inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
+    with style.applied():
+        assert len(plane.planes(inputs, config_of(5)).axes) == 1  # scores have no planes
 
 
 def test_fixed_parameters_have_no_panel_priors_are_the_axis_and_unknown_outputs_are_named(tmp_path):

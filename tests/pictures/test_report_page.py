@@ -153,7 +153,7 @@ def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, t
     assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
 
 
-def test_a_row_of_the_answer_tells_where_its_interval_was_widened_and_what_lies_at_a_bound(tmp_path):
+def test_a_row_of_the_answer_tells_bounds_and_a_trimesh_without_three_js_is_refused(tmp_path, monkeypatch):
     config, jobs, files = made_up_study(tmp_path, TARGETS)
     table = pd.read_csv(files["posterior"]).set_index("parameter")
     table.loc["e_gg", ["credible_low", "credible_high"]] = 0.3, 0.35  # the answer is 0.2
@@ -170,9 +170,6 @@ def test_a_row_of_the_answer_tells_where_its_interval_was_widened_and_what_lies_
         assert ("interval widened to hold the answer" in told["e_gg"]) is posterior
         assert ("0.2 to 0.35" in told["e_gg"]) is posterior
         assert "widened" not in told["mus_gg"] + told["mur_gp"]
-
-
-def test_a_trimesh_without_a_fit_three_js_is_refused(monkeypatch):
     script = three.library(["InstancedMesh", "sRGBEncoding"])
     assert script.startswith("/**")
     assert script.endswith("}));")

@@ -30,7 +30,7 @@ def himmelblau(x):
     return (a * a + b - 11) ** 2 + (a + b * b - 7) ** 2
 
 
-def test_finds_the_corner_where_the_minimum_is_a_corner_and_seeds_together_find_all_four_minima_of_himmelblau():
+def test_corners_and_minima_are_found_and_the_best_never_worsens():
     search, _ = minimise(lambda x: -x.sum(axis=1), 6, 300)
     np.testing.assert_allclose(search.best, 1.0, atol=1e-12)
     minima = np.array([[3, 2], [-2.805118, 3.131312], [-3.779310, -3.283186], [3.584428, -1.848126]]) / 5
@@ -41,9 +41,6 @@ def test_finds_the_corner_where_the_minimum_is_a_corner_and_seeds_together_find_
         assert distance.min() < 0.01
         found.add(int(distance.argmin()))
     assert found == {0, 1, 2, 3}
-
-
-def test_best_never_worsens_and_stays_in_the_population():
     _, best = minimise(rastrigin, 6, 200)
     assert (np.diff(best) <= 0).all()
     search = MIGA(6)
@@ -100,7 +97,7 @@ def test_tournament_and_mutation_have_the_published_odds_and_migration_sends_eac
     np.testing.assert_array_equal(its_fitness, fitness[expected[:, 0].astype(int)])
 
 
-def test_islands_do_not_mix_between_migrations_and_the_same_seed_gives_the_same_search_and_another_does_not():
+def test_islands_keep_apart_and_bad_settings_are_named():
     # With no mutation an island cannot leave the convex hull of its own first individuals.
     search = MIGA(1, islands=3, population=10, generations=10, mutation_probability=0.0)
     search._points = np.repeat([-0.9, 0.0, 0.9], 10)[:, None] + np.tile(np.linspace(-0.05, 0.05, 10), 3)[:, None]
@@ -111,9 +108,6 @@ def test_islands_do_not_mix_between_migrations_and_the_same_seed_gives_the_same_
     one, two = minimise(rastrigin, 4, 50)[0], minimise(rastrigin, 4, 50)[0]
     np.testing.assert_array_equal(one.ask(), two.ask())
     assert not np.array_equal(one.ask(), minimise(rastrigin, 4, 50, seed=1)[0].ask())
-
-
-def test_a_bad_setting_is_named():
     wrong = [("population", 1, "at least 2"), ("tournament", 0, "at least 1")]
     wrong += [("mutation_amplitude", -0.1, "at least 0"), ("mutation_probability", 1.5, "0 to 1")]
     for setting, value, allowed in wrong:
@@ -128,7 +122,7 @@ def bowl(x):
     return (((x - LOWEST) / np.ptp(BOX, axis=1)) ** 2).sum(axis=1)
 
 
-def test_islands_ga_finds_the_minimum_in_the_units_of_its_bounds():
+def test_islands_ga_finds_the_minimum_and_ends_at_its_target():
     asked = []
 
     def watched(x):
@@ -145,9 +139,6 @@ def test_islands_ga_finds_the_minimum_in_the_units_of_its_bounds():
     assert bowl(asked).min() == result.fun
     assert (np.diff(result.history) <= 0).all()
     assert len(result.history) == 400
-
-
-def test_islands_ga_ends_at_its_target_and_walks_past_points_that_are_infinite():
     result = islands_ga(bowl, BOX, target=1e-3)
     assert result.success is True
     assert result.nfev == 200 * result.nit < 100_000

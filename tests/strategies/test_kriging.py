@@ -84,7 +84,7 @@ def one_process(model, observed, points, kernels):
     return mean, [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(m)]
 
 
-def test_the_factor_is_that_of_the_residuals_and_many_parameters_take_nothing_from_it():
+def test_bearings_of_a_factor_and_the_noise_of_samples():
     random = np.random.default_rng(3)
     variances, errors = random.uniform(0.5, 2.0, (2, 5000, 1))
     for factor in (0.4, 1.0, 3.0):
@@ -100,9 +100,6 @@ def test_the_factor_is_that_of_the_residuals_and_many_parameters_take_nothing_fr
         mean, covariance = Kriging(poured(seed=seed, noise=9 * NOISE, d=6)).predict(places)
         squares.append((mean - truth) ** 2 / np.diagonal(covariance, axis1=1, axis2=2))
     assert 0.45 < np.mean(squares) < 1.5
-
-
-def test_the_noise_is_that_within_samples_between_a_samples_own_and_the_common_one():
     observed = poured(n=3000, seeds=2)
     assert observed.noise() == pytest.approx(NOISE, rel=0.08)
     assert observed.freedom == 3000

@@ -316,7 +316,7 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
         batches.run_propose("refined", many, folders[:1], tmp_path)
 
 
-def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
+def test_a_target_out_of_reach_ends_at_the_limit_and_the_answer_says_what_is_met(tmp_path, loop):
     simulator = Simulator(lift=-15.0)
     verdicts = closed(simulator, tmp_path, 1)
     assert [row["outcome"] for row in verdicts] == ["not within"] * 2
@@ -330,9 +330,6 @@ def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
     found = Refined().propose(STUDY, data)
     assert verdicts[1]["out_of_reach"]
     assert isinstance(found, Answer) == rounds.stuck(verdicts[1], verdicts[0])
-
-
-def test_the_answer_comes_last_and_says_whether_the_targets_are_met(loop):
     out, _, verdicts = loop
     folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts) + 1))]
     with pytest.raises(InputError, match=r"proposal\.json: answer is False; expected true in the last folder"):

@@ -232,7 +232,7 @@ def test_pours_that_the_noise_alone_asks_for_and_a_batch_lies_about_the_answer_a
         assert (cdist(points, failed)[:, 0] >= cdist(points, data.unit).min(axis=1)).all()
 
 
-def test_failed_runs_count_for_the_budget_and_too_few_are_refused(tmp_path):
+def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
     runs = runs_of(table, 2, 0.5, 1, TARGETS.names)
@@ -251,9 +251,6 @@ def test_failed_runs_count_for_the_budget_and_too_few_are_refused(tmp_path):
     write_poured(tmp_path, table, runs, TARGETS)
     with pytest.raises(InputError, match="enough for an estimate of the noise"):
         batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
-
-
-def test_runs_of_bench_tests_are_independent_and_a_corner_is_asked_for_once():
     other = BOTH[1] | {"response": "drum_slip_deg", "apparatus": "drum", "value": 40, "range": [30, 50]}
     targets = Targets.of([BOTH[1], other])
     table = pd.DataFrame(SPACE.values(np.full((2, 6), 0.5)), columns=list(PARAMETERS))

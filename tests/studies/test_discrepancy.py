@@ -231,7 +231,7 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, caps
     assert len(pd.read_csv(out / "seeds.csv")) == 64
 
 
-def test_one_target_has_no_correlation_and_responses_of_different_bench_tests_are_independent():
+def test_targets_without_correlation_and_too_few_runs(tmp_path):
     one = targets_of(drum_slip_deg=40.0)
     found = noise.noise_floor(made_up_runs(), one)
     reachable = [f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")]
@@ -245,9 +245,6 @@ def test_one_target_has_no_correlation_and_responses_of_different_bench_tests_ar
     assert matrix[3].tolist() == [0, 0, 0, 1]
     assert (np.linalg.eigvalsh(matrix) > 0).all()
     assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4
-
-
-def test_too_few_runs_of_either_are_reported(tmp_path):
     input_error(r"runs a sample is 1; expected 2 or more", noise.run, write_runs(tmp_path, 1), TWO, tmp_path / "out")
     runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
     runs.to_csv(tmp_path / "runs.csv", index=False)

@@ -225,7 +225,7 @@ def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
     assert len(summary[f"{name}_se"]) == 2
 
 
-def test_other_responses_and_other_definitions_are_refused(study, tmp_path):
+def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(study, tmp_path):
     space = ParameterSpace.of(UNIT)
     other = targets_of(height_mm=60.0, aor_deg=30.0)
     with pytest.raises(InputError, match=r"network\.json: outputs is .*the responses of the targets, height_mm"):
@@ -237,9 +237,6 @@ def test_other_responses_and_other_definitions_are_refused(study, tmp_path):
     wanted = {"aor_deg": {"measure.response": "secant"}}
     with pytest.raises(InputError, match=r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"):
         posterior.run(files, space, TARGETS, SETTINGS, tmp_path, wanted, "my.yaml")
-
-
-def test_restored_network_has_the_error_bars_it_was_trained_with(study):
     table = pd.read_csv(study["dataset"])
     rows = train.split(60, [0.7, 0.15, 0.15], 1)["train"]
     X, Y = table[list(PARAMETERS)].to_numpy(), table[["aor_deg", "height_mm"]].to_numpy()

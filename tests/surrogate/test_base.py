@@ -181,7 +181,7 @@ def test_wrong_samples_are_refused(name, fitted):
     value_error(r"expected \(samples, 3\)", fitted[name].predict, X[:, :2])
 
 
-def test_a_quadratic_surface_is_exact_and_its_errors_are_those_of_many_data_sets():
+def test_surrogates_are_registered_once_and_a_quadratic_one_is_exact():
     X, fresh = points(11, 0), points(20, 1)
     model = make("quadratic", {}).fit(X, truth(X))
     assert model.predict(fresh) == pytest.approx(truth(fresh))
@@ -202,8 +202,6 @@ def test_a_quadratic_surface_is_exact_and_its_errors_are_those_of_many_data_sets
         found = np.cov(np.array(means)[:, k].T) / scale
         assert np.mean(claimed, axis=0)[k] / scale == pytest.approx(found, abs=0.08 * found.max())
 
-
-def test_a_surrogate_is_registered_once_and_the_configuration_knows_it():
     class Other(base.Surrogate):
         pass
 

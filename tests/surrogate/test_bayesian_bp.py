@@ -46,7 +46,7 @@ def test_jacobian_is_the_derivative_by_finite_differences_and_forward_pass_is_eq
     np.testing.assert_allclose(model.predict(X[5:6])[0], slow, rtol=1e-12)
 
 
-def test_a_known_function_is_learned_and_a_linear_models_evidence_is_exact(fitted):
+def test_hyperparameters_are_at_their_fixed_point_on_known_functions(fitted):
     model, X, Y = fitted
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
     assert score(model, fresh, known_function(fresh)) > 0.97
@@ -62,10 +62,6 @@ def test_a_known_function_is_learned_and_a_linear_models_evidence_is_exact(fitte
     assert evidence.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
     assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
     assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
-
-
-def test_hyperparameters_are_at_their_fixed_point(fitted):
-    """MacKay: alpha = gamma / 2 E_w, beta = (n - gamma) / 2 E_d, gamma = sum lambda / (lambda + 2 alpha)."""
     model, X, Y = fitted
     w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
     x = 0.1 + 0.8 * (X - model.input_min_) / (model.input_max_ - model.input_min_)

@@ -116,16 +116,13 @@ def grid():
     return np.array([(x, y) for x in side for y in side])
 
 
-def test_distances_are_in_ranges_and_thin_beyond_those_of_samples_from_each_other():
+def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     support = Support(grid(), [0, 0], [1, 1], NAMES)
     assert support.farthest == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
     assert support.is_thin([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
     support = Support(grid() * [1, 10], [0, 0], [1, 10], NAMES)
     assert support.distance([[0.2, 2.5]]) == pytest.approx([0.05])
-
-
-def test_leverage_is_that_of_a_quadratic_model_which_few_samples_do_not_bear_and_warnings_in_words():
     points = np.random.default_rng(1).uniform(size=(40, 2))
     support = Support(points, [0, 0], [1, 1], NAMES)
     X = np.column_stack([np.ones(40), points, points**2, points[:, 0] * points[:, 1]])
