@@ -308,11 +308,8 @@ def test_a_published_card_is_whole(path):
     assert found["within"].keys() == {f"{percent:g} %" for percent in PERCENT}
 
 
-def test_the_published_schema_is_that_of_the_model():
+def test_the_published_schema_is_the_models_and_checks_of_before_are_refused(monkeypatch, tmp_path, capsys):
     assert json.loads((ROOT / "src/repose/chain/card.schema.json").read_text()) == schema()
-
-
-def test_a_check_of_before_the_probabilities_is_refused(monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(ROOT)
     table = pd.read_csv(STUDY / "validation/representative.csv")
     table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)

@@ -54,7 +54,7 @@ def saved(tmp_path_factory):
     return path, bits(simulation)
 
 
-def test_going_on_from_a_checkpoint_gives_the_same_bits_and_going_on_in_a_fresh_process_gives_the_same_bits(saved):
+def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(saved):
     path, expected = saved
     simulation = Simulation.load(path)
     assert simulation.steps == 1200

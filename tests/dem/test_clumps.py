@@ -97,7 +97,7 @@ def test_touching_spheres_are_those_of_all_pairs_at_every_moment(seed):
     assert seen > 1500
 
 
-def test_entries_are_used_again_and_lists_grow():
+def test_entries_are_used_again_and_lists_grow_and_momentum_stays_and_hits_create_no_energy():
     runs = []
     for shrink in (False, True):
         s = cloud()
@@ -115,9 +115,6 @@ def test_entries_are_used_again_and_lists_grow():
         runs.append(s.positions.tobytes())
     assert len(s.pairs.near_limit) > 40
     assert runs[0] == runs[1]
-
-
-def test_momentum_stays_and_hits_create_no_energy():
     rng = np.random.default_rng(7)
     hits = 0
     for _ in range(250):

@@ -18,7 +18,7 @@ def commands_of(page):
     return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
 
 
-def test_the_table_holds_the_commands_of_every_page_and_no_others_and_what_is_left_out_has_its_reason():
+def test_the_table_holds_the_commands_of_every_page():
     def same(page):
         known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
         assert sorted(known) == sorted(commands_of(page))
@@ -42,7 +42,7 @@ one
 """
 
 
-def test_files_and_commands_of_a_page_come_in_their_order_and_every_picture_of_such_a_page_is_made_by_its_commands():
+def test_files_commands_and_pictures_of_a_page_come_in_their_order():
     expected = [("heading", "# A"), ("a/b.txt", "one\n"), ("command", "cp a/b.txt c d")]
     assert list(commands.steps(PAGE)) == expected
     for page, entry in TABLE.items():
@@ -81,7 +81,7 @@ def long_cells(page, text):
                     yield f"{page}:{number}: {len(cell.split())} words: {cell.strip()}"
 
 
-def test_no_cell_of_a_table_has_more_than_20_words_and_a_long_cell_is_found_and_a_fenced_one_is_not():
+def test_no_cell_of_a_table_has_more_than_20_words():
     pages = [page for page in commands.pages() if not page.startswith("tests/")]  # those tables are results
     found = [cell for page in pages for cell in long_cells(page, (commands.ROOT / page).read_text())]
     assert not found, "\n".join(found)

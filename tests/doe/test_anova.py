@@ -88,7 +88,7 @@ def test_the_misprint_statistics_and_coefficients_as_printed():
             assert agrees(round(value, 4) if column == "t" else value, text), (term, column)
 
 
-def test_the_constant_and_pure_error_of_a_blocked_design():
+def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_term_or_a_run():
     # the vignette has 84.095427 for the first block and -4.457530 for the second
     model = model_of("chemical_reaction")
     assert model.constant == pytest.approx(84.095427 - 4.457530 / 2, abs=1e-6)
@@ -97,9 +97,6 @@ def test_the_constant_and_pure_error_of_a_blocked_design():
     runs = pd.read_csv(PRINTED / "chemical_reaction_runs.csv")
     together = fit(runs[["A", "B"]], runs["response"], "AB", "quadratic")
     assert pure_error(together)[1] == 5
-
-
-def test_what_leaves_out_a_term_or_a_run():
     model = model_of("viscosity")
     table = anova(model).set_index("source")
     for term, name in zip(model.terms, model.labels, strict=True):
@@ -158,7 +155,7 @@ def surface(of):
     return fit(RUNS, of(*RUNS.T), "ABC", "quadratic")
 
 
-def test_one_target_and_a_plane_are_met_at_the_foot_of_the_perpendicular_and_two_curved_responses_are_met_together():
+def test_targets_are_met_at_the_foot_of_the_perpendicular_and_together():
     # 10 + 3 A + 4 B = 12: the nearest point to the centre is (3, 4) * 2 / 25
     found = optimum([surface(lambda a, b, c: 10 + 3 * a + 4 * b)], [12], [12], [9], [15])
     assert found.met

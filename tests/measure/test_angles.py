@@ -202,7 +202,7 @@ def test_sides_hold_every_definition_or_say_why_not():
             definition()
 
 
-def test_windows_hold_the_points_at_both_ends_and_levels_the_middle_of_crossings_and_every_line_is_said_in_words():
+def test_windows_levels_and_lines_are_what_their_words_say():
     height = np.arange(30.0)
     distance = 2.0 * height + np.random.default_rng(1).normal(scale=3.0, size=30)
     slope = angles.window_slopes(distance, height, np.array([5.0]), np.array([20.0]))

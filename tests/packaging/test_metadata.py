@@ -95,7 +95,7 @@ def test_the_index_shows_the_readme_and_hosted_checks_run_each_python():
     assert job["steps"][-1] == {"run": ".ci/run"}
 
 
-def test_the_conda_recipe_needs_what_the_package_needs():
+def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_ranges_of_the_wheel():
     others = {"matplotlib-base": "matplotlib", "py-opencv": "opencv-python-headless", "snakemake-minimal": "snakemake"}
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
 
@@ -116,9 +116,6 @@ def test_the_conda_recipe_needs_what_the_package_needs():
         PROJECT["project"]["description"],
         PROJECT["project"]["license"],
     )
-
-
-def test_the_pins_lie_in_the_ranges_of_the_wheel():
     for line in (line for line in TESTED if not line.startswith("repose-dem")):
         requirement = Requirement(line)
         assert metadata.version(requirement.name) in requirement.specifier

@@ -34,7 +34,7 @@ def run(out_dir, **changes):
     return berry.of_settings(section, TABLE1)
 
 
-def test_equations_1_to_4_by_hand():
+def test_equations_by_hand_and_shipped_measurements_of_the_article():
     # 8 * 4 * 2 = 64, its cube root 4, half of the long axis.
     assert berry.equivalent_diameter(8.0, 4.0, 2.0) == pytest.approx(4.0)
     assert berry.sphericity(8.0, 4.0, 2.0) == pytest.approx(0.5)
@@ -44,9 +44,6 @@ def test_equations_1_to_4_by_hand():
     assert modulus == pytest.approx(2 / (np.pi * 50e-6) / 0.1)
     assert berry.poisson_ratio(20.0, 20.6, 8.0, 7.2) == pytest.approx(0.3)
     assert berry.shear_modulus(1.1352e5, 0.32) == pytest.approx(4.3e4)
-
-
-def test_shipped_measurements_are_those_of_the_article_and_roughly_normal():
     sizes = berry.read_sizes(SIZES)
     assert len(sizes) == 50
     assert sizes.attrs["reconstruction"]
@@ -124,13 +121,10 @@ def test_a_load_that_does_not_shorten_is_refused(tmp_path):
     input_error(r"row 1: width_2_mm is 9\.1", berry.read_compression, path)
 
 
-def test_impossible_material_is_refused(tmp_path):
+def test_impossible_material_is_refused_and_published_tables_hold_together(tmp_path):
     wrong = ("density_kg_m3", 0.0), ("poisson_ratio", 0.6), ("shear_modulus_pa", -1.0), ("density_kg_m3", np.nan)
     for key, value in wrong:
         input_error(key, run, tmp_path, **{key: value})
-
-
-def test_published_tables_hold_together():
     published = RESOURCES / "published"
     ranges = pd.read_csv(published / "table2.csv").set_index("parameter")
     intervals = pd.read_csv(published / "table3.csv").set_index("parameter")

@@ -109,7 +109,7 @@ def test_what_cannot_be_packed_is_refused_and_a_clump_keeps_its_numbers(goji, cl
     assert "berry.stl" in rows[2]["refused"]
 
 
-def test_outlines_and_top_of_clumps_against_a_cloud_of_points(clump):
+def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_convex_outlines_too(clump):
     rng = np.random.default_rng(5)
     centres, turns, scales = rng.normal(0, 0.02, (4, 3)), rng.normal(size=(4, 4)), rng.uniform(0.8, 1.2, 4)
     polygons = silhouette.outlines(centres, turns, clump, [0.0, 70.0], scales=scales)
@@ -128,9 +128,6 @@ def test_outlines_and_top_of_clumps_against_a_cloud_of_points(clump):
             assert own[..., 0].max() == pytest.approx(u.max(), abs=3e-5)
             assert own[..., 1].max() == pytest.approx(cloud[:, 2].max(), abs=3e-5)
     assert silhouette.top_of(centres, turns, clump, scales) == pytest.approx(max(tops), abs=1e-5)
-
-
-def test_scales_move_convex_outlines_too():
     ball = Particle("ellipsoid", np.full((1, 3), 5e-3), 1.0, 0.0, 0.0, np.zeros(3), 5e-3, 0.0, 0.0)
     polygons = silhouette.outlines(np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), ball, [0.0], 1e-3, [1.0, 2.0])
     np.testing.assert_allclose(np.linalg.norm(polygons[0], axis=-1), [[4e-3] * 64, [9e-3] * 64])

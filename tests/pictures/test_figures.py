@@ -273,7 +273,7 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
     assert text.count("at precise points\n" if fresh else "at precise points |") == len(figure.axes)
 
 
-def test_large_weights_that_cancel_draw_no_thick_lines_and_a_scale_bar_is_as_long_as_its_number_says(inputs, tmp_path):
+def test_large_weights_draw_no_thick_lines_and_a_scale_bar_has_its_length(inputs, tmp_path):
     # Two hidden neurons take mus_gg with opposite weights; mur_gg acts by weak ones, which remain.
     W1 = np.zeros((3, 6))
     W1[0, 1], W1[1, 1], W1[2, 2], W1[2, 0] = 2.0, -2.0, 0.3, -0.1

@@ -203,7 +203,7 @@ def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
     assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
 
 
-def test_a_figure_opens_large_on_a_click_and_on_a_key(opened):
+def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the_pile(opened):
     button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
     assert button.get_attribute("aria-label").startswith("Open large: All simulated samples")
     assert not large.is_visible()
@@ -214,9 +214,6 @@ def test_a_figure_opens_large_on_a_click_and_on_a_key(opened):
         opened.keyboard.press("Escape")
         assert not large.is_visible()
         assert opened.evaluate("document.activeElement.className") == "enlarge", "the focus is back"
-
-
-def test_keys_turn_and_zoom_the_pile(opened):
     pile = opened.locator("#pile")
     assert "Arrow keys turn it" in pile.get_attribute("aria-label")
     opened.keyboard.press("Tab")

@@ -77,7 +77,7 @@ def test_the_first_population_fills_the_box_and_children_lie_between_their_paren
         assert segment
 
 
-def test_tournament_and_mutation_have_the_published_odds_and_migration_sends_each_best_to_the_next_island_in_the_ring():
+def test_tournament_mutation_and_migration_are_as_published():
     # The best of p by rank wins a draw of three with probability 1 - (1 - 1/p)^3.
     search = MIGA(2, islands=50, population=10)
     search._draw()

@@ -268,7 +268,7 @@ def test_the_loop_brings_a_wrong_network_to_the_target_with_fresh_seeds_and_says
     assert search["reach"] in {0.0125, 0.025, 0.05, 0.1}
 
 
-def test_round_0_is_the_answer_of_the_chain(loop):
+def test_round_0_is_the_answer_of_the_chain_and_the_loop_of_a_study_is_that_of_the_files(loop):
     out = loop[0].parent
     train.run(out / "dataset.csv", out / "runs.csv", TARGETS, CONFIG["network"], out / "network")
     support = Support.of_dataset(out / "dataset.csv", SPACE)
@@ -282,9 +282,6 @@ def test_round_0_is_the_answer_of_the_chain(loop):
     found = pd.read_csv(out / "miga/feasible.csv").query("representative")
     given = pd.read_csv(out / "refined/batch_1/samples.csv")
     assert given[list(PARAMETERS)].iloc[0].tolist() == found[list(PARAMETERS)].iloc[0].tolist()
-
-
-def test_the_loop_of_a_study_is_that_of_the_files(loop):
     out, _, verdicts = loop
     folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts)))]
     for k in range(len(verdicts)):

@@ -211,7 +211,7 @@ def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they
     assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(expected, abs=1e-6)
 
 
-def test_pours_that_the_noise_alone_asks_for_and_a_batch_lies_about_the_answer_and_no_point_near_a_failed_sample():
+def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
     goal = Goal.of(HEIGHT, 1.0, SPACE)
     sd = 0.045 * 65.28
     exact = (norm.ppf(0.95) * sd / goal.half[0]) ** 2

@@ -273,7 +273,7 @@ def test_bits_of_known_variances(between, within, percent):
         assert covered == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 100))
 
 
-def test_bits_with_a_discrepancy_by_hand_and_the_most_informative_first_and_plausible_sets_are_draws(tmp_path):
+def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
     runs = made_up(1.0, 0.5)
     parts = variance_components(runs["value"], runs["sample"])
     ratio = parts.within * parts.icc / (1 - parts.icc) / (parts.within / 10 + (0.2 * parts.mean) ** 2)

@@ -129,7 +129,7 @@ def ishigami_indices(a=7.0, b=0.1):
     return np.array([first, second, 0]) / total, np.array([first + both, second, both]) / total
 
 
-def test_ishigami_and_sums_have_their_indices_and_main_effects_are_means_over_the_other_inputs():
+def test_ishigami_and_sums_have_their_indices_and_main_effects():
     found = sensitivity.indices(ishigami, LOW, HIGH, 4096, 100, 7)
     for name, known in zip(("first", "total"), ishigami_indices(), strict=True):
         assert found[name][0] == pytest.approx(known, abs=0.015)

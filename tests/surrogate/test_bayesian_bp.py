@@ -24,7 +24,7 @@ def score(model, X, Y):
     return np.mean([r2(y, predicted) for y, predicted in pairs])
 
 
-def test_jacobian_is_the_derivative_by_finite_differences_and_forward_pass_is_eq_6_to_8_written_as_loops(fitted):
+def test_jacobian_and_forward_pass_are_those_of_differences_and_loops(fitted):
     random = np.random.RandomState(1)
     x, w = random.uniform(0.1, 0.9, (7, 3)), random.normal(size=4 * 3 + 4 + 2 * 4 + 2)
     _, J = two_layer.jacobian(w, x, 2)
@@ -234,7 +234,7 @@ def test_bad_settings_are_named(setting, value, allowed):
         BayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))
 
 
-def test_predict_refuses_other_inputs_and_an_unfitted_network_and_error_bars_hold_what_they_promise(fitted):
+def test_predict_refuses_other_inputs_and_error_bars_hold_what_they_promise(fitted):
     value_error(r"shape \(4, 5\); expected \(samples, 6\)", BayesianBP.predict, fitted[0], np.ones((4, 5)))
     with pytest.raises(ValueError, match="before fit"):
         BayesianBP().predict(np.ones((4, 5)))

@@ -123,7 +123,7 @@ rule one:
 """
 
 
-def test_no_file_of_the_workflow_uses_an_inside_and_the_workflow_has_fewer_functions_than_rules_and_no_program():
+def test_no_inside_is_used_and_functions_are_fewer_than_rules():
     used, imported = set(), set()
     for path in FILES:
         text = path.read_text()
