@@ -66,7 +66,7 @@ def inferred(targets, slopes, space=UNIT, runs=None, **changes):
     model = Linear(targets.names, slopes, error=0.1)
     settings = PosteriorSettings.model_construct(**SETTINGS | {"discrepancy_percent": 0.0} | changes)
     runs = runs_of(targets) if runs is None else runs
-    return posterior.infer(model, Everywhere(), runs, ParameterSpace.of(space), targets, settings, beside)
+    return posterior.infer(model, Everywhere(), runs, Study(ParameterSpace.of(space), targets, {}), settings, beside)
 
 
 def test_a_correlation_of_more_responses_than_repeated_runs_is_refused_unless_it_is_stated():
