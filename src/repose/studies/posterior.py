@@ -83,7 +83,7 @@ def infer(
     kept = unit[np.sort(rows)]
     drawn = chains.log_density.ravel() - space.log_prior(unit)
     independent = drawn.size / chains.density_time
-    bits = joint_information_bits(likelihood, drawn, independent, space.dimensions, seed, from_prior=space.from_prior)
+    bits = joint_information_bits(likelihood, drawn, independent, space, seed)
     about = {"r_hat": r_hat, "effective_draws": effective, "autocorrelation_steps": chains.times}
     table = _parameters(space, unit, about, references)
 
