@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from shared import target
+from shared import studied, target
 from synthetic import SPACE, TARGETS, configuration, responses
 from test_sequential import HEIGHT, SECTION, campaign
 
@@ -55,7 +55,7 @@ def number(folder):
 
 def of_files(folder, config):
     names = ("summary.json", "representative.csv", "solutions.csv")
-    return answer.read(config, *(folder / name for name in names), strategy="sequential")
+    return answer.read(studied(config, strategy="sequential"), *(folder / name for name in names))
 
 
 def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(study):
@@ -67,7 +67,7 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     assert found.checks[0].runs == SECTION["checks"]
     assert f"all solutions: {folder}/solutions.csv" in str(found)
     table = pd.read_csv(folder / "solutions.csv")
-    made = card.make(config, found, BERRY, SPHERE, table)
+    made = card.make(studied(config), found, BERRY, SPHERE, table)
     card.check(made, "card")
     assert made["interval"] == card.RANGE
     assert made["out_of_reach"] is False
@@ -98,7 +98,7 @@ def test_a_target_out_of_reach_is_no_success(study, tmp_path):
     assert "a larger sequential.most_pours" in str(found)
     assert "probably out of reach" in str(found)
     assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
-    made = card.make(config, found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv"))
+    made = card.make(studied(config), found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv"))
     card.check(made, "card")
     assert made["out_of_reach"] is True
     assert made["met"] is False

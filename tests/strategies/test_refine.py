@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from linear import Linear
 from refusals import value_error
-from shared import MIGA, targets_of
+from shared import MIGA, studied, targets_of
 from synthetic import REFINE, Study, configuration
 
 from repose.chain import answer, dataset, invert, train
@@ -347,7 +347,7 @@ def test_the_answer_comes_last_and_says_whether_the_targets_are_met(loop):
     with pytest.raises(InputError, match=r"proposal\.json: answer is False; expected true in the last folder"):
         batches.run_conclude("refined", STUDY, folders[:-1], out)
     files = (out / name for name in ("summary.json", "representative.csv", "solutions.csv"))
-    text = str(answer.read(configuration(TARGETS, SPACE), *files, strategy="refined"))
+    text = str(answer.read(studied(configuration(TARGETS, SPACE), strategy="refined"), *files))
     assert text.splitlines()[0].startswith("made_up: targets met. Angle of repose ")
     assert text.endswith(f"\nNo more batches: round {len(verdicts) - 1} meets both targets.")
     assert "(runs: 200)" in text

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator
 
 from repose.apparatus import bench, names
+from repose.apparatus.funnel import FunnelSettings
 from repose.apparatus.settings import SimulationSettings, WallSettings
 from repose.chain.settings import DesignSettings, ValidationSettings
 from repose.config import results_folder
@@ -265,6 +266,7 @@ class StudySettings(Section):
     colour: Colour
     strategy: StrategyName
     berry: GrainSettings
+    funnel: FunnelSettings
     wall: WallSettings
     parameters: ParametersSettings  # type: ignore[valid-type]
     design: DesignSettings
@@ -299,7 +301,7 @@ def _settings_type(apparatus: tuple[str, ...], strategies: tuple[str, ...]) -> t
     sections: dict[str, Any] = {
         name: (strategy(name).settings, ...) for name in strategies if strategy(name).settings is not None
     }
-    sections |= {name: (bench(name).settings, ... if name == "funnel" else ABSENT) for name in apparatus}
+    sections |= {name: (bench(name).settings, ABSENT) for name in apparatus if name not in StudySettings.model_fields}
     return create_model("Configuration", __base__=StudySettings, **sections)
 
 

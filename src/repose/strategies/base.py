@@ -8,15 +8,14 @@ follow it.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import Definitions
 from repose.core.section import Contradictions, Section
-from repose.core.targets import Targets
+from repose.core.studied import Studied
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,39 +24,6 @@ if TYPE_CHECKING:
 
 Pours = tuple[tuple[str, int, int], ...]
 SO_FAR = "more runs may give a better answer"
-
-
-class Studied(Protocol):
-    """The part of a study that a strategy reads.
-
-    Attributes
-    ----------
-    settings : StudySettings
-        Typed sections; a strategy's section has its name. `settings.design.seed` is the seed of the study.
-    config : mapping
-        The same as plain values.
-    definitions : mapping
-        For each response the keys that define it, with their values.
-    parameters : ParameterSpace
-        Ranges, fixed values and priors.
-    targets : Targets
-        The measured responses.
-    """
-
-    @property
-    def config(self) -> Mapping[str, Any]: ...
-
-    @property
-    def settings(self) -> Any: ...
-
-    @property
-    def definitions(self) -> Definitions: ...
-
-    @property
-    def parameters(self) -> ParameterSpace: ...
-
-    @property
-    def targets(self) -> Targets: ...
 
 
 @dataclass(frozen=True)

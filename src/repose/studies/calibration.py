@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import NOT_AGAIN, WITHIN, Check, out_of_reach
-from repose.chain.answer import Answer as Result
+from repose.chain.answer import NOT_AGAIN, WITHIN, Check, Result, out_of_reach
 from repose.core.files import write_json, write_table
 from repose.strategies import answer
 from repose.strategies.base import Answer, Batch, Studied, strategy
