@@ -24,7 +24,9 @@ from repose.measure.settings import MeasureSettings
 SET = named((0.3, 0.5, 0.1, 0.3, 0.5, 0.1))
 TUBE = {"berries": 200, "rate_per_s": 400.0, "lift_from_s": 1.0, "settle_s": 2.0, "diameter_mm": 60.0}
 TUBE |= {"length_mm": 130.0, "rim_radius_mm": 0.5}
-GOOD = lifted_cylinder.Lifting(filled=300, filling_height_mm=90.0, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12)
+GOOD = lifted_cylinder.Lifting(
+    filled=300, filling_height_mm=90.0, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12, grain_mm=10.0
+)
 
 TEST = lifted_cylinder.LiftedCylinderTest()
 
@@ -44,7 +46,7 @@ def lifted(seed, **keys):
 
 def test_a_run_is_judged():
     def status(**changes):
-        return TEST.status_of(dataclasses.replace(GOOD, **changes), SceneSettings(config(berries=300)), 10.0)[0]
+        return TEST.status_of(dataclasses.replace(GOOD, **changes), SceneSettings(config(berries=300)))[0]
 
     assert status() == "ok"
     assert status(unstable="why") == "unstable"
@@ -54,7 +56,7 @@ def test_a_run_is_judged():
     assert status(energy_j=1e-6) == status(energy_j=float("nan")) == "not_at_rest"
     assert status(in_pile=149) == "no_flank"
     of_height = [
-        TEST.status_of(dataclasses.replace(GOOD, filling_height_mm=mm), SceneSettings(config()), 10.0)[0]
+        TEST.status_of(dataclasses.replace(GOOD, filling_height_mm=mm), SceneSettings(config()))[0]
         for mm in (79.9, 80.1, 99.9, 100.1, float("nan"))
     ]
     assert of_height == ["not_filled", "ok", "ok", "not_filled", "not_filled"]

@@ -12,6 +12,7 @@ from repose.apparatus import funnel, reach, scene_size
 from repose.config.study import Study
 from repose.core import places
 from repose.measure.angles import DEFINITIONS
+from repose.measure.settings import MeasureSettings
 from repose.particle.particle import Particle
 
 # 500 of these are 744 ml; the cone of 65.57 mm and 32.87 degrees holds 707 ml.
@@ -94,7 +95,7 @@ def test_every_line_has_a_band(config, definition, rule):
 
 
 def test_no_measured_sample_is_steeper_than_mass_allows(config):
-    row, exact = reach.nearest_row(config["measure"] | WHOLE, "whole", 0.2)
+    row, exact = reach.nearest_row(MeasureSettings(**config["measure"] | WHOLE), "whole", 0.2)
     assert exact
     assert row["largest"] < math.sqrt(reach.DENSEST / funnel.PACKING)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from goji import BERRY, PARTICLE, named, recommended
 
-from repose.apparatus import Scene, bench, turning
+from repose.apparatus import Scene, bench, drum, turning
 from repose.apparatus.job import run_once
 from repose.apparatus.settings import SceneSettings
 from repose.core.responses import derived
@@ -134,9 +134,10 @@ def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
 
 
 def test_a_run_is_judged():
-    assert turning.status_of(True) == ("ok", "")
-    assert turning.status_of(True, "why") == ("unstable", "why")
-    assert turning.status_of(False)[0] == "lost"
+    settings = SceneSettings(config())
+    assert TEST.status_of(drum.Turned(held=True), settings) == ("ok", "")
+    assert TEST.status_of(drum.Turned(held=True, unstable="why"), settings) == ("unstable", "why")
+    assert TEST.status_of(drum.Turned(held=False), settings)[0] == "lost"
 
 
 def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():

@@ -21,13 +21,21 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, Pouring, fill, last_berry_s
-from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+)
+from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.scene import Trial, grain_simulation
 from repose.apparatus.settings import Poured, SceneSettings, SimulationSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -35,20 +43,12 @@ if TYPE_CHECKING:
 NAME = "cylinder"
 TAP_MM, TAP_RESTS_S = 3.0, 0.4  # height of a tap, and time after it
 POINTS = 1000  # of a berry, over which its share in the core is counted
-STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
 
 # --- responses ------------------------------------------------------------------------------------
 
 VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
 CORE = (*VESSEL, "cylinder.core_margin_mm")
 TAPPED = (*VESSEL, "cylinder.taps", "cylinder.tap_mm")
-RESPONSES = (
-    Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
-    Response("core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE),
-    Response("tapped_density_kg_m3", "kg/m3", "tapped density", "tapped density", NAME, 0.0, 25000.0, TAPPED),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -151,14 +151,27 @@ def _of_a_tap(gravity_m_s2: float, height_m: float) -> tuple[float, float]:
     return speed, 2.0 * speed / gravity_m_s2 + TAP_RESTS_S
 
 
+@dataclass(frozen=True)
+class Filling(Ending):
+    """A filled cylinder."""
+
+    centres_m: np.ndarray  # (N, 3)
+    energy_j: float  # mean of a grain
+    length_m: float  # of a grain
+
+
 @register(NAME)
 class CylinderTest(BenchTest[CylinderSettings]):
     """A measuring cylinder that is filled, struck off at the rim, and may be tapped."""
 
     settings = CylinderSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
+        Response("core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE),
+        Response("tapped_density_kg_m3", "kg/m3", "tapped density", "tapped density", NAME, 0.0, 25000.0, TAPPED),
+    )
+    numbers = ("berries_in_cylinder",)
+    statuses = ("ok", "unstable", "lost", "not_at_rest", "not_full")
     measured_by = ("core_margin_mm",)
     required_arrays = ("position", "quaternion", "scale")
     summary = (
@@ -190,85 +203,61 @@ class CylinderTest(BenchTest[CylinderSettings]):
         The arrays are ``position``, ``quaternion`` and ``scale``, and with taps the positions after them, ``tapped``.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        vessel = Vessel.of(section)
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
-        bounded = Bounded(simulation, vessel.top_m, section.speed_m_s)
-        filmed, last_step = Filmed(bounded, interval_s, progress), settings.steps(section.duration_s)
-        factory = Disc(vessel.radius_m - reach, vessel.top_m)
+        vessel, last_step = Vessel.of(section), settings.steps(section.duration_s)
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
         length_m = float(scene.particle.axes_m.max())
-        with bounded.guard():
-            pouring = Pouring.of(section, section.berries)
-            fill(simulation, factory, pouring, scene.seed, last_step, filmed.run_to, scales)
-            filmed.run_to(last_step)
-        centres, turns = simulation.positions.copy(), simulation.quaternions.copy()
-        energy = float(simulation.kinetic_energies().mean())
-        status, reason = self.status_of(centres, energy, scene.settings, length_m, bounded.broken)
-        tapped = section.taps if status == "ok" else 0
-        if tapped:
-            with bounded.guard():
-                for _ in range(tapped):
-                    tap(simulation, settings, 1e-3 * section.tap_mm, filmed.run_to)
-            moving = float(simulation.kinetic_energies().mean())
-            places = simulation.positions
-            status, reason = self.status_of(places, moving, scene.settings, length_m, bounded.broken)
-        record = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
-            "berries_poured": len(centres),
-            "kinetic_energy_J": energy if math.isfinite(energy) else None,
-        }
-        arrays = {
-            "position": centres.astype(np.float32),
-            "quaternion": turns.astype(np.float32),
-            "scale": simulation.scales.astype(np.float32),
-        }
-        if tapped:
-            arrays["tapped"] = simulation.positions.astype(np.float32)
-        return Run(record, arrays, filmed.frames())
 
-    def status_of(
-        self, centres_m: np.ndarray, energy_j: float, settings: SceneSettings, length_m: float, unstable: str = ""
-    ) -> tuple[str, str]:
-        """Judge a filling; length_m: of a grain; unstable: the bound that it broke, if any.
+        def filling() -> Filling:
+            return Filling(trial.simulation.positions.copy(), trial.energy_j(), length_m, unstable=trial.broken)
+
+        with trial.bound(vessel.top_m, section.speed_m_s).guard():
+            fill(trial, Disc(vessel.radius_m - trial.reach_m, vessel.top_m), section, last_step)
+            trial.run_to(last_step)
+        filled = ending = filling()
+        arrays = trial.grains()
+        if section.taps and self.status_of(filled, scene.settings)[0] == "ok":
+            with trial.bounded.guard():
+                for _ in range(section.taps):
+                    tap(trial.simulation, settings, 1e-3 * section.tap_mm, trial.run_to)
+            ending = filling()
+            arrays["tapped"] = ending.centres_m.astype(np.float32)
+        numbers = {"berries_poured": len(filled.centres_m), "kinetic_energy_J": filled.energy_j}
+        return self.ended(scene, ending, arrays, trial.frames(), **numbers)
+
+    def faults(self, ending: Filling, settings: SceneSettings) -> Faults:
+        """Judge a filling.
 
         The cylinder is full when the grains above the rim would make a layer of a grain's length there: the heap in
         the collar is nearly level, so the rim is covered everywhere.
         """
-        section = self.section(settings)
+        section, centres = self.section(settings), ending.centres_m
         vessel = Vessel.of(section)
-        if unstable:
-            return "unstable", unstable
-        if np.any(np.hypot(*centres_m.T[:2]) >= vessel.radius_m) or np.any(centres_m[:, 2] <= 0.0):
-            return "lost", "a berry lies outside the cylinder"
-        if energy_j > settings.simulation.rest_energy_j:
-            return settings.simulation.not_at_rest(energy_j)
-        below = int(np.count_nonzero(centres_m[:, 2] < vessel.height_m))
-        layer = math.ceil(below * length_m / vessel.height_m)
-        if len(centres_m) - below < layer:
-            return "not_full", (
-                f"{len(centres_m)} of {section.berries} berries poured, {below} of them below the rim; "
-                f"a full cylinder has at least {layer} above it"
+        if np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(centres[:, 2] <= 0.0):
+            yield "lost", "a berry lies outside the cylinder"
+        if ending.energy_j > settings.simulation.rest_energy_j:
+            yield settings.simulation.not_at_rest(ending.energy_j)
+        below = int(np.count_nonzero(centres[:, 2] < vessel.height_m))
+        layer = math.ceil(below * ending.length_m / vessel.height_m)
+        if len(centres) - below < layer:
+            yield (
+                "not_full",
+                f"{len(centres)} of {section.berries} berries poured, {below} of them below the rim; "
+                f"a full cylinder has at least {layer} above it",
             )
-        return "ok", ""
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with the densities; None where the cylinder was not filled."""
-        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_in_cylinder"))
-        if record["status"] == "ok":
-            section, centres = self.section(scene.settings), np.asarray(arrays["position"], float)
-            vessel, margin = Vessel.of(section), 1e-3 * section.core_margin_mm
-            masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-            shares, inside = vessel.shares_inside(arrays, scene.particle, margin), vessel.inside(centres)
-            measured = {
-                "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
-                "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
-                "berries_in_cylinder": int(inside.sum()),
-                "tapped_density_kg_m3": vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"]))
-                if "tapped" in arrays
-                else None,
-            }
-        return {**record, **measured}
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure the densities."""
+        section, centres = self.section(scene.settings), np.asarray(arrays["position"], float)
+        vessel, margin = Vessel.of(section), 1e-3 * section.core_margin_mm
+        masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
+        shares, inside = vessel.shares_inside(arrays, scene.particle, margin), vessel.inside(centres)
+        tapped = vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"])) if "tapped" in arrays else None
+        return {
+            "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
+            "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
+            "berries_in_cylinder": int(inside.sum()),
+            "tapped_density_kg_m3": tapped,
+        }
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""

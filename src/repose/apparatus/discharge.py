@@ -9,26 +9,32 @@ is a disc in the outlet. It is taken away downwards, faster than the berries fal
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+)
 from repose.apparatus.factory import Disc, fill_and_rest, too_early
 from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
-from repose.apparatus.scene import Filmed, at_rest, grain_simulation, sized_simulation
+from repose.apparatus.scene import Trial, grain_simulation
 from repose.apparatus.settings import Hopper, SceneSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 NAME = "discharge"
-STATUSES = ("ok", "unstable", "lost", "not_filled", "not_at_rest", "jammed")
 LID_M_S = 3.0  # of the lid when it is taken away
 FLOOR_M = -0.1  # a berry below this height is gone
 LOOK_S = 0.05  # simulated time between two looks whether the funnel is empty
@@ -41,12 +47,6 @@ VESSEL = tuple(
     f"{NAME}.{key}"
     for key in ("berries", "inlet_diameter_mm", "outlet_diameter_mm", "cone_angle_deg", "tube_length_mm")
 )
-RESPONSES = (
-    Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
-    Response("flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -64,14 +64,13 @@ class DischargeSettings(Hopper):
 
 
 @dataclass(frozen=True)
-class Discharge:
-    """Numbers by which a run is judged."""
+class Discharge(Ending):
+    """A funnel that was opened."""
 
     filled: int  # berries that found room in the funnel
     rest_energy_j: float  # mean of a berry when the lid was taken away
     early: int  # berries that were below the outlet before that
     late: int  # berries that have left after that
-    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -91,9 +90,11 @@ class DischargeTest(BenchTest[DischargeSettings]):
     """A funnel that is filled, opened and runs empty."""
 
     settings = DischargeSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
+        Response("flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL),
+    )
+    statuses = ("ok", "unstable", "lost", "not_filled", "not_at_rest", "jammed")
     required_arrays = ("exit_s", "scale")
     summary = "empty {emptying_s:.2f} s after the opening; rate {flow_g_s:.0f} g/s"
 
@@ -126,68 +127,44 @@ class DischargeTest(BenchTest[DischargeSettings]):
         (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        simulation, every = trial.simulation, max(1, settings.steps(LOOK_S))
         funnel, top = _funnel(section)
-        factory = Disc(0.5 * funnel.inlet_diameter_m - reach, top)
-        bounded = Bounded(simulation, top, max(LID_M_S, section.speed_m_s))
-        filmed, opened_s = Filmed(bounded, interval_s, progress), math.nan
-        rests, every = partial(at_rest, simulation, settings.rest_energy_j), max(1, settings.steps(LOOK_S))
-        with bounded.guard():
-            fill_and_rest(filmed, factory, section, scene.seed, scales, section.open_from_s, rests, every)
-            opened_s = simulation.time_s
-            closed = simulation.positions.copy(), simulation.quaternions.copy()
-            energy = float(simulation.kinetic_energies().mean())
+        factory = Disc(0.5 * funnel.inlet_diameter_m - trial.reach_m, top)
+        opened_s, energy, early, closed = math.nan, math.nan, 0, None
+        with trial.bound(top, max(LID_M_S, section.speed_m_s)).guard():
+            fill_and_rest(trial, factory, section, section.open_from_s, every)
+            opened_s, energy, closed = simulation.time_s, trial.energy_j(), trial.grains()
             early = int(np.isfinite(simulation.exit_times_s).sum())
             simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
             last = simulation.steps + settings.steps(section.longest_s)
-            filmed.wait(lambda: bool(np.isfinite(simulation.exit_times_s).all()), last, every)
-        if math.isnan(opened_s):
-            closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
+            trial.wait(lambda: bool(np.isfinite(simulation.exit_times_s).all()), last, every)
+        grains = closed or trial.grains()
         exits = simulation.exit_times_s - opened_s
         late = int(np.isfinite(exits).sum()) - early
-        discharge = Discharge(simulation.n_bodies, energy, early, late, bounded.broken)
-        status, reason = self.status_of(discharge, scene.settings)
-        record = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
-            "opened_s": None if math.isnan(opened_s) else opened_s,
-            "berries_out": late,
-        }
-        arrays = {
-            "exit_s": np.where(np.isfinite(exits), exits, np.nan),
-            "scale": simulation.scales.astype(np.float32),
-            "position": closed[0].astype(np.float32),
-            "quaternion": closed[1].astype(np.float32),
-        }
-        return Run(record, arrays, filmed.frames())
+        discharge = Discharge(simulation.n_bodies, energy, early, late, unstable=trial.broken)
+        exit_s = np.where(np.isfinite(exits), exits, np.nan)
+        arrays = {"exit_s": exit_s, "scale": grains["scale"], **grains}
+        return self.ended(scene, discharge, arrays, trial.frames(), opened_s=opened_s, berries_out=late)
 
-    def status_of(self, discharge: Discharge, settings: SceneSettings) -> tuple[str, str]:
-        """Judge a run."""
+    def faults(self, ending: Discharge, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
         section, simulation = self.section(settings), settings.simulation
-        if discharge.unstable:
-            return "unstable", discharge.unstable
-        if discharge.filled < section.berries:
-            reason = f"only {discharge.filled} of {section.berries} berries find room in the funnel"
-            return "not_filled", reason
-        if discharge.early:
-            return "lost", f"{discharge.early} berries left the closed funnel"
-        if discharge.rest_energy_j > simulation.rest_energy_j:
-            return simulation.not_at_rest(discharge.rest_energy_j, " when the lid was taken away")
-        if discharge.late < section.berries:
-            left = section.berries - discharge.late
-            return ("jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening")
-        return "ok", ""
+        if ending.filled < section.berries:
+            yield "not_filled", f"only {ending.filled} of {section.berries} berries find room in the funnel"
+        if ending.early:
+            yield "lost", f"{ending.early} berries left the closed funnel"
+        if ending.rest_energy_j > simulation.rest_energy_j:
+            yield simulation.not_at_rest(ending.rest_energy_j, " when the lid was taken away")
+        if ending.late < section.berries:
+            left = section.berries - ending.late
+            yield "jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening"
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with time and rate; None where the funnel was not emptied."""
-        measured: dict[str, Any] = dict.fromkeys(MEASURED)
-        if record["status"] == "ok":
-            exits = np.asarray(arrays["exit_s"], float)
-            rate = rate_kg_s(exits, scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3)
-            measured["emptying_s"] = float(exits.max())
-            measured["flow_g_s"] = None if math.isnan(rate) else 1e3 * rate
-        return {**record, **measured}
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure time and rate."""
+        exits = np.asarray(arrays["exit_s"], float)
+        rate = rate_kg_s(exits, scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3)
+        return {"emptying_s": float(exits.max()), "flow_g_s": None if math.isnan(rate) else 1e3 * rate}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""

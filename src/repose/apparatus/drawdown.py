@@ -9,28 +9,34 @@ definition (`measure.response`) of every pile, in the view along the slot. The g
 the berries fall, so that it drags none of them along.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+)
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
 from repose.apparatus.funnel import CALIBRATED, narrow_openings
-from repose.apparatus.scene import Filmed, at_rest, grain_simulation, largest_cluster, sized_simulation
+from repose.apparatus.scene import Trial, grain_simulation, largest_cluster
 from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.errors import NoFlankError
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 NAME = "drawdown"
-STATUSES = ("ok", "unstable", "not_filled", "lost", "not_at_rest", "jammed", "no_flank")
 LOOK_S = 0.05  # simulated time between two looks whether the berries rest
 HALVES = ("width", "depth", "slot", "lower_width")  # keys whose halves a `Box` has
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # of a block
@@ -39,14 +45,6 @@ FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 
 BOX = tuple(f"{NAME}.{key}" for key in ("berries", "width_mm", "depth_mm", "slot_mm", "lower_width_mm", "drop_mm"))
 SEEN = (*BOX, "measure.mm_per_pixel", *CALIBRATED)
-RESPONSES = (
-    Response("drawdown_above_deg", "deg", "drawdown, angle above", "above", NAME, 1.0, 89.0, SEEN),
-    Response("drawdown_below_deg", "deg", "drawdown, angle below", "below", NAME, 1.0, 89.0, SEEN),
-    Response("drawdown_mass_g", "g", "drawdown, mass below", "mass below", NAME, 0.0, 1e7, BOX),
-    Response("drawdown_flow_g_s", "g/s", "drawdown, rate", "rate", NAME, 0.0, 1e6, BOX),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_below"))
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -125,15 +123,14 @@ def _block(x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radi
 
 
 @dataclass(frozen=True)
-class Drained:
-    """Numbers by which a run is judged."""
+class Drained(Ending):
+    """A box that was drained."""
 
     filled: int  # berries that found room in the upper chamber
     early: int  # berries that were below the gate before it was opened
     held: bool  # whether all berries are inside the box
     over_slot: int  # berries that rest above the middle of the slot
     energy_j: float  # mean of a berry at the end
-    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
 
 
 def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
@@ -148,9 +145,14 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     """A box that is filled and drained through a slot."""
 
     settings = DrawdownSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("drawdown_above_deg", "deg", "drawdown, angle above", "above", NAME, 1.0, 89.0, SEEN),
+        Response("drawdown_below_deg", "deg", "drawdown, angle below", "below", NAME, 1.0, 89.0, SEEN),
+        Response("drawdown_mass_g", "g", "drawdown, mass below", "mass below", NAME, 0.0, 1e7, BOX),
+        Response("drawdown_flow_g_s", "g/s", "drawdown, rate", "rate", NAME, 0.0, 1e6, BOX),
+    )
+    numbers = ("berries_below",)
+    statuses = ("ok", "unstable", "not_filled", "lost", "not_at_rest", "jammed", "no_flank")
     required_arrays = ("position", "quaternion", "scale", "exit_s", "in_pile")
     summary = (
         "{drawdown_above_deg:.1f} deg above, {drawdown_below_deg:.1f} deg below, "
@@ -179,74 +181,62 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         below.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        box = Box.of(section)
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        box, every = Box.of(section), max(1, settings.steps(LOOK_S))
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        simulation, reach = trial.simulation, trial.reach_m
         factory = Strip(box.half_width - reach, box.half_depth - reach, box.top + reach)
-        bounded = Bounded(simulation, factory.height_m, LID_M_S)
-        filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
         filled, early, opened_s = 0, 0, np.nan
-        rests = partial(at_rest, simulation, settings.rest_energy_j)
-        with bounded.guard():
-            fill_and_rest(filmed, factory, section, scene.seed, scales, section.open_from_s, rests, every)
+        with trial.bound(factory.height_m, LID_M_S).guard():
+            fill_and_rest(trial, factory, section, section.open_from_s, every)
             filled, opened_s = simulation.n_bodies, simulation.time_s
             early = int(np.isfinite(simulation.exit_times_s).sum())
             simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
             # until it lies below the lower floor
-            filmed.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
+            trial.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
             simulation.set_motion("gate", dem.Motion())
-            filmed.run_to(simulation.steps + every)
-            filmed.wait(rests, simulation.steps + settings.steps(section.longest_s), every)
-        centres = simulation.positions.copy()
+            trial.run_to(simulation.steps + every)
+            trial.wait(trial.rests, simulation.steps + settings.steps(section.longest_s), every)
+        centres, exits = simulation.positions, simulation.exit_times_s
         over = (centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
         drained = Drained(
             filled=filled,
             early=early,
             held=bool(simulation.present.all() and box.holds(centres).all()),
             over_slot=int(over.sum()),
-            energy_j=float(simulation.kinetic_energies().mean()),
-            unstable=bounded.broken,
+            energy_j=trial.energy_j(),
+            unstable=trial.broken,
         )
-        status, reason = self.status_of(drained, scene.settings)
-        arrays: dict[str, np.ndarray] = {
-            "position": centres.astype(np.float32),
-            "quaternion": simulation.quaternions.astype(np.float32),
-            "scale": simulation.scales.astype(np.float32),
-            "exit_s": simulation.exit_times_s - opened_s,
-            "in_pile": largest_cluster(simulation.contacts(), np.isfinite(simulation.exit_times_s)),
-        }
-        record = {"seed": int(scene.seed), "status": status, "reason": reason}
-        return Run(record, arrays, filmed.frames(walls=True))
+        in_pile = largest_cluster(simulation.contacts(), np.isfinite(exits))
+        arrays = trial.grains() | {"exit_s": exits - opened_s, "in_pile": in_pile}
+        return self.ended(scene, drained, arrays, trial.frames(walls=True))
 
-    def status_of(self, drained: Drained, settings: SceneSettings) -> tuple[str, str]:
+    def faults(self, ending: Drained, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section, simulation = self.section(settings), settings.simulation
-        if drained.unstable:
-            return "unstable", drained.unstable
-        if drained.filled < section.berries:
-            return ("not_filled", f"only {drained.filled} of {section.berries} berries find room above the gate")
-        if drained.early or not drained.held:
-            return "lost", "a berry lies outside the box, or left the closed chamber"
-        if not drained.energy_j <= simulation.rest_energy_j:
-            return simulation.not_at_rest(drained.energy_j, f" {section.longest_s:g} s after the opening")
-        if drained.over_slot:
-            return "jammed", f"{drained.over_slot} berries rest above the middle of the slot"
-        return "ok", ""
+        if ending.filled < section.berries:
+            yield "not_filled", f"only {ending.filled} of {section.berries} berries find room above the gate"
+        if ending.early or not ending.held:
+            yield "lost", "a berry lies outside the box, or left the closed chamber"
+        if not ending.energy_j <= simulation.rest_energy_j:
+            yield simulation.not_at_rest(ending.energy_j, f" {section.longest_s:g} s after the opening")
+        if ending.over_slot:
+            yield "jammed", f"{ending.over_slot} berries rest above the middle of the slot"
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with angles, mass and rate."""
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure angles, mass and rate."""
         from repose.measure.pile import measure_pile
 
-        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_below"))
-        if record["status"] != "ok":
-            return {**record, **measured}
         box, particle = Box.of(self.section(scene.settings)), scene.particle
         settings = replace(scene.measure, views=1)
         centres, scales = (np.asarray(arrays[key], float) for key in ("position", "scale"))
         exits, masses = np.asarray(arrays["exit_s"], float), particle.mass_kg * scales**3
         left = np.isfinite(exits)
-        measured |= {"berries_below": int(left.sum()), "drawdown_mass_g": 1e3 * float(masses[left].sum())}
         rate = rate_kg_s(exits[left], masses[left]) if left.any() else np.nan
-        measured["drawdown_flow_g_s"] = 1e3 * rate if np.isfinite(rate) else None
+        measured: dict[str, Any] = dict.fromkeys((*self.response_names, *self.numbers)) | {
+            "berries_below": int(left.sum()),
+            "drawdown_mass_g": 1e3 * float(masses[left].sum()),
+            "drawdown_flow_g_s": 1e3 * rate if np.isfinite(rate) else None,
+        }
         pile = np.asarray(arrays["in_pile"], bool) if settings.largest_pile_only else left
         # both wedges, though they need not touch
         apart = replace(settings, largest_pile_only=False)
@@ -261,7 +251,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
                 measured[name] = measure_pile(*bodies, how, scales=scales[these]).record()["aor_deg"]
             except NoFlankError as error:
                 reasons[name] = error.reason
-        return {**record, **self.assess(measured, scene.settings, reasons), **measured}
+        return {**self.assess(measured, scene.settings, reasons), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""

@@ -10,24 +10,31 @@ Real hits last microseconds. Here, where berries may be softened, T is the time 
 """
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+)
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
-from repose.apparatus.settings import SceneSettings, SimulationSettings
+from repose.apparatus.scene import Trial, grain_simulation
+from repose.apparatus.settings import SceneSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 from repose.core.section import Section, Seeds
 
 NAME = "drop_test"
-STATUSES = ("ok", "unstable", "no_rebound")
 LOOK_S = 1e-3  # longest simulated time between two looks at the berry
 HIT_S = 1.0  # longest duration of a hit
 EACH = 10_000  # first time steps of a hit that are all looked at; then looks are 1 / EACH of the hit so far apart
@@ -35,12 +42,6 @@ EACH = 10_000  # first time steps of a hit that are all looked at; then looks ar
 # --- responses ------------------------------------------------------------------------------------
 
 FALL = tuple(f"{NAME}.{key}" for key in ("surface", "height_mm", "orientation"))
-RESPONSES = (
-    Response("height_restitution", "", "restitution, by height", "e, height", NAME, 0.0, 1.0, FALL),
-    Response("sound_restitution", "", "restitution, by sound", "e, sound", NAME, 0.0, 1.0, FALL),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "rebound_height_mm", "flight_s"))
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -60,9 +61,9 @@ class DropTestSettings(Section):
 class _Follow:
     """Follows a berry above a plate: step by step where it may touch, in longer strides while it flies."""
 
-    def __init__(self, filmed: Filmed, reach_m: float, settings: SimulationSettings) -> None:
-        self.filmed, self.simulation = filmed, filmed.simulation
-        self.reach_m, self.settings = reach_m, settings
+    def __init__(self, trial: Trial) -> None:
+        self.trial, self.simulation, self.settings = trial, trial.simulation, trial.scene.simulation
+        self.reach_m = float(trial.scales[0]) * trial.scene.particle.bounding_radius_m
 
     def touches(self) -> bool:
         """Return whether the grain touches the plate."""
@@ -72,7 +73,7 @@ class _Follow:
         """Fly until the berry touches the plate; time and height of its centre on the way."""
         rows = [self._row()]
         while not self.touches():
-            self.filmed.run_to(self.simulation.steps + self._stride())
+            self.trial.run_to(self.simulation.steps + self._stride())
             rows.append(self._row())
         return rows
 
@@ -81,7 +82,7 @@ class _Follow:
         began = now = self.simulation.steps
         last = began + self.settings.steps(HIT_S)
         while (touches := self.touches()) and now < last:
-            self.filmed.run_to(min(last, now + 1 + (now - began) // EACH))
+            self.trial.run_to(min(last, now + 1 + (now - began) // EACH))
             now = self.simulation.steps
         return not touches
 
@@ -96,14 +97,24 @@ class _Follow:
         return max(1, self.settings.steps(min(LOOK_S, 0.5 * until_s)))
 
 
+@dataclass(frozen=True)
+class Rebound(Ending):
+    """A hit."""
+
+    left: bool  # whether the grain left the plate again
+
+
 @register(NAME)
 class DropTest(BenchTest[DropTestSettings]):
     """A grain that falls on a plate and rebounds."""
 
     settings = DropTestSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("height_restitution", "", "restitution, by height", "e, height", NAME, 0.0, 1.0, FALL),
+        Response("sound_restitution", "", "restitution, by sound", "e, sound", NAME, 0.0, 1.0, FALL),
+    )
+    numbers = ("rebound_height_mm", "flight_s")
+    statuses = ("ok", "unstable", "no_rebound")
     required_arrays = ("time_s", "height_m", "drop_m")
     summary = "restitution {height_restitution:.3f} by height, {sound_restitution:.3f} by sound"
 
@@ -127,42 +138,34 @@ class DropTest(BenchTest[DropTestSettings]):
         The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the grain leaves the plate until
         it touches it again, and ``drop_m``, the height of its fall.
         """
-        section, particle = self.section(scene.settings), scene.particle
-        simulation, scales, reach = sized_simulation(self.build, scene, 1)
-        height, scale = 1e-3 * section.height_mm, float(scales[0])
-        add_above(simulation, particle, section.orientation, scene.seed, scale, height)
-        bounded = Bounded(simulation, height + 2.0 * reach)
-        filmed = Filmed(bounded, interval_s, progress)
-        follow = _Follow(filmed, scale * particle.bounding_radius_m, scene.simulation)
+        section, trial = self.section(scene.settings), Trial(self.build, scene, 1, interval_s, progress)
+        height, follow = 1e-3 * section.height_mm, _Follow(trial)
+        add_above(trial, section.orientation, height)
         rows: list[tuple[float, float]] = []
-        with bounded.guard():
+        with trial.bound(height + 2.0 * trial.reach_m).guard():
             follow.fly()
             if follow.hit():
                 rows = follow.fly()
-        status, reason = "ok", ""
-        if bounded.broken:
-            status, reason = "unstable", bounded.broken
-        elif not rows:
-            status, reason = ("no_rebound", f"the berry still touches the plate {HIT_S:g} s after it fell on it")
         times, heights = np.array(rows).reshape(-1, 2).T
         arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
-        record = {"seed": int(scene.seed), "status": status, "reason": reason}
-        return Run(record, arrays, filmed.frames(walls=True))
+        return self.ended(scene, Rebound(bool(rows), unstable=trial.broken), arrays, trial.frames(walls=True))
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with both restitutions; None where the grain did not rebound."""
-        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "rebound_height_mm", "flight_s"))
-        if record["status"] == "ok":
-            time_s, height_m = np.asarray(arrays["time_s"], float), np.asarray(arrays["height_m"], float)
-            drop, gravity = float(arrays["drop_m"][0]), scene.simulation.gravity_m_s2
-            rebound, flight = float(height_m.max() - height_m[0]), float(time_s[-1] - time_s[0])
-            measured = {
-                "height_restitution": math.sqrt(rebound / drop),
-                "sound_restitution": 0.5 * gravity * flight / math.sqrt(2.0 * gravity * drop),
-                "rebound_height_mm": 1e3 * rebound,
-                "flight_s": flight,
-            }
-        return {**record, **measured}
+    def faults(self, ending: Rebound, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
+        if not ending.left:
+            yield "no_rebound", f"the berry still touches the plate {HIT_S:g} s after it fell on it"
+
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure both restitutions."""
+        time_s, height_m = np.asarray(arrays["time_s"], float), np.asarray(arrays["height_m"], float)
+        drop, gravity = float(arrays["drop_m"][0]), scene.simulation.gravity_m_s2
+        rebound, flight = float(height_m.max() - height_m[0]), float(time_s[-1] - time_s[0])
+        return {
+            "height_restitution": math.sqrt(rebound / drop),
+            "sound_restitution": 0.5 * gravity * flight / math.sqrt(2.0 * gravity * drop),
+            "rebound_height_mm": 1e3 * rebound,
+            "flight_s": flight,
+        }
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time: the fall, the hit, and a rebound to the height of the fall."""

@@ -7,7 +7,6 @@ slip is judged the drum stops, as in the experiment, and the bed comes to rest.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from operator import methodcaller
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -15,21 +14,27 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+)
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
-from repose.apparatus.scene import Filmed, at_rest, grain_simulation, sized_simulation
+from repose.apparatus.scene import Trial, grain_simulation
 from repose.apparatus.settings import Rotating, SceneSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 if TYPE_CHECKING:
     from repose.dem import Cone, Plane
     from repose.measure import bed
-    from repose.particle.particle import Particle
 
 NAME = "drum"
-STATUSES = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
 WALLS = ("shell", "near_cap", "far_cap")
 STATES = ("start", "report", "before", "after")
 
@@ -38,12 +43,6 @@ STATES = ("start", "report", "before", "after")
 # Keys that define the surface of the bed, and a slip.
 SEEN = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
 BEFORE, AFTER = (methodcaller("get", f"{when}_surface_deg") for when in ("before", "after"))
-RESPONSES = (
-    Response("drum_slip_deg", "deg", "drum, slip", "slip", NAME, -90.0, 90.0, SEEN, BEFORE),
-    Response("drum_rest_deg", "deg", "drum, after the slip", "rest", NAME, -90.0, 90.0, SEEN, AFTER),
-)
-NAMES = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=NAMES, single=NAMES)
 
 # --- the vessel ---------------------------------------------------------------------------------
 
@@ -101,19 +100,11 @@ class DrumSettings(Rotating):
 # --- build and run ------------------------------------------------------------------------------
 
 
-class EmptyDrum(NamedTuple):
-    """A drum before it is filled, with the sizes of the berries to come."""
+@dataclass(frozen=True)
+class Turned(Ending):
+    """A drum that has turned."""
 
-    drum: Drum
-    simulation: "dem.Simulation"
-    bounded: Bounded
-    factory: Strip
-    scales: np.ndarray
-
-    def holds_all(self) -> bool:
-        """Whether all berries are there, and inside the drum."""
-        there = self.simulation.n_bodies == self.simulation.capacity
-        return bool(there and self.drum.holds(self.simulation.positions).all())
+    held: bool  # whether all grains are there, and inside the drum
 
 
 R = TypeVar("R", bound=Rotating)
@@ -135,15 +126,25 @@ class RotatingDrum(BenchTest[R]):
         gravity[1:] = -gravity[2] * math.sin(tilt), gravity[2] * math.cos(tilt)
         return simulation
 
-    def empty_drum(self, scene: Scene) -> EmptyDrum:
-        """Make the drum for the grains of a seed."""
+    def empty_drum(
+        self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None
+    ) -> tuple[Trial, Strip]:
+        """Make the drum for the grains of a seed within its bounds, and the place where they appear."""
         section = self.section(scene.settings)
-        drum = Drum.of(section)
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        drum, trial = Drum.of(section), Trial(self.build, scene, section.berries, interval_s, progress)
         fastest = float(np.max(section.angular_velocity_rad_s))
-        bounded = Bounded(simulation, drum.radius_m, fastest * drum.radius_m)
-        factory = drum.factory(1e-3 * section.factory_height_mm, reach)
-        return EmptyDrum(drum, simulation, bounded, factory, scales)
+        trial.bound(drum.radius_m, fastest * drum.radius_m)
+        return trial, drum.factory(1e-3 * section.factory_height_mm, trial.reach_m)
+
+    def holds_all(self, trial: Trial) -> bool:
+        """Whether all grains are there, and inside the drum."""
+        simulation, drum = trial.simulation, Drum.of(self.section(trial.scene.settings))
+        return simulation.n_bodies == simulation.capacity and bool(drum.holds(simulation.positions).all())
+
+    def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
+        if not ending.held:
+            yield "lost", "a berry is missing, or outside the drum"
 
     def surface_of(
         self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
@@ -152,7 +153,7 @@ class RotatingDrum(BenchTest[R]):
         from repose.measure import bed
 
         section = self.section(scene.settings)
-        radius, pixel = Drum.of(section).radius_m, scene.mm_per_pixel
+        radius, pixel = Drum.of(section).radius_m, scene.settings.mm_per_pixel
         return bed.measure_surface(position, quaternion, scene.particle, radius, pixel, section.fit_share, scale)
 
     def surface_angles(
@@ -193,7 +194,7 @@ class RotatingDrum(BenchTest[R]):
 
 def no_surface(scene: Scene) -> str:
     """Say why a bed has no surface."""
-    scale = scene.mm_per_pixel
+    scale = scene.settings.mm_per_pixel
     return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
 
 
@@ -218,8 +219,8 @@ RECORD = _Row._fields
 
 
 @dataclass(frozen=True)
-class Rotation:
-    """One run: its record over T times, the frames of N berries at these times, and numbers by which it is judged."""
+class Rotation(Turned):
+    """One run: its record over T times, the frames of N grains at these times, and numbers by which it is judged."""
 
     record: dict  # columns (T,) of `RECORD`
     centres_m: np.ndarray  # (T, N, 3)
@@ -228,9 +229,7 @@ class Rotation:
     slip: "bed.Slip | None"  # the first one
     report: int  # row of the record at the configured time of the report
     rotation_from_s: float  # when the rotation began
-    rest_energy_j: float  # mean energy of a berry when the rotation began
-    held: bool  # whether all berries are inside the drum
-    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+    rest_energy_j: float  # mean energy of a grain when the rotation began
 
     def rows(self) -> dict[str, int]:
         """Rows of the record of each state: start, report, and before and after the slip where there is one."""
@@ -243,9 +242,8 @@ class Rotation:
 class _Watch:
     """Keeps the record of a drum that turns."""
 
-    def __init__(self, bounded: Bounded, particle: "Particle") -> None:
-        self.bounded, self.particle = bounded, particle
-        self.simulation = bounded.simulation
+    def __init__(self, trial: Trial) -> None:
+        self.trial, self.simulation, self.particle = trial, trial.simulation, trial.scene.particle
         self.began_s = self.turned_rad = 0.0
         self.rows: list[_Row] = []
         self.centres: list[np.ndarray] = []
@@ -273,7 +271,7 @@ class _Watch:
 
     def advance(self, steps: int) -> None:
         """Run, turn and keep."""
-        self.bounded.run_to(self.simulation.steps + steps)
+        self.trial.run_to(self.simulation.steps + steps)
         self.turned_rad -= steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
         self.keep()
 
@@ -322,9 +320,11 @@ class DrumTest(RotatingDrum[DrumSettings]):
     """A drum that turns slowly until its bed slips once."""
 
     settings = DrumSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("drum_slip_deg", "deg", "drum, slip", "slip", NAME, -90.0, 90.0, SEEN, BEFORE),
+        Response("drum_rest_deg", "deg", "drum, after the slip", "rest", NAME, -90.0, 90.0, SEEN, AFTER),
+    )
+    statuses = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
     measured_by = ("fit_share", "depth_bin_mm")
     summary = (
         "first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
@@ -338,46 +338,39 @@ class DrumTest(RotatingDrum[DrumSettings]):
         when the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        empty = self.empty_drum(scene)
-        simulation, bounded = empty.simulation, empty.bounded
+        trial, factory = self.empty_drum(scene)
         every = max(1, settings.steps(section.record_s))
-        calm, rest_energy, slip = settings.rest_energy_j, math.nan, None
-        watch = _Watch(bounded, scene.particle)
-        with bounded.guard():
-            begin_s, rests = section.rotate_from_s, partial(at_rest, simulation, calm)
-            filmed = Filmed(bounded)
-            fill_and_rest(filmed, empty.factory, section, scene.seed, empty.scales, begin_s, rests, every)
-            bounded.look()
-            rest_energy = float(simulation.kinetic_energies().mean())
-            slip = _until_slip(watch, section, calm, every, progress)
+        watch, rest_energy, slip = _Watch(trial), math.nan, None
+        with trial.bounded.guard():
+            fill_and_rest(trial, factory, section, section.rotate_from_s, every)
+            trial.bounded.look()
+            rest_energy = trial.energy_j()
+            slip = _until_slip(watch, section, settings.rest_energy_j, every, progress)
         record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
         late = np.abs(watch.began_s + record["time_s"] - section.report_s)
         return Rotation(
             record=record,
             centres_m=np.array(watch.centres),
             quaternions=np.array(watch.quaternions),
-            scales=simulation.scales.copy(),
+            scales=trial.simulation.scales.copy(),
             slip=slip,
             report=int(np.argmin(late)) if len(late) else 0,
             rotation_from_s=watch.began_s,
             rest_energy_j=rest_energy,
-            held=empty.holds_all(),
-            unstable=bounded.broken,
+            held=self.holds_all(trial),
+            unstable=trial.broken,
         )
 
-    def status_of(self, rotation: Rotation, settings: SceneSettings) -> tuple[str, str]:
+    def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        if rotation.unstable:
-            return "unstable", rotation.unstable
-        if not rotation.held:
-            return "lost", "a berry is missing, or outside the drum"
-        if rotation.rest_energy_j > settings.simulation.rest_energy_j:
-            reason = f"kinetic energy {rotation.rest_energy_j:.2e} J a berry when the rotation began"
-            return "not_at_rest", reason
-        if rotation.slip is None:
-            fall, last = self.section(settings).slip_drop_deg, rotation.record["time_s"][-1]
-            return "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
-        return "ok", ""
+        assert isinstance(ending, Rotation)
+        yield from super().faults(ending, settings)
+        if ending.rest_energy_j > settings.simulation.rest_energy_j:
+            reason = f"kinetic energy {ending.rest_energy_j:.2e} J a berry when the rotation began"
+            yield "not_at_rest", reason
+        if ending.slip is None:
+            fall, last = self.section(settings).slip_drop_deg, ending.record["time_s"][-1]
+            yield "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill and turn once; with `interval_s` the frames are at the times of the record.
@@ -386,34 +379,28 @@ class DrumTest(RotatingDrum[DrumSettings]):
         (N, 4) and ``turned_STATE_deg`` for start, report, before and after.
         """
         rotation = self.rotate(scene, progress)
-        status, reason = self.status_of(rotation, scene.settings)
-        record: dict[str, Any] = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
-            "rotation_from_s": rotation.rotation_from_s,
-        }
-        if status in ("ok", "no_slip"):
+        position, quaternion = rotation.centres_m, rotation.quaternions
+        arrays = {"scale": rotation.scales, **rotation.record}
+        for state, row in rotation.rows().items() if len(position) else ():
+            arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
+            arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
+        frames = None if interval_s is None else {"position": position, "quaternion": quaternion, **arrays}
+        run = self.ended(scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s)
+        record = run.record
+        if record["status"] in ("ok", "no_slip"):
             for state, row in rotation.rows().items():
                 record |= {f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD}
-        if status == "ok" and rotation.slip is not None:
+        if record["status"] == "ok" and rotation.slip is not None:
             energy = rotation.record["energy_j"][rotation.slip.begins : rotation.slip.ends + 1]
             record |= {
                 "bed_drop_deg": record["before_bed_deg"] - record["after_bed_deg"],
                 "slip_duration_s": record["after_time_s"] - record["before_time_s"],
                 "largest_energy_j": float(energy.max()),
             }
-        position, quaternion = rotation.centres_m, rotation.quaternions
-        arrays = {"scale": rotation.scales, **rotation.record}
-        for state, row in rotation.rows().items() if len(position) else ():
-            arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
-            arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
-        if interval_s is None:
-            return Run(record, arrays)
-        return Run(record, arrays, {"position": position, "quaternion": quaternion, **arrays})
+        return run
 
     def measured_run(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, Any], np.ndarray]:
         """Measure a run, and the motion by depth (bins, 4) in its slip, lengths in mm.
 
@@ -441,9 +428,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         numbers, profile = self._of_slip(record, arrays, scene)
         return measured | {"surface_drop_deg": float(angles[2] - angles[3])} | numbers, profile
 
-    def _of_slip(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> tuple[dict[str, Any], np.ndarray]:
+    def _of_slip(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> tuple[dict[str, Any], np.ndarray]:
         """Measure the motion in the slip; None where no grain lies under the part of the surface that is fitted."""
         from repose.measure import bed
 
@@ -460,11 +445,11 @@ class DrumTest(RotatingDrum[DrumSettings]):
         }
         return numbers, profile
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Return the result of `measured_run`, with the responses under their public names."""
         measured, _ = self.measured_run(record, arrays, scene)
         ok = measured["status"] == "ok"
-        return measured | {response.name: response.of(measured) if ok else None for response in RESPONSES}
+        return measured | {response.name: response.of(measured) if ok else None for response in self.responses}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""

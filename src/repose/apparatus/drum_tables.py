@@ -57,7 +57,7 @@ def run_job(scene: Scene, seeds: Iterable[int], out_dir: str | PathLike) -> list
         about = about_job(test, scene, seed)
         result = {key: about[key] for key in ("parameters", "time_step_s")}
         write_json(out / f"drum_{seed}.json", result | {"run": run.record})
-        results.append(result | {"run": test.measure(run.record, run.arrays, scene)})
+        results.append(result | {"run": test.result(run.record, run.arrays, scene)})
     return results
 
 

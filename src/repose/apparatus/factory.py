@@ -1,7 +1,7 @@
 """Places and orientations of new berries, and the filling of a scene."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,32 +10,14 @@ import numpy as np
 from repose.dem.rotations import random_quaternion, rotation_matrix
 
 if TYPE_CHECKING:
-    from repose.apparatus.scene import Filmed
+    from repose.apparatus.scene import Trial
     from repose.apparatus.settings import Poured
     from repose.dem import Simulation
-    from repose.particle.particle import Particle
 
 # Random places that are tried for a new berry before the factory waits a time step.
 PLACES_TRIED = 200
 LIKELY_PACKING = 0.6  # share of a bed that is solid
 ALMOST = 1.0 - 1e-9  # of a square of a distance: the last digits of `Factory.places` are not sure
-
-
-@dataclass(frozen=True)
-class Pouring:
-    """How grains are poured."""
-
-    berries: int
-    rate_per_s: float
-    orientation: str = "random"  # see `random_orientation`
-    speed_m_s: float = 0.0  # down
-
-    @classmethod
-    def of(cls, section: "Poured", grains: int) -> "Pouring":
-        """As a section of the configuration says, for a number of grains."""
-        further = ("orientation", "speed_m_s")
-        own = {name: getattr(section, name) for name in further if hasattr(section, name)}
-        return cls(grains, section.rate_per_s, **own)
 
 
 class Factory(Protocol):
@@ -127,14 +109,12 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
-def add_above(
-    simulation: "Simulation", particle: "Particle", orientation: str, seed: int, scale: float, height_m: float = 0.0
-) -> None:
-    """Add a berry on the z axis in a random orientation of a kind, its lowest point at a height."""
-    turn = random_orientation(orientation, np.random.default_rng(seed))
+def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
+    """Add the grain of a trial on the z axis in a random orientation of a kind, its lowest point at a height."""
+    turn, scale = random_orientation(orientation, np.random.default_rng(trial.scene.seed)), float(trial.scales[0])
     down = rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
-    depth = scale * float(particle.support_point(down[None])[0] @ down)
-    simulation.add("berry", (0.0, 0.0, height_m + depth), turn, scale=scale)
+    depth = scale * float(trial.scene.particle.support_point(down[None])[0] @ down)
+    trial.simulation.add("berry", (0.0, 0.0, height_m + depth), turn, scale=scale)
 
 
 def last_berry_s(section: "Poured") -> float:
@@ -150,83 +130,79 @@ def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str
 
 
 def fill(
-    simulation: "Simulation",
+    trial: "Trial",
     factory: Factory,
-    pouring: Pouring,
-    seed: int | np.random.Generator,
+    section: "Poured",
     last_step: int,
-    run_to: Callable[[int], None],
-    scales: Sequence[float] | np.ndarray | None = None,
+    grains: int | None = None,
+    rng: np.random.Generator | None = None,
 ) -> None:
     """Add grains one by one, the first at once, each where it touches none, up to a time step.
 
-    `scales` are the sizes of all grains relative to the shape, 1 by default.
+    `grains` is their number, by default the section's; `rng` is by default made of the scene's seed. A section may say
+    their `orientation` (`random_orientation`) and their speed downwards, `speed_m_s`.
     """
-    rng, down = np.random.default_rng(seed), (0.0, 0.0, -pouring.speed_m_s)
+    simulation = trial.simulation
+    rng = np.random.default_rng(trial.scene.seed) if rng is None else rng
+    orientation, down = getattr(section, "orientation", "random"), (0.0, 0.0, -getattr(section, "speed_m_s", 0.0))
     first, began = simulation.n_bodies, simulation.steps
-    for k in range(pouring.berries):
-        due = began + round(k / pouring.rate_per_s / simulation.time_step_s)
+    for k in range(section.berries if grains is None else grains):
+        due = began + round(k / section.rate_per_s / simulation.time_step_s)
         if due >= last_step:
             return
-        run_to(due)
+        trial.run_to(due)
         place = free_place(rng, simulation, factory)
         while place is None and simulation.steps < last_step:
-            run_to(simulation.steps + 1)
+            trial.run_to(simulation.steps + 1)
             place = free_place(rng, simulation, factory)
         if place is None:
             return
-        scale = 1.0 if scales is None else scales[first + k]
-        simulation.add("berry", place, random_orientation(pouring.orientation, rng), down, scale=scale)
+        turn, scale = random_orientation(orientation, rng), trial.scales[first + k]
+        simulation.add("berry", place, turn, down, scale=scale)
 
 
 def fill_and_rest(
-    filmed: "Filmed",
+    trial: "Trial",
     factory: Factory,
     section: "Poured",
-    seed: int,
-    scales: Sequence[float] | np.ndarray,
     from_s: float,
-    rests: Callable[[], bool],
     every: int,
+    rests: Callable[[], bool] | None = None,
 ) -> None:
     """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long.
 
-    A section without a number of grains has ``filling_height_mm``, the level of the bed (`level_m`); the number of
-    `scales` is that of grains without gaps between them up to there.
+    A section without a number of grains has ``filling_height_mm``, the level of the bed (`level_m`); the trial has as
+    many scales as grains without gaps between them would take up to there.
     """
-    simulation = filmed.simulation
-    first, latest = (round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
+    rests = rests or trial.rests
+    first, latest = (round(seconds / trial.simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
     level_mm = getattr(section, "filling_height_mm", None)
     if level_mm is None:
-        pouring = Pouring.of(section, section.berries)
-        fill(simulation, factory, pouring, seed, latest, filmed.run_to, scales)
+        fill(trial, factory, section, latest)
     else:
-        _fill_to_level(filmed, factory, section, 1e-3 * level_mm, seed, scales, latest, rests, every)
-    filmed.run_to(first)
-    filmed.wait(rests, latest, every)
+        _fill_to_level(trial, factory, section, 1e-3 * level_mm, latest, rests, every)
+    trial.run_to(first)
+    trial.wait(rests, latest, every)
 
 
 def _fill_to_level(
-    filmed: "Filmed",
+    trial: "Trial",
     factory: Factory,
     section: "Poured",
     level: float,
-    seed: int,
-    scales: Sequence[float] | np.ndarray,
     latest: int,
     rests: Callable[[], bool],
     every: int,
 ) -> None:
     """Pour half the estimate, measure its packing, then pour the rest."""
-    simulation, rng = filmed.simulation, np.random.default_rng(seed)
+    simulation, rng, most = trial.simulation, np.random.default_rng(trial.scene.seed), len(trial.scales)
     fall_m_s2 = float(np.linalg.norm(simulation.physics.gravity))
     fall = math.ceil(math.sqrt(2.0 * factory.height_m / fall_m_s2) / simulation.time_step_s)
-    missing = max(1, round(0.5 * LIKELY_PACKING * len(scales)))
-    while missing > 0 and simulation.steps < latest and simulation.n_bodies < len(scales):
-        missing = min(missing, len(scales) - simulation.n_bodies)
-        fill(simulation, factory, Pouring.of(section, missing), rng, latest, filmed.run_to, scales)
-        filmed.run_to(min(latest, simulation.steps + fall))
-        filmed.wait(rests, latest, every)
+    missing = max(1, round(0.5 * LIKELY_PACKING * most))
+    while missing > 0 and simulation.steps < latest and simulation.n_bodies < most:
+        fill(trial, factory, section, latest, min(missing, most - simulation.n_bodies), rng)
+        trial.run_to(min(latest, simulation.steps + fall))
+        trial.wait(rests, latest, every)
         missing = round(simulation.n_bodies * (level / level_m(simulation) - 1.0))
 
 

@@ -14,10 +14,19 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, Pouring, fill, last_berry_s
-from repose.apparatus.scene import Filmed, grain_simulation, largest_cluster, sized_simulation
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+)
+from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.scene import Trial, grain_simulation, kept_grains, largest_cluster
 from repose.apparatus.settings import Hopper, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -28,7 +37,6 @@ if TYPE_CHECKING:
     from repose.dem import Cone, RingEdge
 
 NAME = "funnel"
-STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
 # A pile that has lost more than this share of its berries over the edge of the plate is not the pile poured.
 LARGEST_LOSS = 0.1
 # Of the berries on the plate, those that touch each other; in 2810 pours of the article's study and ours at least 86 %.
@@ -225,7 +233,7 @@ def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
 
 
 @dataclass(frozen=True)
-class Pour:
+class Pour(Ending):
     """The final state of a pour of N berries, and the numbers by which it is judged."""
 
     centres_m: np.ndarray  # (N, 3)
@@ -235,7 +243,6 @@ class Pour:
     in_pile: np.ndarray  # (N,), which of them lie in the largest cluster
     in_funnel: int  # berries that are still there
     off_plate: int  # berries that have left the plate
-    unstable: str  # the bound that the pour broke (`repose.apparatus.bounds`); empty where it broke none
     kinetic_energy_j: float  # of the pile
     largest_motion_m: float  # farthest way of a berry on the plate in the last `rest_window_s`
     discharge_s: float  # from the first to the last berry that left the outlet; NaN where none did
@@ -304,7 +311,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
     settings = FunnelSettings
     responses = RESPONSES
     recorded = RECORDED
-    statuses = STATUSES
+    statuses = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
     required_arrays = ("position", "quaternion", "in_pile")
     photographed: ClassVar = {"aor_deg": "aor_deg", "height_mm": "height_mm"}
     summary = "angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, {berries_on_plate} berries on the plate"
@@ -333,23 +340,19 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """Pour the grains until they rest, for `duration_s` at most (section 3.1 of the paper), or for all of it."""
         section, settings = self.section(scene.settings), scene.simulation
         began = time.perf_counter()
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
-        funnel = section.funnel
-        height = funnel.inlet_height_m + 1e-3 * section.factory_height_mm
-        factory = Disc(0.5e-3 * section.factory_diameter_mm - reach, height)
+        trial, funnel = Trial(self.build, scene, section.berries, interval_s, progress), section.funnel
+        simulation, height = trial.simulation, funnel.inlet_height_m + 1e-3 * section.factory_height_mm
+        factory = Disc(0.5e-3 * section.factory_diameter_mm - trial.reach_m, height)
         last_step = settings.steps(section.duration_s)
         window = settings.steps(section.rest_window_s)
-        bounded = Bounded(simulation, height)
-        filmed = Filmed(bounded, interval_s, progress)
         clock, timed = began, 0
         seen: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
-        with bounded.guard():
-            pouring = Pouring.of(section, section.berries)
-            fill(simulation, factory, pouring, scene.seed, last_step - window, filmed.run_to, scales)
+        with trial.bound(height).guard():
+            fill(trial, factory, section, last_step - window)
             clock, timed = time.perf_counter(), simulation.steps
             every = max(1, window // LOOKS)
             for step in range(last_step - (last_step - timed) // every * every, last_step + 1, every):
-                filmed.run_to(step)
+                trial.run_to(step)
                 if step <= last_step - settings.steps(1.0):
                     clock, timed = time.perf_counter(), step
                 seen.append(simulation.positions.copy())
@@ -358,59 +361,49 @@ class FunnelTest(BenchTest[FunnelSettings]):
         us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - timed)
         took_s = time.perf_counter() - began
         before = seen[0] if seen else None
-        return _judge(simulation, funnel, before, bounded.broken, filmed.frames(), took_s, us_per_step)
+        return _judge(simulation, funnel, before, trial.broken, trial.frames(), took_s, us_per_step)
 
-    def status_of(self, poured: Pour, settings: SceneSettings) -> tuple[str, str]:
-        """Status and reason of a pour before it is measured; the reason of ``ok`` is empty."""
-        section = self.section(settings)
-        n = section.berries
-        if poured.unstable:
-            return "unstable", poured.unstable
-        if poured.in_funnel or len(poured.centres_m) < n:
-            waiting = n - len(poured.centres_m)
-            return ("jammed", f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end")
-        if poured.off_plate > LARGEST_LOSS * n:
-            return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
-        energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
+    def faults(self, ending: Pour, settings: SceneSettings) -> Faults:
+        """Judge a pour before it is measured."""
+        section, n = self.section(settings), len(ending.centres_m)
+        if ending.in_funnel or n < section.berries:
+            yield (
+                "jammed",
+                f"{ending.in_funnel} berries in the funnel and {section.berries - n} not yet poured at the end",
+            )
+        if ending.off_plate > LARGEST_LOSS * section.berries:
+            yield "left_plate", f"{ending.off_plate} of {section.berries} berries left the plate"
+        in_pile, there = int(ending.in_pile.sum()), int(ending.on_plate.sum())
+        energy = ending.kinetic_energy_j / max(1, in_pile)
         if energy > settings.simulation.rest_energy_j:
-            return settings.simulation.not_at_rest(energy)
-        if 1e3 * poured.largest_motion_m > section.rest_motion_mm:
-            return "not_at_rest", (
-                f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {section.rest_window_s:g} s, "
-                f"more than {section.rest_motion_mm:g}"
+            yield settings.simulation.not_at_rest(energy)
+        if 1e3 * ending.largest_motion_m > section.rest_motion_mm:
+            yield (
+                "not_at_rest",
+                f"a berry moved {1e3 * ending.largest_motion_m:.2f} mm in the last {section.rest_window_s:g} s, "
+                f"more than {section.rest_motion_mm:g}",
             )
-        in_pile, there = int(poured.in_pile.sum()), int(poured.on_plate.sum())
         if in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there):
-            return "no_flank", (
+            yield (
+                "no_flank",
                 f"{in_pile} of {there} berries touch each other in the largest pile; "
-                f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them"
+                f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them",
             )
-        return "ok", ""
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Pour once and judge the pour; status ``no_flank`` comes with the measurement."""
         poured = self.pour(scene, interval_s, progress)
-        status, reason = self.status_of(poured, scene.settings)
-        record = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
-            "discharge_s": poured.discharge_s if np.isfinite(poured.discharge_s) else None,
+        numbers = {
+            "discharge_s": poured.discharge_s,
             "berries_on_plate": int(poured.on_plate.sum()),
             "berries_in_pile": int(poured.in_pile.sum()),
             "berries_off_plate": poured.off_plate,
-            "kinetic_energy_J": poured.kinetic_energy_j if np.isfinite(poured.kinetic_energy_j) else None,
+            "kinetic_energy_J": poured.kinetic_energy_j,
         }
-        # in single precision: 0.03 um at the edge of the plate
-        arrays = {
-            "position": poured.centres_m.astype(np.float32),
-            "quaternion": poured.quaternions.astype(np.float32),
-            "in_pile": poured.in_pile,
-            "scale": np.asarray(poured.scales, np.float32),
-        }
-        return Run(record, arrays, poured.frames)
+        arrays = kept_grains(poured.centres_m, poured.quaternions, poured.scales, in_pile=poured.in_pile)
+        return self.ended(scene, poured, arrays, poured.frames, **numbers)
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Return the record of a pour with `ALWAYS` and the other responses that are targets."""
         from repose.measure.saved_piles import pile_responses
 

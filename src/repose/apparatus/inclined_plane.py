@@ -16,7 +16,7 @@ angle beyond the limit. The angle of the beginning is where the line of the root
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,11 +24,20 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+)
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
-from repose.apparatus.settings import CREEPING_LAWS, SceneSettings, SimulationSettings
+from repose.apparatus.scene import Trial, grain_simulation
+from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 from repose.core.section import Section, Seeds
@@ -37,7 +46,6 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 NAME = "inclined_plane"
-STATUSES = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
 SLED, SINGLE = "sled", "berry"  # what lies on the plane
 LOOK_S = 0.005  # simulated time between two looks at the berry
 FAR = 0.25  # the berry has moved when it is this share of its shortest axis away
@@ -50,13 +58,7 @@ SLIDING = 0.5  # of the speed: a berry whose lowest point is faster than this sl
 # --- responses ------------------------------------------------------------------------------------
 
 SURFACE = (f"{NAME}.surface",)
-RESPONSES = (
-    Response("slip_deg", "deg", "angle of slip", "slip", NAME, 0.0, 89.0, SURFACE),
-    Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
 LACKING = {"slip_deg": "no_slip", "roll_deg": "no_roll"}  # status of a run that lacks a target
-RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -108,21 +110,19 @@ def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
     return {**parameters, f"mur_{pair}": rolling}
 
 
-def _lay_down(
-    simulation: "dem.Simulation", section: InclinedPlaneSettings, scene: Scene, scale: float, filmed: Filmed
-) -> None:
+def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
     """Lay a grain on the level plane, its long axis level in a random direction, and let it rest."""
-    settings, particle = scene.simulation, scene.particle
+    settings, particle = trial.scene.simulation, trial.scene.particle
     height = float(min(particle.dem_shape("berry").half_extents_m)) if section.surface == "glued" else 0.0
-    add_above(simulation, particle, "lying", scene.seed, scale, height)
-    every, last = settings.steps(0.01), settings.steps(section.settle_s)
-    filmed.run_to(every)
-    filmed.wait(partial(_rests, simulation, settings.rest_energy_j), last, every)
+    add_above(trial, "lying", height)
+    every = settings.steps(0.01)
+    trial.run_to(every)
+    trial.wait(partial(_rests, trial), settings.steps(section.settle_s), every)
 
 
-def _rests(simulation: "dem.Simulation", energy_j: float) -> bool:
-    """Whether the free berry, the last one, rests."""
-    return not simulation.kinetic_energies()[-1] > energy_j
+def _rests(trial: Trial) -> bool:
+    """Whether the free grain, the last one, rests."""
+    return not trial.simulation.kinetic_energies()[-1] > trial.scene.simulation.rest_energy_j
 
 
 def azimuth_of(seed: int) -> float:
@@ -130,11 +130,10 @@ def azimuth_of(seed: int) -> float:
     return float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * math.pi))
 
 
-def _tilt(
-    simulation: "dem.Simulation", section: InclinedPlaneSettings, settings: SimulationSettings, filmed: Filmed
-) -> list[tuple[float, float, float]]:
-    """Turn gravity until the berry has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
-    if not _rests(simulation, settings.rest_energy_j):
+def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[tuple[float, float, float]]:
+    """Turn gravity until the grain has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
+    simulation, settings = trial.simulation, trial.scene.simulation
+    if not _rests(trial):
         return []
     rows, began = [], simulation.positions[-1].copy()
     far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[-1]
@@ -148,12 +147,9 @@ def _tilt(
         rows.append((angle_deg, float(np.linalg.norm(speed)), slide))
         if np.hypot(*(place - began)[:2]) > far or angle_deg >= section.steepest_deg:
             return rows
-        simulation.physics.gravity[:] = (
-            settings.gravity_m_s2 * math.sin(angle),
-            0.0,
-            -settings.gravity_m_s2 * math.cos(angle),
-        )
-        filmed.run_to(simulation.steps + every)
+        g = settings.gravity_m_s2
+        simulation.physics.gravity[:] = g * math.sin(angle), 0.0, -g * math.cos(angle)
+        trial.run_to(simulation.steps + every)
 
 
 def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float) -> dict[str, np.ndarray]:
@@ -189,14 +185,25 @@ def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
     return float(-shift / slope) if slope > 0.0 else None
 
 
+@dataclass(frozen=True)
+class Tilted(Ending):
+    """Both tiltings."""
+
+    moving: str = ""  # sled or grain, if it did not rest before
+
+
 @register(NAME)
 class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     """A plane that tilts until a sled slides, and until a single grain rolls."""
 
     settings = InclinedPlaneSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("slip_deg", "deg", "angle of slip", "slip", NAME, 0.0, 89.0, SURFACE),
+        Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
+    )
+    numbers = ("motion",)
+    recorded = Recorded(means=tuple(LACKING), single=tuple(LACKING))
+    statuses = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
     required_arrays = tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS)
     summary = "{motion}"
 
@@ -229,40 +236,39 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         The arrays are, for each of them, ``WHAT_angle_deg`` (T,), ``WHAT_speed_m_s`` (T,) and ``WHAT_slide_m_s`` (T,),
         the speed of the lowest point. Frames are of the grain that can roll, with gravity down.
         """
-        section = self.section(scene.settings)
-        record: dict[str, Any] = {"seed": int(scene.seed), "status": "ok", "reason": ""}
+        section, ending = self.section(scene.settings), Tilted()
         arrays: dict[str, np.ndarray] = {}
         frames = None
         turned = partial(self._plane, azimuth=azimuth_of(scene.seed))
         for what in (SLED, SINGLE):
             values = held(scene.parameters, section.surface) if what == SLED else scene.parameters
-            simulation, scales, reach = sized_simulation(turned, replace(scene, parameters=values), 1)
-            bounded = Bounded(simulation, 4.0 * reach)
-            filmed = Filmed(bounded, interval_s if what == SINGLE else None, progress)
+            film_s = interval_s if what == SINGLE else None
+            trial = Trial(turned, replace(scene, parameters=values), 1, film_s, progress)
             rows: list[tuple[float, float, float]] = []
-            with bounded.guard():
-                _lay_down(simulation, section, scene, float(scales[0]), filmed)
-                rows = _tilt(simulation, section, scene.simulation, filmed)
-            if bounded.broken:
-                record |= {"status": "unstable", "reason": f"{what}: {bounded.broken}"}
-            elif not rows:
-                reason = f"the {what} still moves {section.settle_s:g} s after it was laid down"
-                record |= {"status": "not_at_rest", "reason": reason}
+            with trial.bound(4.0 * trial.reach_m).guard():
+                _lay_down(trial, section)
+                rows = _tilt(trial, section)
+            if trial.broken or not rows:
+                ending = Tilted(what, unstable=trial.broken and f"{what}: {trial.broken}")
             columns = np.array(rows).reshape(-1, 3).T
             arrays |= {f"{what}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)}
-            frames = filmed.frames(walls=True)
+            frames = trial.frames(walls=True)
         if frames is not None:
             frames = tilted(frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0)))
-        return Run(record, arrays, frames)
+        return self.ended(scene, ending, arrays, frames)
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with both angles; None where sled or grain stays or stops, or the grain slides."""
-        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "motion"))
-        if record["status"] != "ok":
-            return {**record, **measured}
+    def faults(self, ending: Tilted, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
+        if ending.moving:
+            settle_s = self.section(settings).settle_s
+            yield "not_at_rest", f"the {ending.moving} still moves {settle_s:g} s after it was laid down"
+
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure both angles; None where sled or grain stays or stops, or the grain slides."""
+        measured: dict[str, Any] = dict.fromkeys((*LACKING, *self.numbers))
         steepest = self.section(scene.settings).steepest_deg
         why = {}
-        for name, what in zip(MEASURED, (SLED, SINGLE), strict=True):
+        for name, what in zip(LACKING, (SLED, SINGLE), strict=True):
             angle, speed, slide = (np.asarray(arrays[f"{what}_{column}"], float) for column in COLUMNS)
             if angle[-1] >= steepest:
                 why[name] = f"the {what} stays up to {steepest:g} degrees"
@@ -274,7 +280,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
                 if measured[name] is not None:
                     why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
         measured["motion"] = "; ".join(why.values())
-        return {**record, **self.assess(measured, scene.settings, why, LACKING), **measured}
+        return {**self.assess(measured, scene.settings, why, LACKING), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of both tiltings [s]."""

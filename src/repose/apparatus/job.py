@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.apparatus.bench_test import BenchTest, Run, Scene, bench
+from repose.apparatus.bench_test import BenchTest, Run, Scene, bench_of
 from repose.apparatus.kept_runs import KeptRuns, read_measurement, write_measurement
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_npz
@@ -118,7 +118,7 @@ def measure_job(
 def measured(scene: Scene, path: Path) -> dict[str, Any]:
     """The description of a saved job, its measured runs, and their summary."""
     job = read_pours(path)
-    test = bench(job.get("apparatus", UNNAMED), path)
+    test = bench_of(job, path)
     pours = job.pop("pours")
     for pour in pours:
         if pour["status"] not in test.statuses:

@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import Field
 
 from repose.core.section import OF_OTHERS, Berries, OneOf, OrAuto, Section, Seeds
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+
+if TYPE_CHECKING:
+    from repose.measure.settings import MeasureSettings
 
 S = TypeVar("S", bound=Section)
 CREEPING_LAWS = ("constant_torque",)  # rolling laws that hold no body still where a torque acts on it
@@ -77,8 +80,18 @@ class SceneSettings:
     @property
     def size_distribution(self) -> str:
         """Whether grains have the sizes that were measured."""
-        size: str = self.config["berry"]["size_distribution"]
-        return size
+        return str(self.config["berry"]["size_distribution"])
+
+    @property
+    def mm_per_pixel(self) -> float:
+        """Scale of a silhouette; other keys of `measure` are a pile's."""
+        return float(self.config["measure"]["mm_per_pixel"])
+
+    def measure_of(self, grain: Mapping[str, Any]) -> "MeasureSettings":
+        """Make the settings of the measurement of a pile of these grains."""
+        from repose.measure.settings import MeasureSettings
+
+        return MeasureSettings.of(self.config["measure"], grain)
 
     def targets_of(self, bench_test: str) -> list[Mapping[str, Any]]:
         """Targets of a bench test; targets whose form is wrong are left out, for their own check refuses them."""
