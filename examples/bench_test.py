@@ -10,9 +10,20 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import Arrays, BenchTest, Contradictions, Ending, Progress, Run, Scene, bench, register
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Progress,
+    Run,
+    Scene,
+    bench,
+    register,
+    stated,
+)
 from repose.apparatus.factory import Disc, fill
-from repose.apparatus.scene import Trial, grain_simulation
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.responses import Response
 
@@ -49,18 +60,15 @@ class DropTest(BenchTest[DropSettings]):
     required_arrays = ("position",)
     summary = "spread {spread_mm:.1f} mm"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> dem.Simulation:
-        """Make the empty simulation of a plate."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe a plate."""
         section = self.section(scene.settings)
-        top = 1e-3 * section.height_mm + 4.0 * scene.particle.bounding_radius_m
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
-            lower=(-0.2, -0.2, 0.0),
-            upper=(0.2, 0.2, top),
-            largest_scale=largest_scale,
-        )
+        return {
+            "capacity": section.berries,
+            "walls": {"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
+            "lower": (-0.2, -0.2, 0.0),
+            "upper": (0.2, 0.2, 1e-3 * section.height_mm + 4.0 * reach_m),
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Drop the grains one by one, and let them roll."""
@@ -85,8 +93,8 @@ class DropTest(BenchTest[DropSettings]):
         """Yield keys whose values do not go together, with the allowed values."""
         section = self.section(settings)
         fall_s = (2e-3 * section.height_mm / settings.simulation.gravity_m_s2) ** 0.5
-        if section.duration_s < fall_s:
-            yield "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"
+        early = section.duration_s < fall_s
+        return stated((early, "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"))
 
 
 def main(berries: int = 20, duration_s: float = 2.0) -> None:

@@ -145,8 +145,8 @@ def test_a_tapped_cylinder_holds_more():
 
 
 def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
-    def broken(simulation, *_):
-        simulation.add("berry", (0.0, 0.0, 0.02))
+    def broken(trial, *_):
+        trial.simulation.add("berry", (0.0, 0.0, 0.02))
         raise Unstable("a berry is too fast")
 
     monkeypatch.setattr(cylinder, "fill", broken)

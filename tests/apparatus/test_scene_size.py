@@ -85,7 +85,7 @@ def test_a_large_scene_gets_a_smaller_one_as_keys_that_a_study_takes(config):
 
 def test_beyond_the_table_nothing_is_promised(config):
     largest = max(scene_size.numbers())
-    _, smaller, *_ = scene_size.advice(with_grains(config, 25 * largest), 13.34, 65.0)
+    _, smaller, *_ = scene_size.advice(config, 13.34, 65.0, 25 * largest)
     assert "have not been compared" in smaller
 
 

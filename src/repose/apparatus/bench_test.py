@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
+from repose.apparatus.scene import grain_simulation
 from repose.apparatus.settings import S, SceneSettings, SimulationSettings
 from repose.core import responses as core
 from repose.core.errors import InputError
@@ -111,6 +112,11 @@ class Ending:
     unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
 
 
+def stated(*cases: tuple[object, str, str]) -> Iterator[tuple[str, str]]:
+    """Yield the cases that hold: a key and what is allowed, or a status and its reason."""
+    return ((name, words) for holds, name, words in cases if holds)
+
+
 class BenchTest(ABC, Generic[S]):
     """A bench test: its responses, and how a scene is run and measured.
 
@@ -150,8 +156,13 @@ class BenchTest(ABC, Generic[S]):
     photographed: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe capacity, walls and box, as arguments of `repose.dem.Simulation`; reach_m: of the largest grain."""
+
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
         """Make the empty simulation, with room for grains of a largest relative size."""
+        reach_m = largest_scale * scene.particle.bounding_radius_m
+        return grain_simulation(scene, largest_scale=largest_scale, **self.world(scene, reach_m))
 
     @abstractmethod
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:

@@ -1,14 +1,14 @@
-"""The measuring cylinder: its bulk density is the mass of the berries struck off at the rim over its volume.
+"""The measuring cylinder: its bulk density is the mass of the grains struck off at the rim over its volume.
 
 Vessel and pouring follow the small container of ISO 17828 (5 litres: 167 mm wide, 228 mm high; poured from 200 to 300
-mm above the rim, struck off level). The wall goes on above the rim as a collar, so that no berry falls beside the
-cylinder; what lies above the rim is struck off when the berries rest. Then the cylinder may be tapped: it falls from a
-height, so that its berries leave the floor with the speed of that fall.
+mm above the rim, struck off level). The wall goes on above the rim as a collar, so that no grain falls beside the
+cylinder; what lies above the rim is struck off when the grains rest. Then the cylinder may be tapped: it falls from a
+height, so that its grains leave the floor with the speed of that fall.
 
-A berry belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
+A grain belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
 average, for what is missing below it, and the density depends on no shape. The core lies `core_margin_mm` away from
-wall, floor and rim, where berries pack more loosely than in the middle. Near them berries lie in layers, so where a
-layer's centres lie just inside the core their count is too high: the core has the share of each berry's volume that
+wall, floor and rim, where grains pack more loosely than in the middle. Near them grains lie in layers, so where a
+layer's centres lie just inside the core their count is too high: the core has the share of each grain's volume that
 lies in it.
 """
 
@@ -31,9 +31,10 @@ from repose.apparatus.bench_test import (
     Run,
     Scene,
     register,
+    stated,
 )
 from repose.apparatus.factory import Disc, fill, last_berry_s
-from repose.apparatus.scene import Trial, grain_simulation
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import Poured, SceneSettings, SimulationSettings
 from repose.core.responses import Response
 
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 NAME = "cylinder"
 TAP_MM, TAP_RESTS_S = 3.0, 0.4  # height of a tap, and time after it
-POINTS = 1000  # of a berry, over which its share in the core is counted
+POINTS = 1000  # of a grain, over which its share in the core is counted
 
 # --- responses ------------------------------------------------------------------------------------
 
@@ -79,19 +80,19 @@ class Vessel:
 
     @classmethod
     def of(cls, section: CylinderSettings) -> "Vessel":
-        """The vessel of a section of the configuration."""
+        """Make the vessel of a section of the configuration."""
         lengths = 0.5 * section.diameter_mm, section.height_mm, section.collar_mm
         return cls(*(1e-3 * length for length in lengths))
 
     @property
     def top_m(self) -> float:
-        """Upper end of the collar, where berries appear [m]."""
+        """Upper end of the collar, where grains appear [m]."""
         return self.height_m + self.collar_m
 
     def density_kg_m3(
         self, masses_kg: np.ndarray, shares: np.ndarray | Sequence[float], margin_m: float = 0.0
     ) -> float:
-        """Mass of the shares (N,) of berries in the cylinder, `margin_m` off wall, floor and rim, over its volume."""
+        """Mass of the shares (N,) of grains in the cylinder, `margin_m` off wall, floor and rim, over its volume."""
         radius, height = self.radius_m - margin_m, self.height_m - 2.0 * margin_m
         return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
 
@@ -102,9 +103,9 @@ class Vessel:
         return between & (np.hypot(x, y) < self.radius_m - margin_m)
 
     def shares_inside(self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float) -> np.ndarray:
-        """Share of each berry's volume that lies in the cylinder, `margin_m` away from wall, floor and rim.
+        """Share of each grain's volume that lies in the cylinder, `margin_m` away from wall, floor and rim.
 
-        Counted over `POINTS` points of the body: the share of a berry that is cut is off by 0.003 (rms), the
+        Counted over `POINTS` points of the body: the share of a grain that is cut is off by 0.003 (rms), the
         density of a core by less than 1e-3 of itself. `arrays` holds ``position``, ``quaternion`` and ``scale`` of
         a run.
         """
@@ -136,7 +137,7 @@ def points_of(particle: "Particle") -> np.ndarray:
 def tap(
     simulation: "dem.Simulation", settings: SimulationSettings, height_m: float, run_to: Callable[[int], object]
 ) -> None:
-    """Let the cylinder fall from a height, and its berries rest: seen from it they jump up by that height."""
+    """Let the cylinder fall from a height, and its grains rest: seen from it they jump up by that height."""
     gravity, kept = simulation.physics.gravity, simulation.physics.gravity.copy()
     speed, lasts_s = _of_a_tap(settings.gravity_m_s2, height_m)
     gravity[2] += speed / settings.time_step_s  # in one step the speed of the fall, to all at once
@@ -146,7 +147,7 @@ def tap(
 
 
 def _of_a_tap(gravity_m_s2: float, height_m: float) -> tuple[float, float]:
-    """Speed of the fall [m/s], and the time until the berries rest [s]."""
+    """Speed of the fall [m/s], and the time until the grains rest [s]."""
     speed = math.sqrt(2.0 * gravity_m_s2 * height_m)
     return speed, 2.0 * speed / gravity_m_s2 + TAP_RESTS_S
 
@@ -179,23 +180,18 @@ class CylinderTest(BenchTest[CylinderSettings]):
         "{berries_in_cylinder} berries in the cylinder"
     )
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the cylinder with its collar."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the cylinder with its collar."""
         section = self.section(scene.settings)
-        vessel, reach = Vessel.of(section), largest_scale * scene.particle.bounding_radius_m
-        wall_m = vessel.top_m + 2.0 * reach
-        floor, up = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls={
-                "floor": dem.Plane(floor, up, "wall"),
-                "shell": dem.Cylinder(floor, up, wall_m, vessel.radius_m, "wall"),
-            },
-            lower=(-vessel.radius_m, -vessel.radius_m, 0.0),
-            upper=(vessel.radius_m, vessel.radius_m, wall_m),
-            largest_scale=largest_scale,
-        )
+        vessel, floor, up = Vessel.of(section), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+        wall_m, shell_m = vessel.top_m + 2.0 * reach_m, vessel.radius_m
+        shell = dem.Cylinder(floor, up, wall_m, shell_m, "wall")
+        return {
+            "capacity": section.berries,
+            "walls": {"floor": dem.Plane(floor, up, "wall"), "shell": shell},
+            "lower": (-shell_m, -shell_m, 0.0),
+            "upper": (shell_m, shell_m, wall_m),
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the cylinder, let the grains rest, and tap it.
@@ -230,20 +226,17 @@ class CylinderTest(BenchTest[CylinderSettings]):
         The cylinder is full when the grains above the rim would make a layer of a grain's length there: the heap in
         the collar is nearly level, so the rim is covered everywhere.
         """
-        section, centres = self.section(settings), ending.centres_m
+        section, centres, simulation = self.section(settings), ending.centres_m, settings.simulation
         vessel = Vessel.of(section)
-        if np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(centres[:, 2] <= 0.0):
-            yield "lost", "a berry lies outside the cylinder"
-        if ending.energy_j > settings.simulation.rest_energy_j:
-            yield settings.simulation.not_at_rest(ending.energy_j)
         below = int(np.count_nonzero(centres[:, 2] < vessel.height_m))
         layer = math.ceil(below * ending.length_m / vessel.height_m)
-        if len(centres) - below < layer:
-            yield (
-                "not_full",
-                f"{len(centres)} of {section.berries} berries poured, {below} of them below the rim; "
-                f"a full cylinder has at least {layer} above it",
-            )
+        poured = f"{len(centres)} of {section.berries} berries poured, {below} of them below the rim"
+        outside = np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(centres[:, 2] <= 0.0)
+        return stated(
+            (outside, "lost", "a berry lies outside the cylinder"),
+            (ending.energy_j > simulation.rest_energy_j, *simulation.not_at_rest(ending.energy_j)),
+            (len(centres) - below < layer, "not_full", f"{poured}; a full cylinder has at least {layer} above it"),
+        )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the densities."""
@@ -267,19 +260,18 @@ class CylinderTest(BenchTest[CylinderSettings]):
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a cylinder that cannot be filled or has no core, with what is allowed."""
-        section = self.section(settings)
-        last = last_berry_s(section)
-        if last >= section.duration_s:
-            yield f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"
-        smallest = min(section.diameter_mm, section.height_mm)
-        if section.core_margin_mm >= smallest / 2:
-            yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
-        targets = settings.targets_of(NAME)
-        if not section.taps and any(one.get("response") == "tapped_density_kg_m3" for one in targets):
-            yield f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"
+        section, last = self.section(settings), last_berry_s(self.section(settings))
+        half = min(section.diameter_mm, section.height_mm) / 2
+        is_tapped = any(one.get("response") == "tapped_density_kg_m3" for one in settings.targets_of(NAME))
+        missing = is_tapped and not section.taps
+        return stated(
+            (last >= section.duration_s, f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"),
+            (section.core_margin_mm >= half, f"{NAME}.core_margin_mm", f"below {half:g}, or there is no core"),
+            (missing, f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"),
+        )
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
         """Refuse a cylinder into which the mean grain does not fall in any orientation."""
         longest = max(axes_mm)
-        if self.section(settings).diameter_mm <= longest:
-            yield f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"
+        narrow = self.section(settings).diameter_mm <= longest
+        return stated((narrow, f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"))

@@ -1,11 +1,11 @@
-"""The funnel with a lid: it is filled, the berries rest, the lid is taken away, and they flow out.
+"""The funnel with a lid: it is filled, the grains rest, the lid is taken away, and they flow out.
 
 A stopwatch gives the time until the funnel is empty, a balance below it the rate. The rate is taken over the middle of
-the discharge, where the flow has begun and the funnel still holds berries: it hardly depends on how high the berries
-stand (Beverloo et al. 1961, Chem. Eng. Sci. 15, 260). An outlet of fewer than about five berries across jams.
+the discharge, where the flow has begun and the funnel still holds grains: it hardly depends on how high the grains
+stand (Beverloo et al. 1961, Chem. Eng. Sci. 15, 260). An outlet of fewer than about five grains across jams.
 
 The funnel is that of `repose.apparatus.funnel`, its outlet at z = 0, with a cylinder above its inlet. The lid
-is a disc in the outlet. It is taken away downwards, faster than the berries fall, so that it drags none of them along.
+is a disc in the outlet. It is taken away downwards, faster than the grains fall, so that it drags none of them along.
 """
 
 import math
@@ -27,16 +27,17 @@ from repose.apparatus.bench_test import (
     Run,
     Scene,
     register,
+    stated,
 )
 from repose.apparatus.factory import Disc, fill_and_rest, too_early
 from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
-from repose.apparatus.scene import Trial, grain_simulation
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import Hopper, SceneSettings
 from repose.core.responses import Response
 
 NAME = "discharge"
 LID_M_S = 3.0  # of the lid when it is taken away
-FLOOR_M = -0.1  # a berry below this height is gone
+FLOOR_M = -0.1  # a grain below this height is gone
 LOOK_S = 0.05  # simulated time between two looks whether the funnel is empty
 # The rate is that between these shares of the mass.
 FROM_SHARE, TO_SHARE = 0.2, 0.8
@@ -67,10 +68,10 @@ class DischargeSettings(Hopper):
 class Discharge(Ending):
     """A funnel that was opened."""
 
-    filled: int  # berries that found room in the funnel
-    rest_energy_j: float  # mean of a berry when the lid was taken away
-    early: int  # berries that were below the outlet before that
-    late: int  # berries that have left after that
+    filled: int  # grains that found room in the funnel
+    rest_energy_j: float  # mean of a grain when the lid was taken away
+    early: int  # grains that were below the outlet before that
+    late: int  # grains that have left after that
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -98,27 +99,22 @@ class DischargeTest(BenchTest[DischargeSettings]):
     required_arrays = ("exit_s", "scale")
     summary = "empty {emptying_s:.2f} s after the opening; rate {flow_g_s:.0f} g/s"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the closed funnel."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the closed funnel."""
         section = self.section(scene.settings)
         funnel, top = _funnel(section)
-        radius, reach = 0.5 * funnel.inlet_diameter_m, largest_scale * scene.particle.bounding_radius_m
-        inlet, up = (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls={
-                "lid": dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m),
-                **funnel.walls("wall"),
-                "collar": dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach, radius, "wall"),
-            },
-            lower=(-radius, -radius, FLOOR_M),
-            upper=(radius, radius, top + 2.0 * reach),
-            largest_scale=largest_scale,
-            exit_height_m=0.0,
-            curved_walls_above_m=-funnel.rim_radius_m,
-            floor_height_m=FLOOR_M,
-        )
+        radius, inlet, up = 0.5 * funnel.inlet_diameter_m, (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
+        lid = dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m)
+        collar = dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach_m, radius, "wall")
+        return {
+            "capacity": section.berries,
+            "walls": {"lid": lid, **funnel.walls("wall"), "collar": collar},
+            "lower": (-radius, -radius, FLOOR_M),
+            "upper": (radius, radius, top + 2.0 * reach_m),
+            "exit_height_m": 0.0,
+            "curved_walls_above_m": -funnel.rim_radius_m,
+            "floor_height_m": FLOOR_M,
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the closed funnel, let the grains rest, open it, and wait until it is empty.
@@ -150,15 +146,15 @@ class DischargeTest(BenchTest[DischargeSettings]):
     def faults(self, ending: Discharge, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section, simulation = self.section(settings), settings.simulation
-        if ending.filled < section.berries:
-            yield "not_filled", f"only {ending.filled} of {section.berries} berries find room in the funnel"
-        if ending.early:
-            yield "lost", f"{ending.early} berries left the closed funnel"
-        if ending.rest_energy_j > simulation.rest_energy_j:
-            yield simulation.not_at_rest(ending.rest_energy_j, " when the lid was taken away")
-        if ending.late < section.berries:
-            left = section.berries - ending.late
-            yield "jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening"
+        few = f"only {ending.filled} of {section.berries} berries find room in the funnel"
+        moving = simulation.not_at_rest(ending.rest_energy_j, " when the lid was taken away")
+        left = section.berries - ending.late
+        return stated(
+            (ending.filled < section.berries, "not_filled", few),
+            (ending.early, "lost", f"{ending.early} berries left the closed funnel"),
+            (ending.rest_energy_j > simulation.rest_energy_j, *moving),
+            (left > 0, "jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening"),
+        )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure time and rate."""

@@ -1,12 +1,12 @@
 """The drawdown box: a chamber with a slot in its floor is filled and drained into the chamber below.
 
-One filling gives two angles. Above, the berries that stay lean against both walls and fall off towards the slot: the
+One filling gives two angles. Above, the grains that stay lean against both walls and fall off towards the slot: the
 angle at which a bed drains. Below, those that fell lie as a pile of the box's depth: the angle at which a poured heap
 comes to rest, flatter for the fall. Mass and rate of what drains come with them.
 
 The two wedges above, put back to back, have the shape of a pile. So both angles are measured by the code and the
 definition (`measure.response`) of every pile, in the view along the slot. The gate is taken away downwards, faster than
-the berries fall, so that it drags none of them along.
+the grains fall, so that it drags none of them along.
 """
 
 from collections.abc import Sequence
@@ -27,17 +27,18 @@ from repose.apparatus.bench_test import (
     Run,
     Scene,
     register,
+    stated,
 )
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
 from repose.apparatus.funnel import CALIBRATED, narrow_openings
-from repose.apparatus.scene import Trial, grain_simulation, largest_cluster
+from repose.apparatus.scene import Trial, largest_cluster
 from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.errors import NoFlankError
 from repose.core.responses import Response
 
 NAME = "drawdown"
-LOOK_S = 0.05  # simulated time between two looks whether the berries rest
+LOOK_S = 0.05  # simulated time between two looks whether the grains rest
 HALVES = ("width", "depth", "slot", "lower_width")  # keys whose halves a `Box` has
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # of a block
 
@@ -81,7 +82,7 @@ class Box:
 
     @classmethod
     def of(cls, section: DrawdownSettings) -> "Box":
-        """The box of a section of the configuration."""
+        """Make the box of a section of the configuration."""
         width, depth, slot, lower = (0.5e-3 * getattr(section, f"{key}_mm") for key in HALVES)
         drop, thickness = 1e-3 * section.drop_mm, 1e-3 * section.floor_mm
         return cls(width, depth, slot, lower, drop, thickness, drop + 1e-3 * section.height_mm)
@@ -110,13 +111,13 @@ class Box:
         return walls
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Mask (N,) of the berries whose centres lie inside the box."""
+        """Mask (N,) of the grains whose centres lie inside the box."""
         x, y, z = centres_m.T
         return (np.abs(x) < self.half_lower) & (np.abs(y) < self.half_depth) & (z > 0.0)
 
 
 def _block(x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radius_m: float) -> "dem.Mesh":
-    """A rectangular block as a wall of triangles, between two places along each axis."""
+    """Make a rectangular block as a wall of triangles, between two places along each axis."""
     corners = np.array([(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)])
     faces = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
     return dem.Mesh(corners, np.array(faces), "wall", edge_radius_m)
@@ -126,15 +127,15 @@ def _block(x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radi
 class Drained(Ending):
     """A box that was drained."""
 
-    filled: int  # berries that found room in the upper chamber
-    early: int  # berries that were below the gate before it was opened
-    held: bool  # whether all berries are inside the box
-    over_slot: int  # berries that rest above the middle of the slot
-    energy_j: float  # mean of a berry at the end
+    filled: int  # grains that found room in the upper chamber
+    early: int  # grains that were below the gate before it was opened
+    held: bool  # whether all grains are inside the box
+    over_slot: int  # grains that rest above the middle of the slot
+    energy_j: float  # mean of a grain at the end
 
 
 def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
-    """The berries of both wedges with their outer walls at x = 0 and the floor at z = 0: the shape of a pile."""
+    """Move the grains of both wedges, their outer walls at x = 0 and the floor at z = 0: the shape of a pile."""
     moved = centres_m - (0.0, 0.0, box.floor)
     moved[:, 0] -= np.sign(moved[:, 0]) * box.half_width
     return moved
@@ -159,19 +160,17 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         "{drawdown_mass_g:.0f} g at {drawdown_flow_g_s:.0f} g/s"
     )
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the box, its gate closed."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the box, its gate closed."""
         section = self.section(scene.settings)
-        box, reach = Box.of(section), largest_scale * scene.particle.bounding_radius_m
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls=box.walls(1e-3 * section.edge_radius_mm, 4.0 * reach),
-            lower=(-box.half_lower, -box.half_depth, 0.0),
-            upper=(box.half_lower, box.half_depth, box.top + 4.0 * reach),
-            largest_scale=largest_scale,
-            exit_height_m=box.gate,
-        )
+        box = Box.of(section)
+        return {
+            "capacity": section.berries,
+            "walls": box.walls(1e-3 * section.edge_radius_mm, 4.0 * reach_m),
+            "lower": (-box.half_lower, -box.half_depth, 0.0),
+            "upper": (box.half_lower, box.half_depth, box.top + 4.0 * reach_m),
+            "exit_height_m": box.gate,
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the upper chamber, let the grains rest, open the gate, and let what stays and what fell rest.
@@ -213,14 +212,15 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def faults(self, ending: Drained, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section, simulation = self.section(settings), settings.simulation
-        if ending.filled < section.berries:
-            yield "not_filled", f"only {ending.filled} of {section.berries} berries find room above the gate"
-        if ending.early or not ending.held:
-            yield "lost", "a berry lies outside the box, or left the closed chamber"
-        if not ending.energy_j <= simulation.rest_energy_j:
-            yield simulation.not_at_rest(ending.energy_j, f" {section.longest_s:g} s after the opening")
-        if ending.over_slot:
-            yield "jammed", f"{ending.over_slot} berries rest above the middle of the slot"
+        few = f"only {ending.filled} of {section.berries} berries find room above the gate"
+        out = "a berry lies outside the box, or left the closed chamber"
+        moving = simulation.not_at_rest(ending.energy_j, f" {section.longest_s:g} s after the opening")
+        return stated(
+            (ending.filled < section.berries, "not_filled", few),
+            (ending.early or not ending.held, "lost", out),
+            (not ending.energy_j <= simulation.rest_energy_j, *moving),
+            (ending.over_slot, "jammed", f"{ending.over_slot} berries rest above the middle of the slot"),
+        )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure angles, mass and rate."""
@@ -261,16 +261,15 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a box that cannot be built or filled, with what is allowed."""
         section = self.section(settings)
+        width, floor, edge = section.width_mm, section.floor_mm, section.edge_radius_mm
+        wide, drop, lower = width + 2 * floor, section.drop_mm, section.lower_width_mm
         yield from too_early(section, NAME, "open_from_s")
-        if section.slot_mm >= section.width_mm:
-            yield f"{NAME}.slot_mm", f"below {NAME}.width_mm, {section.width_mm:g}"
-        if 4 * section.edge_radius_mm > section.floor_mm:
-            yield f"{NAME}.edge_radius_mm", f"at most a quarter of {NAME}.floor_mm, {section.floor_mm / 4:g}"
-        if section.drop_mm <= section.floor_mm:
-            yield f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {section.floor_mm:g}"
-        wide = section.width_mm + 2 * section.floor_mm
-        if section.lower_width_mm < wide:
-            yield f"{NAME}.lower_width_mm", f"at least {wide:g}, the upper chamber with its walls"
+        yield from stated(
+            (section.slot_mm >= width, f"{NAME}.slot_mm", f"below {NAME}.width_mm, {width:g}"),
+            (4 * edge > floor, f"{NAME}.edge_radius_mm", f"at most a quarter of {NAME}.floor_mm, {floor / 4:g}"),
+            (drop <= floor, f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {floor:g}"),
+            (lower < wide, f"{NAME}.lower_width_mm", f"at least {wide:g}, the upper chamber with its walls"),
+        )
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
         """Yield keys of a box that is too narrow for the mean grain, with what is allowed."""

@@ -1,12 +1,12 @@
-"""The drop test: one berry falls on a plate; height and duration of its rebound give the coefficient of restitution.
+"""The drop test: one grain falls on a plate; height and duration of its rebound give the coefficient of restitution.
 
-A camera sees how high the berry rebounds: its centre leaves the plate with sqrt(2 g h). A microphone hears it touch the
+A camera sees how high the grain rebounds: its centre leaves the plate with sqrt(2 g h). A microphone hears it touch the
 plate twice: between the two sounds it flies for T, so it left with g T / 2. Either speed over that of the fall is a
-restitution. Both are of the centre of mass: a berry that is no sphere turns after the hit, which takes some of the
+restitution. Both are of the centre of mass: a grain that is no sphere turns after the hit, which takes some of the
 energy, and touches again in another orientation. So do real ones, and both responses scatter with the orientation in
-which the berry falls.
+which the grain falls.
 
-Real hits last microseconds. Here, where berries may be softened, T is the time of flight, without the hits themselves.
+Real hits last microseconds. Here, where grains may be softened, T is the time of flight, without the hits themselves.
 """
 
 import math
@@ -27,15 +27,16 @@ from repose.apparatus.bench_test import (
     Run,
     Scene,
     register,
+    stated,
 )
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Trial, grain_simulation
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import SceneSettings
 from repose.core.responses import Response
 from repose.core.section import Section, Seeds
 
 NAME = "drop_test"
-LOOK_S = 1e-3  # longest simulated time between two looks at the berry
+LOOK_S = 1e-3  # longest simulated time between two looks at the grain
 HIT_S = 1.0  # longest duration of a hit
 EACH = 10_000  # first time steps of a hit that are all looked at; then looks are 1 / EACH of the hit so far apart
 
@@ -59,7 +60,7 @@ class DropTestSettings(Section):
 
 
 class _Follow:
-    """Follows a berry above a plate: step by step where it may touch, in longer strides while it flies."""
+    """Follows a grain above a plate: step by step where it may touch, in longer strides while it flies."""
 
     def __init__(self, trial: Trial) -> None:
         self.trial, self.simulation, self.settings = trial, trial.simulation, trial.scene.simulation
@@ -70,7 +71,7 @@ class _Follow:
         return len(self.simulation.wall_overlaps()[0]) > 0
 
     def fly(self) -> list[tuple[float, float]]:
-        """Fly until the berry touches the plate; time and height of its centre on the way."""
+        """Fly until the grain touches the plate; time and height of its centre on the way."""
         rows = [self._row()]
         while not self.touches():
             self.trial.run_to(self.simulation.steps + self._stride())
@@ -78,7 +79,7 @@ class _Follow:
         return rows
 
     def hit(self) -> bool:
-        """Go on until the berry has left the plate; False where it does not."""
+        """Go on until the grain has left the plate; False where it does not."""
         began = now = self.simulation.steps
         last = began + self.settings.steps(HIT_S)
         while (touches := self.touches()) and now < last:
@@ -90,7 +91,7 @@ class _Follow:
         return self.simulation.time_s, self.simulation.positions[0, 2]
 
     def _stride(self) -> int:
-        """Time steps in half of the time until the ball around the berry reaches the plate."""
+        """Time steps in half of the time until the ball around the grain reaches the plate."""
         gravity, up = self.settings.gravity_m_s2, self.simulation.velocities[0, 2]
         above = max(self.simulation.positions[0, 2] - self.reach_m, 0.0)
         until_s = (up + math.sqrt(up**2 + 2.0 * gravity * above)) / gravity if above > 0.0 else 0.0
@@ -118,19 +119,15 @@ class DropTest(BenchTest[DropTestSettings]):
     required_arrays = ("time_s", "height_m", "drop_m")
     summary = "restitution {height_restitution:.3f} by height, {sound_restitution:.3f} by sound"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the plate, and room for one grain above it."""
-        section = self.section(scene.settings)
-        reach = largest_scale * scene.particle.bounding_radius_m
-        top = 1e-3 * section.height_mm + 2.0 * reach
-        return grain_simulation(
-            scene,
-            capacity=1,
-            walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)},
-            lower=(-4.0 * reach, -4.0 * reach, 0.0),
-            upper=(4.0 * reach, 4.0 * reach, top),
-            largest_scale=largest_scale,
-        )
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the plate, and room for one grain above it."""
+        section, half = self.section(scene.settings), 4.0 * reach_m
+        return {
+            "capacity": 1,
+            "walls": {"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)},
+            "lower": (-half, -half, 0.0),
+            "upper": (half, half, 1e-3 * section.height_mm + 2.0 * reach_m),
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Drop one grain and follow it until it touches the plate for the second time.
@@ -152,8 +149,8 @@ class DropTest(BenchTest[DropTestSettings]):
 
     def faults(self, ending: Rebound, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        if not ending.left:
-            yield "no_rebound", f"the berry still touches the plate {HIT_S:g} s after it fell on it"
+        stays = f"the berry still touches the plate {HIT_S:g} s after it fell on it"
+        return stated((not ending.left, "no_rebound", stays))
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure both restitutions."""

@@ -1,4 +1,4 @@
-"""The rotating drum (paper, section 4.2.2): berries rest in a cylinder that then turns until its bed slips.
+"""The rotating drum (paper, section 4.2.2): grains rest in a cylinder that then turns until its bed slips.
 
 The axis is y, the origin lies on it half-way along. The drum turns about -y, which carries the bed towards +x. When a
 slip is judged the drum stops, as in the experiment, and the bed comes to rest.
@@ -24,9 +24,10 @@ from repose.apparatus.bench_test import (
     Run,
     Scene,
     register,
+    stated,
 )
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
-from repose.apparatus.scene import Trial, grain_simulation
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import Rotating, SceneSettings
 from repose.core.responses import Response
 
@@ -56,7 +57,7 @@ class Drum:
 
     @classmethod
     def of(cls, section: Rotating) -> "Drum":
-        """The drum of a section of the configuration."""
+        """Make the drum of a section of the configuration."""
         radius_mm = 0.5 * section.outer_diameter_mm - section.wall_thickness_mm
         return cls(1e-3 * radius_mm, 1e-3 * section.length_mm)
 
@@ -71,7 +72,7 @@ class Drum:
         }
 
     def factory(self, height_m: float, berry_radius_m: float) -> Strip:
-        """The widest `Strip` at a height above the axis in which a berry touches no wall; else ValueError."""
+        """Make the widest `Strip` at a height above the axis in which a grain touches no wall; else ValueError."""
         room = self.radius_m - berry_radius_m
         half_y = 0.5 * self.length_m - berry_radius_m
         if not (abs(height_m) < room and half_y > 0.0):
@@ -79,7 +80,7 @@ class Drum:
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Mask (N,) of the berries whose centres lie inside the drum."""
+        """Mask (N,) of the grains whose centres lie inside the drum."""
         inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
         return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)
 
@@ -113,15 +114,17 @@ R = TypeVar("R", bound=Rotating)
 class RotatingDrum(BenchTest[R]):
     """What bench tests with a drum share: vessel, filling and the line through the surface of the bed."""
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the drum; tilted, it is low at positive y."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the drum."""
         section = self.section(scene.settings)
         drum = Drum.of(section)
         half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
-        simulation = grain_simulation(
-            scene, section.berries, walls=drum.walls("wall"), lower=-half, upper=half, largest_scale=largest_scale
-        )
-        tilt = math.radians(getattr(section, "tilt_deg", 0.0))
+        return {"capacity": section.berries, "walls": drum.walls("wall"), "lower": -half, "upper": half}
+
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty drum; tilted, it is low at positive y."""
+        simulation = super().build(scene, largest_scale)
+        tilt = math.radians(getattr(self.section(scene.settings), "tilt_deg", 0.0))
         gravity = simulation.physics.gravity
         gravity[1:] = -gravity[2] * math.sin(tilt), gravity[2] * math.cos(tilt)
         return simulation
@@ -143,8 +146,7 @@ class RotatingDrum(BenchTest[R]):
 
     def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        if not ending.held:
-            yield "lost", "a berry is missing, or outside the drum"
+        return stated((not ending.held, "lost", "a berry is missing, or outside the drum"))
 
     def surface_of(
         self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
@@ -170,26 +172,27 @@ class RotatingDrum(BenchTest[R]):
 
     def impossible_filling(self, settings: SceneSettings) -> Contradictions:
         """Refuse a drum that has no room, turns too early or is recorded too finely."""
-        drum, step_s = self.section(settings), settings.simulation.time_step_s
-        radius = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm
-        if radius <= 0:
-            allowed = f"below half of {self.name}.outer_diameter_mm, {drum.outer_diameter_mm:g}"
-            yield f"{self.name}.wall_thickness_mm", allowed
-        elif abs(drum.factory_height_mm) >= radius:
-            yield f"{self.name}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
-        yield from too_early(drum, self.name, "rotate_from_s")
-        if drum.record_s < step_s:
-            yield f"{self.name}.record_s", f"at least simulation.time_step_s, {step_s:g}"
+        drum, step_s, key = self.section(settings), settings.simulation.time_step_s, self.name
+        wide, radius = drum.outer_diameter_mm, drum.outer_diameter_mm / 2 - drum.wall_thickness_mm
+        outside = abs(drum.factory_height_mm) >= radius > 0
+        yield from stated(
+            (radius <= 0, f"{key}.wall_thickness_mm", f"below half of {key}.outer_diameter_mm, {wide:g}"),
+            (outside, f"{key}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"),
+        )
+        yield from too_early(drum, key, "rotate_from_s")
+        fine = drum.record_s < step_s
+        yield from stated((fine, f"{key}.record_s", f"at least simulation.time_step_s, {step_s:g}"))
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
         """Refuse a drum in which a mean grain cannot lie across the axis at the factory's height."""
-        drum, long_mm = self.section(settings), max(axes_mm)
+        drum, long_mm, fits = self.section(settings), max(axes_mm), "so that a mean berry fits"
         highest = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm - long_mm / 2
-        if drum.length_mm <= long_mm:
-            yield f"{self.name}.length_mm", f"above {long_mm:.4g}, so that a mean berry fits"
-        if abs(drum.factory_height_mm) >= highest:
-            room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
-            yield f"{self.name}.factory_height_mm", f"{room}, so that a mean berry fits"
+        room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
+        high = abs(drum.factory_height_mm) >= highest
+        return stated(
+            (drum.length_mm <= long_mm, f"{self.name}.length_mm", f"above {long_mm:.4g}, {fits}"),
+            (high, f"{self.name}.factory_height_mm", f"{room}, {fits}"),
+        )
 
 
 def no_surface(scene: Scene) -> str:
@@ -212,7 +215,7 @@ class _Row(NamedTuple):
     time_s: float  # since the rotation began
     turned_deg: float  # by which the drum has turned
     bed_deg: float  # angle of the bed's centre of mass
-    energy_j: float  # mean of a berry in the drum's frame
+    energy_j: float  # mean of a grain in the drum's frame
 
 
 RECORD = _Row._fields
@@ -460,5 +463,5 @@ class DrumTest(RotatingDrum[DrumSettings]):
         """Refuse a drum that cannot be filled, or a report before it turns."""
         yield from self.impossible_filling(settings)
         section = self.section(settings)
-        if section.report_s < section.rotate_from_s:
-            yield f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {section.rotate_from_s:g}"
+        begin, early = section.rotate_from_s, section.report_s < section.rotate_from_s
+        yield from stated((early, f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {begin:g}"))

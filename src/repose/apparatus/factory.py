@@ -1,9 +1,9 @@
-"""Places and orientations of new berries, and the filling of a scene."""
+"""Places and orientations of new grains, and the filling of a scene."""
 
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,24 +14,10 @@ if TYPE_CHECKING:
     from repose.apparatus.settings import Poured
     from repose.dem import Simulation
 
-# Random places that are tried for a new berry before the factory waits a time step.
+# Random places that are tried for a new grain before the factory waits a time step.
 PLACES_TRIED = 200
 LIKELY_PACKING = 0.6  # share of a bed that is solid
-ALMOST = 1.0 - 1e-9  # of a square of a distance: the last digits of `Factory.places` are not sure
-
-
-class Factory(Protocol):
-    """A horizontal area in which berries appear."""
-
-    @property
-    def height_m(self) -> float:
-        """Its height [m]."""
-
-    def place(self, first: float, second: float) -> tuple[float, float, float]:
-        """The point [m] of two uniformly random numbers between 0 and 1, by the standard library."""
-
-    def places(self, numbers: np.ndarray) -> np.ndarray:
-        """All points (N, 3) of numbers (N, 2) at once [m]; their last digits may be others."""
+ALMOST = 1.0 - 1e-9  # of a square of a distance: the last digits of `Disc.places` are not sure
 
 
 @dataclass(frozen=True)
@@ -42,12 +28,12 @@ class Disc:
     height_m: float
 
     def place(self, first: float, second: float) -> tuple[float, float, float]:
-        """A point (3,) of the disc [m]."""
+        """Compute the point [m] of two uniformly random numbers between 0 and 1, by the standard library."""
         r, angle = self.radius_m * math.sqrt(first), 2.0 * math.pi * second
         return r * math.cos(angle), r * math.sin(angle), self.height_m
 
     def places(self, numbers: np.ndarray) -> np.ndarray:
-        """Points (N, 3) of the disc [m]."""
+        """Compute all points (N, 3) of numbers (N, 2) at once [m]; their last digits may be others."""
         r, angle = self.radius_m * np.sqrt(numbers[:, 0]), 2.0 * math.pi * numbers[:, 1]
         return np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(len(r), self.height_m)])
 
@@ -61,17 +47,20 @@ class Strip:
     height_m: float
 
     def place(self, first: float, second: float) -> tuple[float, float, float]:
-        """A point (3,) of the strip [m]."""
+        """Compute the point [m] of two numbers, as `Disc.place`."""
         return self.half_x_m * (2.0 * first - 1.0), self.half_y_m * (2.0 * second - 1.0), self.height_m
 
     def places(self, numbers: np.ndarray) -> np.ndarray:
-        """Points (N, 3) of the strip [m]."""
+        """Compute points (N, 3) as `Disc.places`."""
         x, y = 2.0 * numbers.T - 1.0
         return np.column_stack([self.half_x_m * x, self.half_y_m * y, np.full(len(x), self.height_m)])
 
 
+Factory = Disc | Strip  # horizontal areas in which grains appear
+
+
 def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
-    """A random point (3,) of a factory [m] where a new berry cannot touch another; None if none was found."""
+    """Find a random point (3,) of a factory [m] where a new grain cannot touch another; None if there is none."""
     place = np.array(factory.place(*rng.random(2)))
     others, reach = simulation.positions, 2.0 * simulation.radius
     others = others[simulation.present & (others[:, 2] > factory.height_m - reach)]
@@ -95,7 +84,7 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
-    """Random quaternion (w, x, y, z), body to world: ``random``, or the long axis ``lying`` or ``upright``."""
+    """Draw a quaternion (w, x, y, z), body to world: ``random``, or the long axis ``lying`` or ``upright``."""
     if orientation == "random":
         return random_quaternion(rng)
     axis, about = rng.uniform(0.0, 2.0 * math.pi, 2)
@@ -118,12 +107,12 @@ def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
 
 
 def last_berry_s(section: "Poured") -> float:
-    """When the last berry of a bench test appears [s]."""
+    """Compute when the last grain of a bench test appears [s]."""
     return (section.berries - 1) / section.rate_per_s
 
 
 def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str]]:
-    """Yield a key of a section if its time is not after the last berry's, with the allowed values."""
+    """Yield a key of a section if its time is not after the last grain's, with the allowed values."""
     last = last_berry_s(section)
     if last >= getattr(section, key):
         yield f"{name}.{key}", f"above {last:g}, when the last berry appears"
@@ -207,7 +196,7 @@ def _fill_to_level(
 
 
 def level_m(simulation: "Simulation") -> float:
-    """Level of a bed on a floor at z = 0: twice the height of its centre of mass [m]."""
+    """Compute the level of a bed on a floor at z = 0: twice the height of its centre of mass [m]."""
     there = simulation.present
     masses = simulation.masses_kg[there]
     return 2.0 * float(masses @ simulation.positions[there, 2] / masses.sum())

@@ -1,16 +1,16 @@
-"""The inclined plane: a plane tilts slowly until a sled slides, and until a single berry rolls.
+"""The inclined plane: a plane tilts slowly until a sled slides, and until a single grain rolls.
 
-A sled, berries glued side by side, cannot roll: it slides where the slope is the coefficient of friction, at
-atan(mu_s). Here it is one berry whose rolling friction is so high that it cannot roll, for Coulomb's limit is the same
+A sled, grains glued side by side, cannot roll: it slides where the slope is the coefficient of friction, at
+atan(mu_s). Here it is one grain whose rolling friction is so high that it cannot roll, for Coulomb's limit is the same
 for any load. A sphere rolls where the slope exceeds its coefficient of rolling friction, unless it slides before. A
-berry of another shape tips over, or rolls about the axis on which it happens to lie.
+grain of another shape tips over, or rolls about the axis on which it happens to lie.
 
 Gravity turns and the plane stays. In the frame of the plane this is exact but for the forces of a turning frame: at 1
 degree per second and 100 mm from the axis they are 3e-6 of the weight. So nothing turns against space, and every law of
 rolling resistance, relative to space or to the other body, resists the rotation on the plane. A plane that turns would
 need `rolling_frame_rad_s`.
 
-The berry begins to move with an acceleration that grows evenly with the angle, so its speed goes with the square of the
+The grain begins to move with an acceleration that grows evenly with the angle, so its speed goes with the square of the
 angle beyond the limit. The angle of the beginning is where the line of the root of the speed over the angle meets zero.
 """
 
@@ -34,9 +34,10 @@ from repose.apparatus.bench_test import (
     Run,
     Scene,
     register,
+    stated,
 )
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Trial, grain_simulation
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -47,13 +48,13 @@ if TYPE_CHECKING:
 
 NAME = "inclined_plane"
 SLED, SINGLE = "sled", "berry"  # what lies on the plane
-LOOK_S = 0.005  # simulated time between two looks at the berry
-FAR = 0.25  # the berry has moved when it is this share of its shortest axis away
+LOOK_S = 0.005  # simulated time between two looks at the grain
+FAR = 0.25  # the grain has moved when it is this share of its shortest axis away
 FROM_SHARE = 0.3  # the line goes through speeds above this share of the last one
-APART = 1.0001  # of the berries of a glued layer, over their touching
+APART = 1.0001  # of the grains of a glued layer, over their touching
 REACHES = 3.5  # radius of a glued layer in bounding radii
 COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
-SLIDING = 0.5  # of the speed: a berry whose lowest point is faster than this slides, and does not roll
+SLIDING = 0.5  # of the speed: a grain whose lowest point is faster than this slides, and does not roll
 
 # --- responses ------------------------------------------------------------------------------------
 
@@ -77,9 +78,9 @@ class InclinedPlaneSettings(Section):
 
 
 def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
-    """A close layer of berries that lie flat: centres (N, 3) about a pocket, their orientation, half their height.
+    """Lay grains flat in a close layer: centres (N, 3) about a pocket, their orientation, half their height.
 
-    It is the close layer of spheres, stretched as the berry is, and as far apart as a shape needs that is no ellipsoid.
+    It is the close layer of spheres, stretched as the grain is, and as far apart as a shape needs that is no ellipsoid.
     """
     from scipy.spatial.transform import Rotation
 
@@ -91,7 +92,7 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
     i, j = (part.ravel() for part in np.meshgrid(*2 * [np.arange(-2 * n, 2 * n + 1)]))
     unit = np.column_stack([2.0 * i + j - 1.0, math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0), 0.0 * i])
     stretched = np.array([*half[axes][:2], 0.0])
-    # planes between a berry and its neighbours, by which ellipsoids touch
+    # planes between a grain and its neighbours, by which ellipsoids touch
     ways = np.array([[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]])
     normals = np.column_stack([ways[:, :2] / stretched[:2], np.zeros(3)])
     width = particle.support(normals @ rows) + particle.support(-normals @ rows)
@@ -104,7 +105,7 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
 
 
 def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
-    """The parameters of a sled: it would roll at twice the slope at which it slides."""
+    """Make the parameters of a sled: it would roll at twice the slope at which it slides."""
     pair = "gp" if surface == "wall" else "gg"
     rolling = max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])
     return {**parameters, f"mur_{pair}": rolling}
@@ -126,7 +127,7 @@ def _rests(trial: Trial) -> bool:
 
 
 def azimuth_of(seed: int) -> float:
-    """Random azimuth of a glued layer [rad]."""
+    """Draw the azimuth of a glued layer [rad]."""
     return float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * math.pi))
 
 
@@ -153,7 +154,7 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[tuple[float, flo
 
 
 def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float) -> dict[str, np.ndarray]:
-    """Frames as the laboratory sees them, where the plane tilts; ``tilt_deg`` (T,) comes with them."""
+    """Turn frames into the laboratory's, where the plane tilts; add ``tilt_deg`` (T,)."""
     times = np.asarray(frames["time_s"])
     tilt = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
     tilt = np.maximum(tilt, 0.0)
@@ -176,7 +177,7 @@ def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, las
 
 
 def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
-    """Angle at which a motion began, by the line of the root of its speed; None if it does not grow at the end."""
+    """Find the angle at which a motion began, by the line of the root of its speed; None if it stops growing."""
     root = np.sqrt(speed_m_s)
     slower = np.flatnonzero(root < FROM_SHARE * root[-1])
     if slower.size == 0 or len(root) - slower[-1] < 3:
@@ -207,25 +208,29 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     required_arrays = tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS)
     summary = "{motion}"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the plane without a grain, level; a glued layer of grains on it has its centres at height 0."""
-        return self._plane(scene, largest_scale)
-
-    def _plane(self, scene: Scene, largest_scale: float, azimuth: float = 0.0) -> "dem.Simulation":
-        """Make the plane; `azimuth` [rad] turns its layer."""
-        section, particle = self.section(scene.settings), scene.particle
-        reach, glued = largest_scale * particle.bounding_radius_m, section.surface == "glued"
-        places, turn, depth = layer(particle, azimuth) if glued else (np.empty((0, 3)), np.array([1.0, 0, 0, 0]), 0.0)
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the level plane; a glued layer of grains on it has its centres at height 0."""
+        section, half = self.section(scene.settings), 4.0 * reach_m
+        places, _, depth = self.glued(scene)
         material = "berry" if section.surface == "berry" else "wall"
-        simulation = grain_simulation(
-            scene,
-            capacity=len(places) + 1,
-            walls={"plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)},
+        return {
+            "capacity": len(places) + 1,
+            "walls": {"plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)},
             # pictures draw the plane as far as the box reaches, also when it is tilted
-            lower=(-4.0 * reach, -4.0 * reach, -4.0 * reach),
-            upper=(4.0 * reach, 4.0 * reach, 4.0 * reach),
-            largest_scale=largest_scale,
-        )
+            "lower": (-half, -half, -half),
+            "upper": (half, half, half),
+        }
+
+    def glued(self, scene: Scene, azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the `layer` on the plane; no grain where nothing is glued."""
+        if self.section(scene.settings).surface == "glued":
+            return layer(scene.particle, azimuth)
+        return np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0
+
+    def build(self, scene: Scene, largest_scale: float = 1.0, azimuth: float = 0.0) -> "dem.Simulation":
+        """Make the plane without a free grain, level; `azimuth` [rad] turns its layer."""
+        simulation = super().build(scene, largest_scale)
+        places, turn, _ = self.glued(scene, azimuth)
         for place in places:
             simulation.glue(simulation.add("berry", place, turn))
         return simulation
@@ -239,7 +244,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         section, ending = self.section(scene.settings), Tilted()
         arrays: dict[str, np.ndarray] = {}
         frames = None
-        turned = partial(self._plane, azimuth=azimuth_of(scene.seed))
+        turned = partial(self.build, azimuth=azimuth_of(scene.seed))
         for what in (SLED, SINGLE):
             values = held(scene.parameters, section.surface) if what == SLED else scene.parameters
             film_s = interval_s if what == SINGLE else None
@@ -259,9 +264,9 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
 
     def faults(self, ending: Tilted, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        if ending.moving:
-            settle_s = self.section(settings).settle_s
-            yield "not_at_rest", f"the {ending.moving} still moves {settle_s:g} s after it was laid down"
+        settle_s = self.section(settings).settle_s
+        moves = f"the {ending.moving} still moves {settle_s:g} s after it was laid down"
+        return stated((ending.moving, "not_at_rest", moves))
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure both angles; None where sled or grain stays or stops, or the grain slides."""
@@ -290,8 +295,9 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Refuse a law under which a sled creeps, and a tilting with fewer than 100 looks at the grain."""
         section, law = self.section(settings), settings.simulation.rolling_law
-        if law in CREEPING_LAWS:
-            yield ("simulation.rolling_law", f"a law that can hold a sled, for inclined_plane: {law} lets it creep")
-        fastest = section.steepest_deg / (100 * LOOK_S)
-        if section.tilting_deg_s > fastest:
-            yield f"{NAME}.tilting_deg_s", f"at most {fastest:g}, or the angle has too few steps"
+        holding = f"a law that can hold a sled, for inclined_plane: {law} lets it creep"
+        fastest, key = section.steepest_deg / (100 * LOOK_S), f"{NAME}.tilting_deg_s"
+        return stated(
+            (law in CREEPING_LAWS, "simulation.rolling_law", holding),
+            (section.tilting_deg_s > fastest, key, f"at most {fastest:g}, or the angle has too few steps"),
+        )

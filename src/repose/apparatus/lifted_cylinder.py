@@ -1,15 +1,15 @@
-"""The lifted cylinder: an open tube stands on a plate, is filled, and is lifted; the berries flow out and form a pile.
+"""The lifted cylinder: an open tube stands on a plate, is filled, and is lifted; the grains flow out and form a pile.
 
-The commonest test of the field's papers. Fast lifting takes the support away at once and the berries run wide, so the
+The commonest test of the field's papers. Fast lifting takes the support away at once and the grains run wide, so the
 angle falls with the speed: one simulated set of wheat gave 18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s (the
 project JoshuaMayo-vectr/DEM-calibration). The pile is measured as the funnel's, by the same code.
 
-How much is filled in is a number of berries or, as the papers state it, the filling height: the level of the bed in the
-tube, twice the height of its centre of mass. Berries are poured in steps, each as many as the packing of those that
+How much is filled in is a number of grains or, as the papers state it, the filling height: the level of the bed in the
+tube, twice the height of its centre of mass. Grains are poured in steps, each as many as the packing of those that
 rest says, until the nearest whole number is in.
 
-The tube's wall has no thickness but for its rounded lower edge, which berries also touch from outside. The rising wall
-drags berries along by friction. Nothing turns, so rolling is resisted against space.
+The tube's wall has no thickness but for its rounded lower edge, which grains also touch from outside. The rising wall
+drags grains along by friction. Nothing turns, so rolling is resisted against space.
 """
 
 import math
@@ -31,10 +31,11 @@ from repose.apparatus.bench_test import (
     Run,
     Scene,
     register,
+    stated,
 )
 from repose.apparatus.factory import LIKELY_PACKING, Disc, fill_and_rest, level_m, too_early
 from repose.apparatus.funnel import BERRY, CALIBRATED, LARGEST_LOSS, SEEN, SMALLEST_PILE, narrow_openings
-from repose.apparatus.scene import Trial, grain_simulation, largest_cluster
+from repose.apparatus.scene import Trial, largest_cluster
 from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -45,8 +46,8 @@ if TYPE_CHECKING:
 
 NAME = "lifted_cylinder"
 TUBE = ("tube", "rim")  # the walls that are lifted
-FLOOR_M = -0.05  # a berry below this height has left the plate and is gone
-LOOK_S = 0.05  # simulated time between two looks whether the berries rest, or have left the tube
+FLOOR_M = -0.05  # a grain below this height has left the plate and is gone
+LOOK_S = 0.05  # simulated time between two looks whether the grains rest, or have left the tube
 
 # --- responses ------------------------------------------------------------------------------------
 
@@ -140,27 +141,24 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         "foot radius {lifted_foot_mm:.1f} mm, {lifted_loose_percent:.1f} % loose"
     )
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the tube on its plate."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the tube on its plate."""
         section = self.section(scene.settings)
         radius, length = 1e-3 * (0.5 * section.diameter_mm), 1e-3 * section.length_mm
         edge, plate = 1e-3 * section.rim_radius_mm, 1e-3 * (0.5 * section.plate_diameter_mm)
-        reach, up = largest_scale * scene.particle.bounding_radius_m, (0.0, 0.0, 1.0)
-        half = plate + 2.0 * reach
-        return grain_simulation(
-            scene,
-            room_for(section, scene.particle),
-            walls={
+        half, up = plate + 2.0 * reach_m, (0.0, 0.0, 1.0)
+        return {
+            "capacity": room_for(section, scene.particle),
+            "walls": {
                 "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate),
-                "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach, radius, "wall"),
-                # its lowest point touches the plate; what is beside the tube's wall is the wall's
+                "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach_m, radius, "wall"),
+                # its lowest point touches the plate; what is outside the tube's wall is the wall's
                 "rim": dem.RingEdge(radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge),
             },
-            lower=(-half, -half, 0.0),
-            upper=(half, half, length + 4.0 * reach),
-            largest_scale=largest_scale,
-            floor_height_m=FLOOR_M,
-        )
+            "lower": (-half, -half, 0.0),
+            "upper": (half, half, length + 4.0 * reach_m),
+            "floor_height_m": FLOOR_M,
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the tube, let the grains rest, lift it until none is left in it, and let the pile rest.
@@ -220,21 +218,20 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     def faults(self, ending: Lifting, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section, simulation = self.section(settings), settings.simulation
-        berries = ending.filled if section.berries is None else section.berries
-        asked = ending.filling_height_mm if section.filling_height_mm is None else section.filling_height_mm
-        if ending.filled < berries:
-            yield "not_filled", f"only {ending.filled} of {berries} berries find room in the tube"
-        if not abs(ending.filling_height_mm - asked) <= ending.grain_mm:
-            yield "not_filled", f"the bed rests at {ending.filling_height_mm:.4g} mm, not at {asked:g} mm"
-        if ending.in_tube:
-            yield "jammed", f"{ending.in_tube} berries hang in the tube, which was lifted by its own length"
-        if ending.off_plate > LARGEST_LOSS * berries:
-            yield "left_plate", f"{ending.off_plate} of {berries} berries left the plate"
-        if not ending.energy_j <= simulation.rest_energy_j:
-            yield simulation.not_at_rest(ending.energy_j, f" {section.settle_s:g} s after the lifting")
-        there = berries - ending.off_plate
-        if ending.in_pile < SMALLEST_PILE * there:
-            yield "no_flank", f"only {ending.in_pile} of {there} berries touch each other in the largest pile"
+        grains, level, in_pile = section.berries or ending.filled, ending.filling_height_mm, ending.in_pile
+        asked = section.filling_height_mm or level
+        there, hanging, lost = grains - ending.off_plate, ending.in_tube, ending.off_plate
+        moving = simulation.not_at_rest(ending.energy_j, f" {section.settle_s:g} s after the lifting")
+        off = not abs(level - asked) <= ending.grain_mm
+        few = in_pile < SMALLEST_PILE * there
+        return stated(
+            (ending.filled < grains, "not_filled", f"only {ending.filled} of {grains} berries find room in the tube"),
+            (off, "not_filled", f"the bed rests at {level:.4g} mm, not at {asked:g} mm"),
+            (hanging, "jammed", f"{hanging} berries hang in the tube, which was lifted by its own length"),
+            (lost > LARGEST_LOSS * grains, "left_plate", f"{lost} of {grains} berries left the plate"),
+            (not ending.energy_j <= simulation.rest_energy_j, *moving),
+            (few, "no_flank", f"only {in_pile} of {there} berries touch each other in the largest pile"),
+        )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the pile."""

@@ -97,12 +97,12 @@ def said(config: Mapping[str, Any], particle: "Particle", dataset_csv: str | Pat
 
 
 def cone_tan(height_mm: float, volume_m3: float) -> float:
-    """Slope of a cone of a Height and a volume."""
+    """Compute the slope of a cone of a Height and a volume."""
     return math.sqrt(math.pi * (1e-3 * height_mm) ** 3 / (3 * volume_m3))
 
 
 def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float | None:
-    """The steepest pile of a Height by a line [deg] whose grains have this volume; None where mass alone sets no bound.
+    """Compute the steepest angle of a pile of a Height and a volume of grains [deg]; None where mass sets no bound.
 
     A side that falls ever less steeply outwards has, over equal steps of distance, no steeper regression line from foot
     to crest than the cone of its Height and volume. A line that sees less of the toe may be steeper.

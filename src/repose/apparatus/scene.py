@@ -124,7 +124,7 @@ class Filmed:
             self.run_to(min(last_step, self.simulation.steps + every))
 
     def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
-        """The frames; None if none were requested.
+        """Return the frames; None if none were requested.
 
         ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies that
         there is room for; NaN where a body is not there. With `walls` also the positions of the walls, as of

@@ -96,7 +96,7 @@ def scaled(funnel: FunnelSettings, grains: int, diameter_mm: float, poured: int 
 
 
 def enough(grains: int, definition: str) -> int | None:
-    """Find the smallest number of the table whose angle is within `CLOSE_DEG` of that of more grains; None if there is none."""
+    """Find the smallest number of the table whose angle is within `CLOSE_DEG` of that of more grains; else None."""
     found = None
     for number in sorted((n for n in numbers() if n < grains), reverse=True):
         if abs(change(grains, number, definition).angle_deg) > CLOSE_DEG:

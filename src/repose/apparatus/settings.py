@@ -37,12 +37,12 @@ class SimulationSettings(Section):
         return {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
 
     def not_at_rest(self, energy_j: float, when: str = "") -> tuple[str, str]:
-        """Status and reason of a run that ends with this mean energy of a berry; when: further words."""
+        """Make status and reason of a run that ends with this mean energy of a grain; when: further words."""
         moves = f"kinetic energy {energy_j:.2e} J a berry{when}"
         return "not_at_rest", f"{moves}, more than {self.rest_energy_j:.0e}"
 
     def steps(self, seconds: float) -> int:
-        """Number of time steps of a duration, to the nearest one."""
+        """Count the time steps of a duration, to the nearest one."""
         return round(seconds / self.time_step_s)
 
 
@@ -61,7 +61,7 @@ class SceneSettings:
     made: dict[str, Section] = field(default_factory=dict, repr=False, compare=False)
 
     def section(self, name: str, model: type[S]) -> S:
-        """The section of a bench test."""
+        """Return the section of a bench test."""
         if name not in self.made:
             self.made[name] = model.model_validate(self.config[name])
         made: Any = self.made[name]
@@ -101,7 +101,7 @@ class SceneSettings:
 
 
 class Poured(Section):
-    """Keys of a bench test whose berries are poured at a rate."""
+    """Keys of a bench test whose grains are poured at a rate."""
 
     berries: Berries
     rate_per_s: float = Field(ge=0.1, le=10000)

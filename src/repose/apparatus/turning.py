@@ -1,4 +1,4 @@
-"""The drum in steady turning: berries flow down the bed as fast as the drum lifts them; the angle of their surface.
+"""The drum in steady turning: grains flow down the bed as fast as the drum lifts them; the angle of their surface.
 
 Vessel, filling and the line through the surface are those of `repose.apparatus.drum`, which turns slowly until the bed
 slips once. Here the drum turns faster, and the angle is the mean over a time in which the flow is steady. The same
@@ -31,7 +31,7 @@ PER_SPEED = ("angular_velocity_rad_s", "measure_from_s", "measure_until_s")
 
 
 def _one_each(low: float, high: float) -> Any:
-    """The allowed values as text: a number, or a list with a number for each speed."""
+    """Describe the allowed values: a number, or a list with a number for each speed."""
     return Field(description=f"a number from {low:g} to {high:g}, or a list of one for each speed")
 
 
@@ -57,7 +57,7 @@ def speeds(section: TurningSettings) -> list[tuple[float, float, float]]:
 
 
 def speed_of(name: str) -> int:
-    """The speed of a response by its name, from 0."""
+    """Find the speed of a response by its name, from 0."""
     found = NAMED.fullmatch(name)
     return 0 if found is None or found[1] is None else int(found[1]) - 1
 
