@@ -134,6 +134,8 @@ class BenchTest(ABC, Generic[S]):
         Numbers of a run that the tables keep besides the targets: by default its responses and `numbers`.
     statuses : tuple of str
         How a run may end; ``ok`` first.
+    lacking : mapping
+        Status of a run without a number for a target, by the response; ``no_flank`` by default.
     measured_by : tuple of str
         Keys of its section that only `measure` reads; a change of them makes no new run.
     required_arrays : tuple of str
@@ -150,6 +152,7 @@ class BenchTest(ABC, Generic[S]):
     numbers: ClassVar[tuple[str, ...]] = ()
     recorded: ClassVar[Recorded]
     statuses: ClassVar[tuple[str, ...]]
+    lacking: ClassVar[Mapping[str, str]] = {}
     measured_by: ClassVar[tuple[str, ...]] = ()
     required_arrays: ClassVar[tuple[str, ...]] = ()
     summary: ClassVar[str] = ""
@@ -227,21 +230,17 @@ class BenchTest(ABC, Generic[S]):
         return tuple(core.response(target["response"]) for target in targets)
 
     def assess(
-        self,
-        measured: Mapping[str, Any],
-        settings: SceneSettings,
-        reasons: Mapping[str, str],
-        statuses: Mapping[str, str] = {},
+        self, measured: Mapping[str, Any], settings: SceneSettings, reasons: Mapping[str, str]
     ) -> dict[str, str]:
         """Return ``status`` and ``reason`` by the first target that a measured run lacks; empty if it lacks none.
 
-        `reasons` says why responses could not be measured, `statuses` the status for it where it is not ``no_flank``.
+        `reasons` says why responses could not be measured.
         """
         for target in self.target_responses(settings.config):
             name = target.name
             if measured[name] is None:
                 reason = reasons.get(name, f"{name} cannot be measured")
-                return {"status": statuses.get(name, "no_flank"), "reason": reason}
+                return {"status": self.lacking.get(name, "no_flank"), "reason": reason}
         return {}
 
     def recorded_for(self, config: Config) -> Recorded:

@@ -259,15 +259,8 @@ class _Watch:
         s = self.simulation
         self.centres.append(s.positions.copy())
         self.quaternions.append(s.quaternions)
-        energy = bed.relative_energy(
-            s.positions,
-            s.quaternions,
-            s.velocities,
-            s.angular_velocities,
-            self.particle,
-            s.rolling_frame_rad_s,
-            s.scales,
-        )
+        state = s.positions, s.quaternions, s.velocities, s.angular_velocities
+        energy = bed.relative_energy(*state, self.particle, s.rolling_frame_rad_s, s.scales)
         time_s = s.time_s - self.began_s
         turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
         self.rows.append(_Row(time_s, turned_deg, bed_deg, energy))
@@ -415,12 +408,9 @@ class DrumTest(RotatingDrum[DrumSettings]):
         if record["status"] not in ("ok", "no_slip"):
             return measured, profile
         states = STATES if record["status"] == "ok" else STATES[:2]
-        angles = self.surface_angles(
-            np.array([arrays[f"position_{state}"] for state in states]),
-            np.array([arrays[f"quaternion_{state}"] for state in states]),
-            arrays["scale"],
-            scene,
-        )
+        kinds = ("position", "quaternion")
+        position, quaternion = (np.array([arrays[f"{kind}_{state}"] for state in states]) for kind in kinds)
+        angles = self.surface_angles(position, quaternion, arrays["scale"], scene)
         for state, angle in zip(states, angles, strict=True):
             measured[f"{state}_surface_deg"] = float(angle) if math.isfinite(angle) else None
         if record["status"] == "no_slip":

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 # Random places that are tried for a new grain before the factory waits a time step.
 PLACES_TRIED = 200
+Random = np.random.Generator | None
+Rests = Callable[[], bool] | None
 LIKELY_PACKING = 0.6  # share of a bed that is solid
 ALMOST = 1.0 - 1e-9  # of a square of a distance: the last digits of `Disc.places` are not sure
 
@@ -119,12 +121,7 @@ def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str
 
 
 def fill(
-    trial: "Trial",
-    factory: Factory,
-    section: "Poured",
-    last_step: int,
-    grains: int | None = None,
-    rng: np.random.Generator | None = None,
+    trial: "Trial", factory: Factory, section: "Poured", last_step: int, grains: int | None = None, rng: Random = None
 ) -> None:
     """Add grains one by one, the first at once, each where it touches none, up to a time step.
 
@@ -151,48 +148,30 @@ def fill(
 
 
 def fill_and_rest(
-    trial: "Trial",
-    factory: Factory,
-    section: "Poured",
-    from_s: float,
-    every: int,
-    rests: Callable[[], bool] | None = None,
+    trial: "Trial", factory: Factory, section: "Poured", from_s: float, every: int, rests: Rests = None
 ) -> None:
     """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long.
 
     A section without a number of grains has ``filling_height_mm``, the level of the bed (`level_m`); the trial has as
-    many scales as grains without gaps between them would take up to there.
+    many scales as grains without gaps between them would take up to there. Half of the likely number are poured, then
+    by the packing of those that rest the others.
     """
-    rests = rests or trial.rests
-    first, latest = (round(seconds / trial.simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
+    simulation, most, rests = trial.simulation, len(trial.scales), rests or trial.rests
+    first, latest = (round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
     level_mm = getattr(section, "filling_height_mm", None)
     if level_mm is None:
         fill(trial, factory, section, latest)
     else:
-        _fill_to_level(trial, factory, section, 1e-3 * level_mm, latest, rests, every)
+        rng, gravity = np.random.default_rng(trial.scene.seed), float(np.linalg.norm(simulation.physics.gravity))
+        fall = math.ceil(math.sqrt(2.0 * factory.height_m / gravity) / simulation.time_step_s)
+        missing = max(1, round(0.5 * LIKELY_PACKING * most))
+        while missing > 0 and simulation.steps < latest and simulation.n_bodies < most:
+            fill(trial, factory, section, latest, min(missing, most - simulation.n_bodies), rng)
+            trial.run_to(min(latest, simulation.steps + fall))
+            trial.wait(rests, latest, every)
+            missing = round(simulation.n_bodies * (1e-3 * level_mm / level_m(simulation) - 1.0))
     trial.run_to(first)
     trial.wait(rests, latest, every)
-
-
-def _fill_to_level(
-    trial: "Trial",
-    factory: Factory,
-    section: "Poured",
-    level: float,
-    latest: int,
-    rests: Callable[[], bool],
-    every: int,
-) -> None:
-    """Pour half the estimate, measure its packing, then pour the rest."""
-    simulation, rng, most = trial.simulation, np.random.default_rng(trial.scene.seed), len(trial.scales)
-    fall_m_s2 = float(np.linalg.norm(simulation.physics.gravity))
-    fall = math.ceil(math.sqrt(2.0 * factory.height_m / fall_m_s2) / simulation.time_step_s)
-    missing = max(1, round(0.5 * LIKELY_PACKING * most))
-    while missing > 0 and simulation.steps < latest and simulation.n_bodies < most:
-        fill(trial, factory, section, latest, min(missing, most - simulation.n_bodies), rng)
-        trial.run_to(min(latest, simulation.steps + fall))
-        trial.wait(rests, latest, every)
-        missing = round(simulation.n_bodies * (level / level_m(simulation) - 1.0))
 
 
 def level_m(simulation: "Simulation") -> float:

@@ -129,14 +129,9 @@ class Funnel:
     @classmethod
     def of(cls, hopper: Hopper, outlet_height_mm: float) -> "Funnel":
         """Make the funnel of a section, its outlet at a height above the plate."""
-        return cls(
-            inlet_diameter_m=1e-3 * hopper.inlet_diameter_mm,
-            outlet_diameter_m=1e-3 * hopper.outlet_diameter_mm,
-            cone_angle_deg=hopper.cone_angle_deg,
-            tube_length_m=1e-3 * hopper.tube_length_mm,
-            rim_radius_m=1e-3 * hopper.rim_radius_mm,
-            outlet_height_m=1e-3 * outlet_height_mm,
-        )
+        inlet, outlet = 1e-3 * hopper.inlet_diameter_mm, 1e-3 * hopper.outlet_diameter_mm
+        tube, rim = 1e-3 * hopper.tube_length_mm, 1e-3 * hopper.rim_radius_mm
+        return cls(inlet, outlet, hopper.cone_angle_deg, tube, rim, 1e-3 * outlet_height_mm)
 
     @property
     def inlet_height_m(self) -> float:

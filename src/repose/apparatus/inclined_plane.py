@@ -203,6 +203,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
     )
     numbers = ("motion",)
+    lacking = LACKING
     recorded = Recorded(means=tuple(LACKING), single=tuple(LACKING))
     statuses = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
     required_arrays = tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS)
@@ -285,7 +286,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
                 if measured[name] is not None:
                     why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
         measured["motion"] = "; ".join(why.values())
-        return {**self.assess(measured, scene.settings, why, LACKING), **measured}
+        return {**self.assess(measured, scene.settings, why), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of both tiltings [s]."""

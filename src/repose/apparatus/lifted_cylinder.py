@@ -55,12 +55,8 @@ LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "filling_height_mm", "diamet
 OUTLINE, LOOSE = (*LIFT, *SEEN), (*LIFT, f"{NAME}.plate_diameter_mm")
 ANGLE, FOOT = (*OUTLINE, *CALIBRATED), (*OUTLINE, BERRY)
 # Names of the same numbers in the measurement of a pile.
-OF_PILE = {
-    "lifted_aor_deg": "aor_deg",
-    "lifted_height_mm": "height_mm",
-    "lifted_foot_mm": "base_radius_mm",
-    "lifted_loose_percent": "loose_percent",
-}
+OF_PILE = {"lifted_aor_deg": "aor_deg", "lifted_height_mm": "height_mm"}
+OF_PILE |= {"lifted_foot_mm": "base_radius_mm", "lifted_loose_percent": "loose_percent"}
 
 # --- section of the configuration -----------------------------------------------------------------
 

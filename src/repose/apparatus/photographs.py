@@ -57,29 +57,19 @@ def measure_drum(image: np.ndarray, rim_px: np.ndarray, section: Rotating) -> Se
     The side on which the bed is higher is taken for that to which the drum carries it.
     """
     centre, radius_px = _circle(rim_px)
-    view, mm_per_pixel = _redrawn(
-        image,
-        centre - [radius_px, -radius_px],
-        np.array([1.0, 0.0]),
-        (2 * radius_px, 2 * radius_px),
-        1e3 * Drum.of(section).radius_m / radius_px,
-    )
-    seen = Seen(Path(), [view])
-    mask = _bed(view)
-    radius_m = 0.5e-3 * mm_per_pixel * len(view)
+    corner, scale = centre - [radius_px, -radius_px], 1e3 * Drum.of(section).radius_m / radius_px
+    view, mm_per_pixel = _redrawn(image, corner, np.array([1.0, 0.0]), (2 * radius_px, 2 * radius_px), scale)
+    mask, radius_m = _bed(view), 0.5e-3 * mm_per_pixel * len(view)
     surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section.fit_share)
     if surface.angle_deg < 0:
-        mask, seen.views = mask[:, ::-1], [view[:, ::-1]]
+        mask, view = mask[:, ::-1], view[:, ::-1]
         surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section.fit_share)
-    seen.values, seen.mask = {"turning_deg": surface.angle_deg}, mask
-    picture = np.ascontiguousarray(seen.views[0])
+    picture, thick = np.ascontiguousarray(view), max(1, len(view) // 400)
     per_pixel = np.array([1e3, -1e3]) / mm_per_pixel
     ends, edge = ((line - (-radius_m, radius_m)) * per_pixel for line in (surface.line_m, surface.profile_m))
-    thick = max(1, len(picture) // 400)
     cv2.polylines(picture, [edge.astype(np.int32)], False, drawing.YELLOW, thick)
     drawing.draw_line(picture, tuple(ends[0]), tuple(ends[1]), drawing.RED, thick)
-    seen.views = [picture]
-    return seen
+    return Seen(Path(), [picture], {"turning_deg": surface.angle_deg}, mask=mask)
 
 
 def measure_box(image: np.ndarray, corners_px: np.ndarray, section: DrawdownSettings, how: MeasureSettings) -> Seen:
@@ -133,9 +123,7 @@ def measure_all(
                 found = measure_drum(image, points / times, settings.section(bench, TurningSettings))
             else:
                 found = measure_box(image, points / times, settings.section(bench, DrawdownSettings), how)
-        except NoFlankError as error:
-            found = Seen(path, [image], refused=error.reason)
-        except ValueError as error:  # of a bed that is too narrow
+        except ValueError as error:  # no flank, or a bed that is too narrow
             found = Seen(path, [image], refused=str(error))
         found.path = path
         results.append(found)

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from repose.dem import time_steps
 
 
+Progress = Callable[[float], object] | None
+Build = Callable[["Scene", float], "dem.Simulation"]
+
+
 def grain_simulation(scene: "Scene", capacity: int, **arguments: Any) -> "dem.Simulation":
     """Make an empty simulation of grains among walls of the material ``wall``.
 
@@ -87,10 +91,7 @@ class Filmed:
     bounded: Bounded
 
     def __init__(
-        self,
-        simulation: "dem.Simulation",
-        interval_s: float | None = None,
-        progress: Callable[[float], object] | None = None,
+        self, simulation: "dem.Simulation", interval_s: float | None = None, progress: Progress = None
     ) -> None:
         self.simulation, self.progress = simulation, progress
         self.every = None if interval_s is None else max(1, round(interval_s / simulation.time_step_s))
@@ -147,12 +148,7 @@ class Trial(Filmed):
     """A scene that is simulated: bodies with room for the largest grain of its seed, and the sizes of its grains."""
 
     def __init__(
-        self,
-        build: "Callable[[Scene, float], dem.Simulation]",
-        scene: "Scene",
-        grains: int,
-        interval_s: float | None = None,
-        progress: Callable[[float], object] | None = None,
+        self, build: Build, scene: "Scene", grains: int, interval_s: float | None = None, progress: Progress = None
     ) -> None:
         from repose.particle.size_distribution import of_pour
 

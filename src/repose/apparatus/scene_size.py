@@ -24,15 +24,8 @@ LENGTHS = ("outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
 # What follows from the other keys of a smaller scene.
 COMPUTED = ("factory_diameter_mm", "factory_height_mm", "duration_s")
 # What a smaller scene has to say.
-PASTED = (
-    "berries",
-    "inlet_diameter_mm",
-    *LENGTHS,
-    "outlet_diameter_mm",
-    "rim_radius_mm",
-    "cone_angle_deg",
-    "rate_per_s",
-)
+OUTLET = ("outlet_diameter_mm", "rim_radius_mm", "cone_angle_deg")
+PASTED = ("berries", "inlet_diameter_mm", *LENGTHS, *OUTLET, "rate_per_s")
 DISCHARGE = 2.5  # a funnel's flow goes with its lengths to this power (Beverloo et al. 1961)
 OUTLET_GRAINS = 4.0  # narrowest outlet of a smaller scene, in diameters of a grain: one by one they bounce away
 COST = 7 / 6  # time of a pour goes with the number to this power: its bodies, and the time of discharge

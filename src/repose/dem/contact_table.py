@@ -1,7 +1,7 @@
 """Materials of a simulation by number, and the table of a force law's constants for each pair of them."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,23 +91,3 @@ def constants_of(
             table[i, j] = law.constants(materials[a], materials[b], contacts[a, b], tension)
             table[j, i] = table[i, j]
     return table
-
-
-def fields_of_laws(
-    contact_law: Law,
-    rolling_law: Law,
-    tension: str,
-    friction_limit: str,
-    numbers: MaterialNumbers,
-    materials: Mapping[str, Material],
-    contacts: Pairs,
-) -> dict[str, Any]:
-    """Fields of `repose.dem.kernels.state.Physics` that describe the force laws."""
-    of_pairs = numbers, materials, contacts, tension
-    return {
-        "law": contact_law.make_options(tension, friction_limit),
-        "rolling": rolling_law.make_options(tension, friction_limit),
-        "law_constants": constants_of(contact_law, *of_pairs),
-        "rolling_constants": constants_of(rolling_law, *of_pairs),
-        "n_state": contact_law.n_state,
-    }

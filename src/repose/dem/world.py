@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from . import contact_lists, time_steps
 from .checks import box, chosen, height, mapping, number, positive, vector, whole_number
-from .contact_table import check_constants, fields_of_laws, number_materials, pairs_of
+from .contact_table import check_constants, constants_of, number_materials, pairs_of
 from .kernels import clumps as cl
 from .kernels import features, parallel
 from .kernels import state as st
@@ -72,11 +72,16 @@ class World:
         parts = parts_of(self.shapes.values())
         self._make_arrays(parts)
         several = len(self._numbers.of_bodies) > 1
-        laws = self.contact_law, self.rolling_law, tension, self.friction_limit
+        options = tension, self.friction_limit
+        of_pairs = self._numbers, self.materials, self.contact_pairs, tension
         self.physics = st.Physics(
             parts=parts,
             gravity=vector("gravity_m_s2", gravity_m_s2),
-            **fields_of_laws(*laws, self._numbers, self.materials, self.contact_pairs),
+            law=self.contact_law.make_options(*options),
+            rolling=self.rolling_law.make_options(*options),
+            law_constants=constants_of(self.contact_law, *of_pairs),
+            rolling_constants=constants_of(self.rolling_law, *of_pairs),
+            n_state=self.contact_law.n_state,
             mixed_pairs=several,
             mixed_walls=several or len(set(of_walls)) > 1,
             dt=dt,
