@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Iterator
 
+import drums
 import numpy as np
 import pandas as pd
 from lifted_piles import OUT, PUBLISHED, name, pile, rows
@@ -73,37 +74,54 @@ def jobs() -> Iterator[tuple]:
     yield from ((row, seed, modulus) for seed, row in itertools.product(SEEDS, rest))
 
 
+def drum_jobs() -> Iterator[tuple]:
+    """Row, seed, modulus and tilt of each drum, once all piles are there."""
+    modulus = next(factor for factor in MODULI if good(factor))
+    for tilted, seed in itertools.product((False, True), SEEDS):
+        yield from ((int(row), seed, modulus, tilted) for row in drums.rows(tilted).index)
+
+
 def spent_h() -> float:
-    """Processor time of all piles that are there [h]."""
-    return sum(read_json(path)["processor_s"] for path in OUT.glob("row_*.json")) / 3600.0
+    """Processor time of all piles and drums that are there [h]."""
+    return sum(read_json(path)["processor_s"] for path in OUT.glob("*_seed_*.json")) / 3600.0
 
 
-def predictions() -> pd.DataFrame:
-    """Every pile that is there, a line each."""
-    files = {path.name: path for folder in (PUBLISHED, OUT) for path in folder.glob("row_*.json")}
+def predictions(kind: str) -> pd.DataFrame:
+    """Every pile (row), drum or tilted drum that is there, a line each."""
+    files = {path.name: path for folder in (PUBLISHED, OUT) for path in folder.glob(f"{kind}_*_seed_*.json")}
     return pd.DataFrame([read_json(path) for _name, path in sorted(files.items())])
+
+
+def run_all() -> None:
+    """Run what is missing, piles first, until the budget is spent."""
+    for job, run, called in itertools.chain(
+        ((job, pile, name) for job in jobs()), ((job, drums.one, drums.name) for job in drum_jobs())
+    ):
+        if any((folder / f"{called(*job)}.json").exists() for folder in (OUT, PUBLISHED)):
+            continue
+        if spent_h() >= BUDGET_H:
+            print(f"the budget of {BUDGET_H:g} h is spent", flush=True)
+            return
+        found = run(*job)
+        print(called(*job), f"{found['angle_deg']:.2f} deg, {found['processor_s']:.0f} s", flush=True)
 
 
 def main() -> None:
     """Run what is missing, or say what is there."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--state", action="store_true", help="number of piles, hours, shifts of the softer moduli")
-    parser.add_argument("--write", action="store_true", help=f"write {PUBLISHED}/predicted.csv from the piles there")
+    parser.add_argument("--write", action="store_true", help=f"write what is there to {PUBLISHED}")
     asked = parser.parse_args()
     if asked.write:
-        write_table(PUBLISHED / "predicted.csv", predictions())
+        for kind, file in (("row", "predicted"), ("drum", "predicted_drums"), ("tilted", "predicted_tilted")):
+            if len(table := predictions(kind)):
+                write_table(PUBLISHED / f"{file}.csv", table)
     elif asked.state:
-        print(f"{len(predictions())} piles, {spent_h():.2f} h; the five: {five()}")
+        print(f"{len(predictions('row'))} piles, {spent_h():.2f} h; the five: {five()}")
         for modulus in MODULI[:-1]:
             print(f"modulus {modulus:g}:", shifts(modulus).round(2).to_string(), f"good: {good(modulus)}", sep="\n")
     else:
-        for job in jobs():
-            if there(*job) is None:
-                if spent_h() >= BUDGET_H:
-                    print(f"the budget of {BUDGET_H:g} h is spent", flush=True)
-                    break
-                found = pile(*job)
-                print(name(*job), f"{found['angle_deg']:.2f} deg, {found['processor_s']:.0f} s", flush=True)
+        run_all()
 
 
 if __name__ == "__main__":

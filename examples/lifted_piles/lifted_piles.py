@@ -221,11 +221,11 @@ def angle(grains: Grains) -> dict:
     flank = (along >= WINDOW[0] * whole) & (along <= WINDOW[1] * whole)
     if flank.sum() < 2:
         flank[:] = True
-    line = _line(middles[flank], heights[flank])
+    line = line_of(middles[flank], heights[flank])
     off = heights - np.polyval(line, middles)
     near = flank & (np.abs(off) <= TRIMMED * off[flank].std())
     if 2 <= near.sum() < flank.sum():
-        line = _line(middles[near], heights[near])
+        line = line_of(middles[near], heights[near])
     first, count = line, int(flank.sum())
     low, high = WINDOW[0] * max(peak, line[1]), WINDOW[1] * peak
     for _ in range(ROUNDS):
@@ -235,7 +235,7 @@ def angle(grains: Grains) -> dict:
         if shell.sum() < FEWEST_IN_SHELL:
             line, count = first, int(flank.sum())
             break
-        line, count = _line(out[shell], tops[shell]), int(shell.sum())
+        line, count = line_of(out[shell], tops[shell]), int(shell.sum())
     return {
         "angle_deg": math.degrees(math.atan(-line[0])),
         "rings_angle_deg": math.degrees(math.atan(-first[0])),
@@ -247,7 +247,7 @@ def angle(grains: Grains) -> dict:
     }
 
 
-def _line(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def line_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Slope and height over 0 of the line of least squares."""
     return np.polyfit(x, y, 1)
 
