@@ -9,6 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "lifted_piles"))
 import campaign
+import discharges
 import drums
 import lifted_piles
 from lifted_piles import Contents, Grains
@@ -157,3 +158,22 @@ def test_a_grain_is_thrown_where_it_overlaps_no_other():
     assert gaps[~np.eye(len(radii), dtype=bool)].min() > 0.0
     assert (np.hypot(centres[1:, 0], centres[1:, 2]) + 0.002).max() <= drums.REGION_M[0]
     assert (np.abs(centres[1:, 1]) + 0.002).max() <= drums.REGION_M[1]
+
+
+def test_the_rate_is_the_slope_of_the_mass_that_left_in_the_middle():
+    left_s = np.concatenate([0.5 + np.arange(1000) / 2000.0, np.full(50, np.inf)])  # 2,000 a second
+    masses_g = np.full(1050, 0.04)
+    assert discharges.rate_g_s(left_s, masses_g, 1.8) == pytest.approx(80.0, rel=0.005)
+    slow_end = np.concatenate([left_s[:900], left_s[899] + 0.01 * np.arange(1, 151)])
+    assert discharges.rate_g_s(slow_end[:1000], masses_g[:1000], 1.8) == pytest.approx(80.0, rel=0.02)
+
+
+def test_grains_rest_over_the_plug_and_run_out_when_it_is_drawn(monkeypatch):
+    monkeypatch.setattr(discharges, "FLOWING_S", 0.5)
+    simulation = discharges.closed(Contents(0.3, 0.05, 0.5), 1, 0.1, grains=250)
+    left_s = discharges.opened(simulation)
+    assert (left_s > discharges.SETTLED_S).all()
+    gone = np.isfinite(left_s)
+    assert 10 < gone.sum() < 250  # the others lie on the plate
+    assert (simulation.positions[~gone, 2] > 0.0).all()
+    assert (np.hypot(*simulation.positions[~gone, :2].T) < 0.04).all()
