@@ -1,13 +1,17 @@
 """What several tests share."""
 
 import functools
+from types import SimpleNamespace
 
 import pytest
 
-from repose.config import reading
+from repose.config import models, reading
 from repose.config.study import Study
 from repose.core import places, responses
+from repose.core.parameter_space import ParameterSpace
+from repose.core.section import Section
 from repose.core.targets import Targets
+from repose.surrogate.settings import NetworkSettings
 
 # The article's parameter ranges and targets.
 RANGES = {
@@ -35,6 +39,26 @@ MIGA = {
     "mutation_amplitude": 0.1, "solutions": 30, "distance": 0.05, "answer": "least_expected_loss", "seed": 2026,
 }  # fmt: skip
 SLIP = target("drum_slip_deg", 31.0, 1.0, 20.0, 40.0, 5)
+
+
+def settings_of(config):
+    """The sections of a configuration that has only some of them, unchecked."""
+    fields, sections = models.settings_type().model_fields, {}
+    for name, value in config.items():
+        kind = fields[name].annotation if name in fields else None
+        if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, Section):
+            value = NetworkSettings.of(value) if name == "network" else kind.model_construct(**value)
+        if name == "targets":
+            value = [models.TargetSettings.model_construct(**one) for one in value]
+        sections[name] = value
+    return models.settings_type().model_construct(**sections)
+
+
+def studied(config, **more):
+    """A study of a small configuration, unchecked."""
+    config = {"label": "made_up", "strategy": "published", "small_run": False, "measure": None} | config | more
+    space, targets = ParameterSpace.of(config.get("parameters", RANGES)), Targets.of(config["targets"])
+    return SimpleNamespace(config=config, settings=settings_of(config), parameters=space, targets=targets)
 
 
 @functools.cache

@@ -61,15 +61,20 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
     assert found["core_density_kg_m3"] == pytest.approx(core)
     nothing = TEST.measure({"status": "not_full"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
     assert nothing["bulk_density_kg_m3"] is None
+
+    def judged(centres, energy_j=1e-12, unstable=""):
+        filling = cylinder.Filling(centres, energy_j, length_m=0.021, unstable=unstable)
+        return TEST.status_of(filling, SceneSettings(config()))
+
     full, low = lattice(5e-3, 0.26), lattice(5e-3, 0.24)
-    assert TEST.status_of(full, 1e-12, SceneSettings(config()), 0.021)[0] == "ok"
-    # 12 mm above the rim are less than the length of a berry
-    status, reason = TEST.status_of(low, 1e-12, SceneSettings(config()), 0.021)
+    assert judged(full) == ("ok", "")
+    # 12 mm above the rim are less than the length of a grain
+    status, reason = judged(low)
     assert status == "not_full"
     assert "above it" in reason
-    assert TEST.status_of(full, 1e-6, SceneSettings(config()), 0.021)[0] == "not_at_rest"
-    assert TEST.status_of(full + np.array([0.02, 0, 0]), 1e-12, SceneSettings(config()), 0.021)[0] == "lost"
-    assert TEST.status_of(full, 1e-12, SceneSettings(config()), 0.021, "why") == ("unstable", "why")
+    assert judged(full, 1e-6)[0] == "not_at_rest"
+    assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
+    assert judged(full, unstable="why") == ("unstable", "why")
     own = config(**SMALL)
     settings = SimulationSettings.of(own)
     simulation = TEST.build(Scene.of(own, SET, BERRY, PARTICLE))
@@ -133,8 +138,8 @@ def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unsta
     assert poured["tapped_density_kg_m3"] is None
     assert run.arrays["tapped"].shape == run.arrays["position"].shape
 
-    def broken(simulation, *_):
-        simulation.add("berry", (0.0, 0.0, 0.02))
+    def broken(trial, *_):
+        trial.simulation.add("berry", (0.0, 0.0, 0.02))
         raise Unstable("a berry is too fast")
 
     monkeypatch.setattr(cylinder, "fill", broken)

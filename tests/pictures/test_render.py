@@ -1,6 +1,7 @@
 """The software renderer: known outlines, what hides what, shadows, the funnel, memory, animations."""
 
 import tracemalloc
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from PIL import Image
 from refusals import input_error
 
+from repose.apparatus.funnel import Funnel
 from repose.dem.rotations import rotation_matrices
 from repose.dem.tessellation import tessellate
 from repose.particle import build
@@ -15,8 +17,7 @@ from repose.pictures import film, raster, render
 from repose.pictures.scenery import Frustum, funnel_walls, look_at, outline
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
-HEAP = {"inlet_diameter_mm": 150.0, "outlet_diameter_mm": 32.0, "cone_angle_deg": 60.0, "tube_length_mm": 20.0}
-HEAP |= {"rim_radius_mm": 1.0, "outlet_height_mm": 100.0}
+HEAP = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
 
 
 def particle_of(semi_axes_mm):
@@ -161,7 +162,7 @@ def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     slope = (cone.z_high_m - cone.z_low_m) / (cone.r_high_m - cone.r_low_m)
     assert np.degrees(np.arctan(slope)) == pytest.approx(60)
     assert abs(cone.r_low_m - 0.016) < 0.001
-    assert len(funnel_walls(HEAP | {"tube_length_mm": 0.0})) == 1
+    assert len(funnel_walls(replace(HEAP, tube_length_m=0.0))) == 1
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """The sampler and the sensitivity of a surrogate, on models with closed forms."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from refusals import input_error, value_error
 from scipy import stats
 from scipy.special import logsumexp
 from shared import targets_of
+from synthetic import Study
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -18,6 +20,9 @@ from repose.studies import sampler, sensitivity
 from repose.studies.likelihood import log_likelihood
 from repose.surrogate import make, names
 from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.settings import NetworkSettings
+
+CUBE = ParameterSpace.of({name: [0.0, 1.0] for name in "ab"}, names=tuple("ab"))
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +50,7 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     # KL(normal || uniform on the cube) = -entropy, since the uniform density is one
     joint = -0.5 * np.log2((2 * math.pi * math.e) ** 2 * np.linalg.det(known))
     effective = chains.log_density.size / chains.density_time
-    found, error = sampler.joint_information_bits(log_density, chains.log_density.ravel(), effective, 2, 1)
+    found, error = sampler.joint_information_bits(log_density, chains.log_density.ravel(), effective, CUBE, 1)
     assert found == pytest.approx(joint, abs=0.03)
     assert error < 0.05
     for k in range(2):
@@ -61,7 +66,8 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     def from_prior(share):
         return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
 
-    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior)
+    space = SimpleNamespace(dimensions=1, from_prior=from_prior)
+    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, space, 1)
     # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
     known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
     assert found == pytest.approx(known / math.log(2), abs=0.02)
@@ -156,7 +162,7 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
     value_error("does not vary", sensitivity.indices, lambda X: np.ones(len(X)), LOW, HIGH, 64, 20, 1)
     space = ParameterSpace.of(UNIT | {"e_gg": {"fixed": 0.9}})
     targets = targets_of(drum_slip_deg=30.0)
-    table, effects = sensitivity.analyse(Linear(targets.names, SLOPES[:1]), space, targets, SETTINGS)
+    table, effects = sensitivity.analyse(Linear(targets.names, SLOPES[:1]), study_of(targets, space))
     assert "e_gg" not in set(table["parameter"]) | set(effects["parameter"])
     assert table.set_index("parameter").loc["mus_gp", "first"] == pytest.approx(1, abs=0.02)
     middle = effects[(effects["parameter"] == "mus_gp") & (effects["value"] == 0.5)]
@@ -164,14 +170,19 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
 
 
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
-SETTINGS = {"samples": 256, "resamples": 20, "seed": 1}
+SECTION = {"samples": 256, "resamples": 20, "seed": 1}
 SLOPES = [{"e_gg": 1.0, "mus_gp": 2.0}, {"mur_gg": 5.0}, {"mus_gp": 1.0}, {"e_gp": 3.0, "mur_gp": 4.0}]
+
+
+def study_of(targets, space=None):
+    """A study of these targets."""
+    return Study(space or ParameterSpace.of(UNIT), targets, {"sensitivity": SECTION})
 
 
 @pytest.mark.parametrize("names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")])
 def test_one_target_and_four(names):
     targets, slopes = targets_of(**dict.fromkeys(names, 30.0)), SLOPES[: len(names)]
-    table, effects = sensitivity.analyse(Linear(names, slopes), ParameterSpace.of(UNIT), targets, SETTINGS)
+    table, effects = sensitivity.analyse(Linear(names, slopes), study_of(targets))
     assert len(table) == 6 * len(names)
     first = table.set_index(["response", "parameter"])["first"]
     assert first[names[0], "mus_gp"] == pytest.approx(4 / 5, abs=0.02)
@@ -184,10 +195,10 @@ def test_one_target_and_four(names):
 def test_tables_of_every_surrogate(name, tmp_path):
     random = np.random.RandomState(1)
     X, targets = random.uniform(size=(60, 6)), targets_of(aor_deg=30.0, height_mm=60.0)
-    model = make(name, {"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1})
+    model = make(name, NetworkSettings.of({"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1}))
     model.describe(PARAMETERS, targets.names).fit(X, X @ random.uniform(size=(6, 2)))
     model.save(tmp_path / "network.json")
-    parts = (tmp_path / "network.json", ParameterSpace.of(UNIT), targets, SETTINGS)
+    parts = (tmp_path / "network.json", study_of(targets))
     table = sensitivity.run(*parts, tmp_path / "out")
     pd.testing.assert_frame_equal(table, sensitivity.run(*parts, tmp_path / "again"))
     assert len(table) == 12
@@ -204,8 +215,8 @@ def test_faults_are_reported_with_the_file(tmp_path):
     flat.W1_ = 0 * flat.W1_
     flat.describe(PARAMETERS, targets.names).save(path)
     with pytest.raises(InputError, match=r"network\.json: surrogate is 'an output of the function does not vary"):
-        sensitivity.run(path, ParameterSpace.of(UNIT), targets, SETTINGS, tmp_path)
+        sensitivity.run(path, study_of(targets), tmp_path)
     with pytest.raises(InputError, match="outputs"):
-        sensitivity.run(path, ParameterSpace.of(UNIT), targets_of(height_mm=60.0), SETTINGS, tmp_path)
+        sensitivity.run(path, study_of(targets_of(height_mm=60.0)), tmp_path)
     fixed = ParameterSpace.of({name: {"fixed": 0.5} for name in PARAMETERS})
-    input_error("all fixed", sensitivity.run, path, fixed, targets, SETTINGS, tmp_path)
+    input_error("all fixed", sensitivity.run, path, study_of(targets, fixed), tmp_path)
