@@ -93,7 +93,7 @@ def test_the_card_and_the_definitions_say_how_much_is_filled_in():
         for response in bench("lifted_cylinder").responses:
             assert f"lifted_cylinder.{said}" in study.definitions[response.name]
             assert f"lifted_cylinder.{other}" not in study.definitions[response.name]
-        described = card.described(study.config, bench("lifted_cylinder").responses[0], study.grain)
+        described = card.described(study, bench("lifted_cylinder").responses[0], study.grain)
         assert said in described["bench"]
         assert said in described["definition"]["settings"]
         assert other not in described["bench"]

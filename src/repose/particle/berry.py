@@ -1,7 +1,6 @@
 """Measured grains: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
 
 import math
-from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from repose.core.files import read_table, write_json, write_table
 from repose.particle import size_distribution
 from repose.particle.berry_files import ALIKE, SIZE_COLUMNS, read_compression, read_sizes
 from repose.particle.particle import check_positive
+from repose.particle.settings import GrainSettings
 
 TABLE1 = ("dimension", "maximum", "minimum", "mean")
 
@@ -148,13 +148,13 @@ def of_files(
     return measured_berry(sizes, tests, published, *material, source=compression_csv)
 
 
-def of_settings(section: Mapping[str, Any], table1_csv: str | PathLike | None) -> tuple[pd.DataFrame, dict[str, Any]]:
+def of_settings(section: GrainSettings, table1_csv: str | PathLike | None) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Compute `measured_berry` of a section `berry`."""
-    material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
-    return of_files(section["sizes"], section["compression"], table1_csv, *material)
+    material = section.density_kg_m3, section.poisson_ratio, section.shear_modulus_pa
+    return of_files(section.sizes, section.compression, table1_csv, *material)
 
 
-def run(section: Mapping[str, Any], table1_csv: str | PathLike | None, out_dir: str | PathLike) -> None:
+def run(section: GrainSettings, table1_csv: str | PathLike | None, out_dir: str | PathLike) -> None:
     """Write summary.csv and berry.json (`of_settings`)."""
     summary, berry = of_settings(section, table1_csv)
     write_table(Path(out_dir) / "summary.csv", summary, float_format="%.4f")

@@ -20,6 +20,7 @@ from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
 from repose.particle.mesh import body_of, ellipsoid_mesh, load_mesh, mesh_of, mesh_support, stl_of
 from repose.particle.particle import KINDS, MM, Body, Particle, check_positive
+from repose.particle.settings import GrainSettings
 from repose.particle.support import support
 
 LARGEST_DEVIATION = 0.15
@@ -70,7 +71,7 @@ def make_particle(
     mesh: trimesh.Trimesh,
     density_kg_m3: float,
     kind: str,
-    spheres: int = 14,
+    spheres: int | str = 14,
     surface: str = "smooth",
     stl: str = "",
     source: object = "mesh",
@@ -169,13 +170,13 @@ def make(
     return Made(stl, particle, compare({name: particles[name] for name in KINDS}))
 
 
-def of_settings(grain: Mapping[str, Any], section: Mapping[str, Any]) -> Particle:
+def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
     """Make the particle of a configuration, the same as by `make`, without the comparison."""
-    scan = None if section["stl"] is None else load_mesh(section["stl"])
-    source = section["stl"] or MESH_FILE
-    mesh = mesh_of(_stl(grain, scan, section["mass_g"]), source)
-    how = section["particle"], section["spheres"], section["surface"]
-    return make_particle(mesh, grain["density_kg_m3"], *how, MESH_FILE, source)
+    scan = None if section.stl is None else load_mesh(section.stl)
+    source = section.stl or MESH_FILE
+    mesh = mesh_of(_stl(grain, scan, section.mass_g), source)
+    kind, spheres, surface = section.particle, section.spheres, section.surface
+    return make_particle(mesh, grain["density_kg_m3"], kind, spheres, surface, MESH_FILE, source)
 
 
 def _stl(grain: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float | None) -> bytes:
