@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import Scene, bench_tests
+from repose.apparatus import Scene, bench_of, bench_tests
 from repose.apparatus.job import measure_job
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_table
