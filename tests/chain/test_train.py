@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import shared
 from known_responses import known_function
+from refusals import input_error
 
 from repose.chain import train
 from repose.core.errors import InputError
@@ -122,7 +123,6 @@ def of_single_pours(signal, **settings):
 
 
 def test_noise_that_single_runs_share_is_no_signal_once_the_validation_samples_show_it():
-    """Without a signal the network learns the noise by heart; with the validation samples it is flat."""
     _, learned, _ = of_single_pours(0.0, starts=1)
     training, flat, _ = of_single_pours(0.0, starts=1, validation_noise=True)
     assert learned.min() > 2
@@ -144,8 +144,7 @@ def test_a_signal_of_single_runs_is_found_with_the_noise_of_the_validation_sampl
 
 def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_bench_tests():
     errors = np.random.default_rng(14).normal(size=(5, 3)) @ [[1, 0.5, 0.2], [0, 1, 0.3], [0, 0, 1]]
-    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
-    three = Targets.of([*shared.TARGETS, slip | {"range": [30.0, 32.0]}])
+    three = Targets.of([*shared.TARGETS, shared.SLIP])
     covariance = train.error_covariance(errors, three, "my.csv")
     for i, j in np.ndindex(3, 3):
         apart = i != j and 2 in (i, j)
@@ -157,11 +156,9 @@ def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_benc
 
 def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     paths = write_tables(tmp_path, samples=12)
-    with pytest.raises(InputError, match=r"usable samples is 11; expected at least 12"):
-        train.run(*paths, TARGETS, SETTINGS, tmp_path)
+    input_error(r"usable samples is 11; expected at least 12", train.run, *paths, TARGETS, SETTINGS, tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
-    with pytest.raises(InputError, match=r"dataset.csv: column mus_gp"):
-        train.run(*paths, TARGETS, SETTINGS, tmp_path)
+    input_error(r"dataset.csv: column mus_gp", train.run, *paths, TARGETS, SETTINGS, tmp_path)
 
 
 def test_definitions_are_kept_and_others_are_refused(tmp_path):
@@ -175,8 +172,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
     (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
     with pytest.raises(InputError, match=r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"):
         train.run(*arguments, flank, "my.yaml")
-    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json"):
-        train.restore(*files)
+    input_error(r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json", train.restore, *files)
     train.run(*arguments)
     assert load(tmp_path / "out/network.json").definitions == secant
 
@@ -199,8 +195,7 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
     train.restore(*files)
     column = "height_predicted_mm" if name == "network" else "height_final_mm"
     table.assign(**{column: table[column] + 1}).to_csv(out / "predictions.csv", index=False)
-    with pytest.raises(InputError, match=r"predictions is 'others'; expected those of .*network\.json"):
-        train.restore(*files)
+    input_error(r"predictions is 'others'; expected those of .*network\.json", train.restore, *files)
 
 
 @pytest.mark.parametrize("name", ["aor_deg", "height_mm"])
@@ -224,8 +219,7 @@ def test_a_parameter_of_the_contact_law_is_an_input_like_the_six(tmp_path):
     assert model.inputs == (*PARAMETERS, "gamma_gg")
     assert train.restore(*(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv")))
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
-    with pytest.raises(InputError, match=r"gamma_gg is -0\.1"):
-        train.run(dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
+    input_error(r"gamma_gg is -0\.1", train.run, dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
 
 
 def test_noise_of_different_bench_tests_is_independent_and_counts_by_their_runs():
@@ -236,9 +230,7 @@ def test_noise_of_different_bench_tests_is_independent_and_counts_by_their_runs(
     pours[["aor_deg", "height_mm"]] = random.multivariate_normal([30, 60], [[1, 1], [1, 4]], size=1600)
     turns = pd.DataFrame({"sample": samples.repeat(2), "apparatus": "drum", "status": "ok"})
     turns["drum_slip_deg"] = random.normal(40, 3.0, size=800)
-    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
-    first, second = shared.TARGETS
-    targets = Targets.of([first, slip | {"range": [20.0, 40.0]}, second])
+    targets = Targets.of([shared.TARGETS[0], shared.SLIP, shared.TARGETS[1]])
     found = train.Replicates.of(pd.concat([pours, turns]), samples, targets)
     covariance = found.covariance
     assert found.runs.tolist() == [4.0] * 400

@@ -73,7 +73,6 @@ def entry_of(key, listed):
 
 @pytest.fixture(scope="module")
 def keys_read(tmp_path_factory):
-    """Keys that each stage read in a small study, by the stage's name."""
     folder, patch = tmp_path_factory.mktemp("keys"), pytest.MonkeyPatch()
     config = study.Study.load("config/config.yaml", "config/quick.yaml", overrides=SMALL).config
     config["results_dir"] = str(folder)
@@ -96,7 +95,6 @@ def keys_read(tmp_path_factory):
         VERBS[verb](parser().parse_args([*name, *map(str, words), *given]))
 
     def poured(samples_csv, out, seeds=2):
-        """Made-up runs of a table of samples."""
         write_poured(out, pd.read_csv(samples_csv), 2.0, len(str(out)), seeds)
 
     try:
@@ -109,7 +107,6 @@ def keys_read(tmp_path_factory):
 
 
 def measured(table, folder):
-    """Measured jobs of two runs for each sample of a table; their paths."""
     folder.mkdir(parents=True)
     paths, values = [], np.stack([responses(table, 2.0, seed) for seed in range(2)], axis=1).tolist()
     for row, of_sample in zip(table.to_dict("records"), values, strict=True):
@@ -124,7 +121,6 @@ def measured(table, folder):
 
 
 def chain(run, at):
-    """The method, and the studies beside it."""
     run("berry", out=at / "berry")
     run("shape", berry=at / "berry/berry.json", out=at / "berry")
     run("design", out=at / "design")
@@ -149,7 +145,6 @@ def chain(run, at):
 
 
 def strategies(run, poured, at):
-    """The strategies with several batches, each to its answer."""
     for name in SEVERAL:
         folders = [at] if name == "refined" else []
         while not (folders and is_answer(folders[-1])):
@@ -166,13 +161,11 @@ def strategies(run, poured, at):
 
 
 def is_answer(folder):
-    """Whether a folder holds the answer of a strategy."""
     path = folder / "proposal.json"
     return path.exists() and json.loads(path.read_text())["answer"]
 
 
 def pictures(run, at):
-    """The measurements of a pile and of a drum."""
     centres, turned = cone_of_berries(30.0, np.random.default_rng(1), 200)
     np.savez(at / "001.npz", position_1=centres, quaternion_1=turned, in_pile_1=np.full(200, True))
     PARTICLE.save(at / "particle.json")

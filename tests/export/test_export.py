@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from export.jobs import BALL, BERRY, CONFIG, MM, SKEW, THREE, job_of
+from refusals import input_error
 from scipy.integrate import solve_ivp
 
 from repose import export
@@ -285,11 +286,9 @@ def test_a_tube_stands_in_surface_and_deck(config):
 
 def test_what_has_no_spheres_or_another_law_is_refused(config):
     centre = ParameterSpace.of(config["parameters"]).centre
-    with pytest.raises(InputError, match="multisphere"):
-        make(config, centre, SMOOTH, BERRY)
+    input_error("multisphere", make, config, centre, SMOOTH, BERRY)
     linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
-    with pytest.raises(InputError, match="hertz_mindlin"):
-        make(linear, centre, THREE, BERRY)
+    input_error("hertz_mindlin", make, linear, centre, THREE, BERRY)
 
 
 def test_cohesion_is_written_as_each_program_has_it(config):
@@ -396,7 +395,6 @@ def test_the_verb_exports_a_spherical_grain_as_spheres(monkeypatch, tmp_path, sp
 
 
 def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys):
-    """A card of another study is refused, and so is one whose grain the configuration no longer makes."""
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
     config = Study.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))

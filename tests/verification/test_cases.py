@@ -70,7 +70,6 @@ def test_what_deviates_is_what_is_known_to(name, laws):
 
 
 def test_no_case_goes_without_the_laws_of_a_study():
-    """Each case hands its laws on: with a law that does not exist all of them refuse."""
     for case in verification.CASES.values():
         with pytest.raises(ValueError, match="rolling_law is 'none'"):
             list(case(Effort(hits=2, berries=2, laws=LAWS["default"] | {"rolling_law": "none"})))
