@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -15,7 +16,8 @@ from shared import check_all
 
 from repose.__main__ import main
 from repose.apparatus import job, kept_runs
-from repose.cli import GROUPS, STAGES, TYPED, VERBS, checking, parser, registry
+from repose.cli import GROUPS, STAGES, TYPED, VERBS, parser, registry
+from repose.config import check
 from repose.config.study import Study
 from repose.core import provenance
 from repose.core.parameters import PARAMETERS
@@ -310,7 +312,7 @@ def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
 @pytest.mark.parametrize(("sd", "piles", "warned"), [(0, 10, "sd is 0"), (1.0, 2, "repetitions is 2"), (1.0, 3, None)])
 def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
     target = {"response": "aor_deg", "apparatus": "funnel", "sd": sd, "repetitions": piles}
-    lines = list(checking._about_the_targets({"targets": [target]}))
+    lines = list(check.of_targets(SimpleNamespace(settings=SimpleNamespace(targets=[SimpleNamespace(**target)]))))
     assert len(lines) == (warned is not None)
     if warned:
         assert f"aor_deg: WARNING: {warned}" in lines[0]

@@ -1,6 +1,5 @@
 """The berry and its particle: read from files, or made from the configuration."""
 
-from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -31,20 +30,20 @@ def berry_and_particle(
         return of_berry, study.particle
     from repose.particle import build  # slow to import: where a particle is made
 
-    return of_berry, build.of_settings(of_berry, study.config["berry"])
+    return of_berry, build.of_settings(of_berry, dict(study.settings.berry))
 
 
 def write_berry(study: "Study", out_dir: str | PathLike) -> None:
     """Write sizes and moduli of the study's berry, with the published values if there are any."""
     from repose.particle import berry
 
-    berry.run(study.config["berry"], study.published("table1.csv"), out_dir)
+    berry.run(dict(study.settings.berry), study.published("table1.csv"), out_dir)
 
 
-def write_particle(config: Mapping[str, Any], berry_json: str | PathLike, out_dir: str | PathLike) -> "Particle":
-    """Write the configuration's particle; `berry_json` is a file of `write_berry`."""
+def write_particle(study: "Study", berry_json: str | PathLike, out_dir: str | PathLike) -> "Particle":
+    """Write the study's particle; `berry_json` is a file of `write_berry`."""
     from repose.particle import build
 
-    section = config["berry"]
-    how = {name: section[name] for name in ("mass_g", "spheres", "surface")}
-    return build.run(berry_json, section["stl"], out_dir, kind=section["particle"], **how)
+    grain = study.settings.berry
+    how: dict[str, Any] = {"mass_g": grain.mass_g, "spheres": grain.spheres, "surface": grain.surface}
+    return build.run(berry_json, grain.stl, out_dir, kind=grain.particle, **how)

@@ -29,9 +29,8 @@ SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its sa
 def dataset(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import dataset
 
-    targets, definitions = study.targets, study.definitions
     jobs = job_files(args.jobs, args.samples)
-    dataset.run(args.samples, jobs, targets, definitions, args.out, args.prefix)
+    dataset.run(args.samples, jobs, study.targets, study.definitions, args.out, args.prefix)
 
 
 @verb(
@@ -43,10 +42,9 @@ def dataset(args: argparse.Namespace, study: "Study") -> None:
 def network(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import train
 
-    targets, definitions = study.targets, study.definitions
-    settings = study.config["network"] | {"surrogate": study.config["surrogate"]}
-    metrics = train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config)
-    print(train.message(metrics))
+    settings = study.config["network"] | {"surrogate": study.settings.surrogate}
+    files = args.dataset, args.runs
+    print(train.message(train.run(*files, study.targets, settings, args.out, study.definitions, args.config)))
 
 
 @verb(
@@ -58,18 +56,9 @@ def network(args: argparse.Namespace, study: "Study") -> None:
 def miga(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import invert
 
-    summary = invert.run(
-        args.network,
-        study.parameters,
-        study.targets,
-        study.config["miga"],
-        study.published("table3.csv"),
-        args.out,
-        _support(args, study),
-        study.definitions,
-        args.config,
-    )
-    print(summary["message"])
+    settings, published = study.config["miga"], study.published("table3.csv")
+    of_study = args.network, study.parameters, study.targets, settings, published, args.out
+    print(invert.run(*of_study, _support(args, study), study.definitions, args.config)["message"])
 
 
 @verb(
@@ -81,7 +70,7 @@ def miga(args: argparse.Namespace, study: "Study") -> None:
 def solutions(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
-    count, out = study.config["validation"]["solutions"], Path(args.out) / "solutions.csv"
+    count, out = study.settings.validation.solutions, Path(args.out) / "solutions.csv"
     validate.write_solutions(args.feasible, study.parameters, study.targets, count, out)
 
 
@@ -108,15 +97,15 @@ def published_sets(args: argparse.Namespace, study: "Study") -> None:
     outdated = stands_on.outdated(study.config, [*jobs, *(job.with_suffix(".pours.json") for job in jobs)])
     if outdated:
         raise InputError(outdated[0], "provenance", "another", f"runs by this engine as {args.config} asks for")
-    engine = (provenance.current() or {}).get("engine")
-    by, out = ({"engine": engine, "scene": stands_on.scene(study.config)}, Path(args.out) / "published_sets.csv")
+    by = {"engine": (provenance.current() or {}).get("engine"), "scene": stands_on.scene(study.config)}
     published, names = _published(args, study), study.parameters.names
+    out = Path(args.out) / "published_sets.csv"
     validate.write_published_sets(published, args.jobs, study.targets, names, by, out)
 
 
 def _published(args: argparse.Namespace, study: "Study") -> str:
     """Return the table of published solutions; InputError without one."""
-    published = study.config["validation"]["published"]
+    published = study.settings.validation.published
     if published is None:
         raise InputError(args.config, "validation.published", None, "a table of published solutions")
     return published
@@ -137,9 +126,9 @@ def validate(args: argparse.Namespace, study: "Study") -> None:
     from repose.config import stands_on
     from repose.core.provenance import engine_hash
 
-    config, targets, names = study.config, study.targets, study.parameters.names
-    by = {"engine": engine_hash(), "scene": stands_on.scene(config)}
-    stored, measure = config["validation"]["published_simulated"], config["measure"]
+    targets, names, measure = study.targets, study.parameters.names, dict(study.settings.measure)
+    by = {"engine": engine_hash(), "scene": stands_on.scene(study.config)}
+    stored = study.settings.validation.published_simulated
     published = validate.compared_with_published(stored, targets.responses, names, measure, by)
     support = _support(args, study)
     validate.run(args.solutions, args.jobs, targets, measure, published, args.out, support)

@@ -43,7 +43,7 @@ def _build(args: argparse.Namespace) -> None:
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
     stated = args.density
-    density = load(args).config["berry"]["density_kg_m3"] if stated is None else stated
+    density = load(args).settings.berry.density_kg_m3 if stated is None else stated
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     stl = mesh.export(file_type="stl")
@@ -61,7 +61,7 @@ def _build(args: argparse.Namespace) -> None:
     options=[BERRY],
 )
 def shape(args: argparse.Namespace, study: "Study") -> None:
-    write_particle(study.config, args.berry, args.out)
+    write_particle(study, args.berry, args.out)
 
 
 @verb(
@@ -76,6 +76,5 @@ def design(args: argparse.Namespace, study: "Study") -> None:
     if own_simulator.is_one(study):
         own_simulator.write_start(args, study)
         return
-    section = study.config["design"]
-    space = study.parameters
-    design.run(space, section["samples"], section["method"], section["seed"], args.out)
+    section = study.settings.design
+    design.run(study.parameters, section.samples, section.method, section.seed, args.out)

@@ -14,6 +14,7 @@ from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text
 from repose.core.parameter_sets import job_files
+from repose.core.runs import describe
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -61,7 +62,7 @@ def warm_up(args: argparse.Namespace, study: "Study") -> None:
     from repose.dem.cache import folder
 
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
-    values = parameters([], None, None, study.config["parameters"])
+    values = parameters([], None, None, study)
     took_s = warm_up.warm_up(Scene.of(study.config, values, berry_of, particle), args.cores)
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
@@ -115,8 +116,8 @@ def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> _Job:
 
     test = bench(apparatus, "command line")
     section(study.config, apparatus)
-    values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
-    seeds = pour_seeds(args, study.config["design"]["seed"], apparatus)
+    values = parameters(args.set, args.samples, args.sample, study)
+    seeds = pour_seeds(args, study.settings.design.seed, apparatus)
     step, end = SimulationSettings.of(study.config).time_step_s, test.duration_s(SceneSettings(study.config))
     if args.trajectory is not None and not step <= args.trajectory <= end:
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
@@ -178,7 +179,7 @@ def drum(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import Scene, bench, drum_tables
 
     section(study.config, "drum")
-    values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
+    values = parameters(args.set, args.samples, args.sample, study)
     seeds = run_seeds(args.seed)
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
     scene = Scene.of(study.config, values, berry_of, particle)
@@ -202,13 +203,3 @@ def drum_tables(args: argparse.Namespace, study: "Study") -> None:
     section(study.config, "drum")
     _, particle = berry_and_particle(study, args.berry, args.particle)
     drum_tables.run(args.runs, study.config, particle, args.out)
-
-
-def describe(run: Mapping[str, Any], template: str) -> str:
-    """Describe a measured run by the bench test's `template`, a failed run by its reason."""
-    if run["status"] != "ok":
-        return f"seed {run['seed']}: {run['status']}: {run['reason']}"
-    try:
-        return f"seed {run['seed']}: {template.format(**run)}"
-    except (KeyError, TypeError):  # a response that is no target and could not be measured
-        return f"seed {run['seed']}: ok"

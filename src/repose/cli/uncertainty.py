@@ -74,7 +74,7 @@ def sensitivity(args: argparse.Namespace, study: "Study") -> None:
 def plausible(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import next_measurement
 
-    next_measurement.plausible_sets(args.draws, study.config["posterior"]["seed"], args.out)
+    next_measurement.plausible_sets(args.draws, study.settings.posterior.seed, args.out)
 
 
 @verb(
