@@ -4,10 +4,12 @@ import functools
 
 import pytest
 
-from repose.config import reading
+from repose.config import models, reading
 from repose.config.study import Study
 from repose.core import places, responses
+from repose.core.section import Section
 from repose.core.targets import Targets
+from repose.surrogate.settings import NetworkSettings
 
 # The article's parameter ranges and targets.
 RANGES = {
@@ -39,6 +41,17 @@ MIGA = {
     "mutation_amplitude": 0.1, "solutions": 30, "distance": 0.05, "answer": "least_expected_loss", "seed": 2026,
 }  # fmt: skip
 SLIP = target("drum_slip_deg", 31.0, 1.0, 20.0, 40.0, 5)
+
+
+def settings_of(config):
+    """The sections of a configuration that has only some of them, unchecked."""
+    fields, sections = models.settings_type().model_fields, {}
+    for name, value in config.items():
+        kind = fields[name].annotation if name in fields else None
+        if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, Section):
+            value = NetworkSettings.of(value) if name == "network" else kind.model_construct(**value)
+        sections[name] = value
+    return models.StudySettings.model_construct(**sections)
 
 
 @functools.cache

@@ -13,9 +13,10 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
+from repose.search.settings import MigaSettings
 from repose.surrogate.support import Support
 
-SETTINGS = shared.MIGA
+SETTINGS = MigaSettings(**shared.MIGA)
 SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
 
 
@@ -139,7 +140,7 @@ class Sure:
 
 @pytest.mark.parametrize("answer", ["least_expected_loss", "least_objective"])
 def test_the_answer_is_the_set_of_least_expected_loss_or_of_least_objective(answer):
-    settings = SETTINGS | {"answer": answer, "rounds": 10}
+    settings = SETTINGS.model_copy(update={"answer": answer, "rounds": 10})
     table = invert.invert(Sure(), SPACE, targets(29.0, (28.5, 29.5)), settings).solutions
     assert table["representative"].tolist() == [True] + [False] * 29
     assert (abs(table["e_gg"][0] - 0.5) < 0.01) == (answer == "least_expected_loss")
@@ -162,7 +163,7 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
     """Out of reach: every solution sits in a corner, with samples in the middle of the ranges alone."""
     network_json, table3 = write_inputs(tmp_path, 0.2)
     support = Support(np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)), np.zeros(6), np.full(6, 2.0))
-    brief = SETTINGS | {"rounds": 5}
+    brief = SETTINGS.model_copy(update={"rounds": 5})
     summary = invert.run(network_json, SPACE, TARGETS, brief, table3, tmp_path, support)
     table = pd.read_csv(tmp_path / "feasible.csv")
     assert table.columns[-1] == "warning"

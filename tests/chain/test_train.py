@@ -16,8 +16,15 @@ from repose.core.responses import response
 from repose.core.targets import Targets
 from repose.surrogate import load
 from repose.surrogate.accuracy import r2
+from repose.surrogate.settings import NetworkSettings
 
-SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
+SETTINGS = NetworkSettings.of({"hidden": 6, "epochs": 200, "starts": 3})
+
+
+def but(**keys):
+    return SETTINGS.model_copy(update=keys)
+
+
 TARGETS = Targets.of(shared.TARGETS)
 
 
@@ -84,13 +91,13 @@ def test_run_writes_what_it_returns(tmp_path):
 
 def test_a_run_with_replicates_knows_their_noise(tmp_path):
     paths = write_tables(tmp_path)
-    metrics = train.run(*paths, TARGETS, SETTINGS | {"replicates": True, "prior": "inputs"}, tmp_path / "out")
+    metrics = train.run(*paths, TARGETS, but(replicates=True, prior="inputs"), tmp_path / "out")
     assert metrics["noise_freedom"] == 3 * metrics["n_train"]
     sd = np.sqrt(np.diagonal(metrics["noise_covariance"]))
     known = np.concatenate([load(tmp_path / "out/network.json").noise_std_]) / sd
     assert known == pytest.approx(1.0, abs=0.1)
     # of one seed there is none to correct for
-    once = train.run(*write_tables(tmp_path, seeds=1), TARGETS, SETTINGS | {"replicates": True}, tmp_path / "once")
+    once = train.run(*write_tables(tmp_path, seeds=1), TARGETS, but(replicates=True), tmp_path / "once")
     ways = once["r2_three_ways"]["aor_deg"]
     assert ways["noise_corrected"] is None
     assert ways["single_runs"] == pytest.approx(ways["sample_means"])
@@ -111,12 +118,12 @@ def single_pours(signal):
 
 
 NOISE = np.array([[1.0, 1.8], [1.8, 4.0]])
-SINGLE = SETTINGS | {"hidden": 12, "starts": 2, "epochs": 300, "prior": "one", "replicates": False, "seed": 2}
+SINGLE = but(hidden=12, starts=2, epochs=300, seed=2)
 
 
 def of_single_pours(signal, **settings):
     """The training, and the spread and the error of predictions at unseen points, both in sd of the noise."""
-    training = train.train(*single_pours(signal), TARGETS, SINGLE | settings)
+    training = train.train(*single_pours(signal), TARGETS, SINGLE.model_copy(update=settings))
     U = np.random.default_rng(13).uniform(-1, 1, (500, 6))
     P, sd = training.model.predict(0.5 + 0.4 * U), np.sqrt(np.diagonal(NOISE))
     return training, P.std(axis=0) / sd, np.sqrt(np.mean((P - signal * known_function(U)) ** 2, axis=0)) / sd
@@ -164,7 +171,7 @@ def test_too_few_samples_and_missing_columns_are_named(tmp_path):
 def test_definitions_are_kept_and_others_are_refused(tmp_path):
     dataset_csv, runs_csv = write_tables(tmp_path)
     flank, secant = ({"aor_deg": {"measure.response": kind}} for kind in ("flank", "secant"))
-    arguments = (dataset_csv, runs_csv, TARGETS, SETTINGS | {"starts": 1}, tmp_path / "out")
+    arguments = (dataset_csv, runs_csv, TARGETS, but(starts=1), tmp_path / "out")
     train.run(*arguments, flank, "my.yaml")
     assert load(tmp_path / "out/network.json").definitions == flank
     files = (tmp_path / "out/network.json", tmp_path / "out/predictions.csv", dataset_csv)
@@ -181,7 +188,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
 def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     out = tmp_path / "out"
-    metrics = train.run(dataset_csv, runs_csv, TARGETS, SETTINGS | {"surrogate": name, "starts": 1}, out)
+    metrics = train.run(dataset_csv, runs_csv, TARGETS, but(starts=1), out, surrogate=name)
     saved, table = load(out / "network.json"), pd.read_csv(out / "predictions.csv")
     test = table[table["split"] == "test"]
     error = np.sqrt(np.mean((test["height_mm"] - test["height_predicted_mm"]) ** 2))
@@ -202,7 +209,7 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
 def test_one_target_is_trained_alone(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     one = Targets([target for target in TARGETS if target.name == name])
-    metrics = train.run(dataset_csv, runs_csv, one, SETTINGS | {"replicates": True}, tmp_path / "out")
+    metrics = train.run(dataset_csv, runs_csv, one, but(replicates=True), tmp_path / "out")
     assert set(metrics["test"]) == set(metrics["r2_three_ways"]) == {name}
     assert np.shape(metrics["noise_covariance"]) == (1, 1)
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")

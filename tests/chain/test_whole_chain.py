@@ -7,20 +7,23 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from shared import MIGA, RANGES, every_bench_test, target
+import shared
+from shared import RANGES, every_bench_test, target
 
 from repose.chain import dataset, design, invert, train, validate
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
+from repose.search.settings import MigaSettings
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import Support
 
 pytestmark = pytest.mark.slow
 
 MEASURE = every_bench_test()["measure"]
-NETWORK = {"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1, "split": [0.7, 0.15, 0.15]}
-MIGA = MIGA | {"islands": 3, "population": 30, "rounds": 20, "mutation_probability": 0.1, "solutions": 10}
-MIGA |= {"distance": 0.02, "seed": 1}
+NETWORK = NetworkSettings.of({"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1})
+SMALL = {"islands": 3, "population": 30, "rounds": 20, "mutation_probability": 0.1, "solutions": 10, "distance": 0.02}
+MIGA = MigaSettings(**(shared.MIGA | SMALL | {"seed": 1}))
 PRIORS = {"e_gp": {"fixed": 0.3}, "mus_gp": {"prior": {"mean": 0.5, "sd": 0.02}, "range": [0.4, 0.8]}}
 # Each response: its value where all parameters are in the middle, what rolling and wall friction add, a run's scatter.
 LAW = {

@@ -12,6 +12,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.particle import build
 from repose.surrogate import make
+from repose.surrogate.settings import NetworkSettings
 
 ANSWER = {"e_gg": 0.2, "mus_gg": 0.5, "mur_gg": 0.04, "e_gp": 0.3, "mus_gp": 0.6, "mur_gp": 0.2}
 SETTINGS = {"hidden": 3, "epochs": 60, "goal": 0.0, "starts": 1, "seed": 1, "prior": "inputs"}
@@ -28,7 +29,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     unit = (X - [RANGES[name][0] for name in PARAMETERS]) / [high - low for low, high in RANGES.values()]
     slopes = rng.uniform(-0.1, 0.1, (len(PARAMETERS), len(found)))
     Y = found.value * (1 + (unit - 0.5) @ slopes + 0.005 * rng.normal(size=(60, len(found))))
-    model = make(surrogate, SETTINGS).describe(PARAMETERS, found.names).fit(X, Y)
+    model = make(surrogate, NetworkSettings.of(SETTINGS)).describe(PARAMETERS, found.names).fit(X, Y)
     model.save(folder / "network.json")
 
     dataset = pd.DataFrame(X, columns=PARAMETERS).assign(sample=np.arange(1, 61), status="ok")

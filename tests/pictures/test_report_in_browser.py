@@ -17,6 +17,7 @@ from repose.core.parameters import PARAMETERS
 from repose.pictures.figures import style
 from repose.pictures.report import page, prediction
 from repose.surrogate import load, make
+from repose.surrogate.settings import NetworkSettings
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]
 
@@ -105,7 +106,9 @@ def test_javascript_predicts_what_python_predicts_with_one_network_and_several(o
     random = np.random.default_rng(3)
     X = random.uniform(size=(40, len(PARAMETERS)))
     Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(0, 0.1, (40, 2))
-    model = make("network_ensemble", {"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0}).fit(X, Y)
+    model = make("network_ensemble", NetworkSettings.of({"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0})).fit(
+        X, Y
+    )
     assert len(model.members_) > 1
     space = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
     content = prediction.for_page(model, space, X[0])

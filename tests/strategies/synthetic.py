@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from shared import RANGES, entries, target
+from shared import RANGES, entries, settings_of, target
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -23,6 +23,10 @@ class Study(NamedTuple):
     parameters: ParameterSpace
     targets: Targets
     config: dict
+
+    @property
+    def settings(self):
+        return settings_of(self.config)
 
 
 def study(targets=None, space=None, **sections):

@@ -112,7 +112,7 @@ def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(n
 def test_every_surrogate_can_be_corrected_and_is_saved_so(name, tmp_path):
     random = np.random.default_rng(2)
     X = LOW + random.random((60, 6)) * (HIGH - LOW)
-    model = make(name, CONFIG["network"]).describe(PARAMETERS, TARGETS.names)
+    model = make(name, STUDY.settings.network).describe(PARAMETERS, TARGETS.names)
     model.fit(X, np.column_stack([X[:, 0] + 30, 60 - X[:, 2]]))
     rows = [{"sample": 1001, **MIDDLE, "status": "ok", "n_seeds": 8, "round": 0}]
     table = pd.DataFrame(rows).assign(aor_deg=35.0, height_mm=50.0)
@@ -276,10 +276,10 @@ def test_the_loop_brings_a_wrong_network_to_the_target_with_fresh_seeds_and_says
 
 def test_round_0_is_the_answer_of_the_chain(loop):
     out = loop[0].parent
-    train.run(out / "dataset.csv", out / "runs.csv", TARGETS, CONFIG["network"], out / "network")
+    train.run(out / "dataset.csv", out / "runs.csv", TARGETS, STUDY.settings.network, out / "network")
     support = Support.of_dataset(out / "dataset.csv", SPACE)
     network = out / "network" / "network.json"
-    invert.run(network, SPACE, TARGETS, CONFIG["miga"], None, out / "miga", support)
+    invert.run(network, SPACE, TARGETS, STUDY.settings.miga, None, out / "miga", support)
     notes = json.loads((out / "refined/batch_1/proposal.json").read_text())["notes"]
     for name, note in (("network/metrics.json", "fit"), ("miga/summary.json", "search")):
         whole = json.loads((out / name).read_text())

@@ -18,6 +18,7 @@ from repose.studies import implausibility, likelihood, posterior
 from repose.studies.likelihood import observation
 from repose.surrogate import names
 from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.settings import NetworkSettings
 
 # standard errors of the means 1 deg and 2 mm
 TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
@@ -173,8 +174,8 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
 # From files
 
 
-TRAINING = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1, "split": [0.7, 0.15, 0.15]}
-TRAINING |= {"replicates": True, "prior": "inputs"}
+TRAINING = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1, "replicates": True, "prior": "inputs"}
+TRAINING = NetworkSettings.of(TRAINING)
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +223,7 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(s
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in names() if name != "network"])
 def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
-    train.run(study["dataset"], study["runs"], TARGETS, TRAINING | {"surrogate": name}, tmp_path)
+    train.run(study["dataset"], study["runs"], TARGETS, TRAINING, tmp_path, surrogate=name)
     files = study | {"network": tmp_path / "network.json", "predictions": tmp_path / "predictions.csv"}
     summary = posterior.run(files, ParameterSpace.of(UNIT), TARGETS, SETTINGS | {"walkers": 14, "steps": 400}, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")

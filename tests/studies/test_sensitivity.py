@@ -13,6 +13,7 @@ from repose.core.parameters import PARAMETERS
 from repose.studies import sensitivity
 from repose.surrogate import make, names
 from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.settings import NetworkSettings
 
 LOW, HIGH = [-np.pi] * 3, [np.pi] * 3
 
@@ -89,7 +90,7 @@ def test_a_fixed_parameter_has_no_index():
 def test_tables_of_every_surrogate(name, tmp_path):
     random = np.random.RandomState(1)
     X, targets = random.uniform(size=(60, 6)), targets_of(aor_deg=30.0, height_mm=60.0)
-    model = make(name, {"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1})
+    model = make(name, NetworkSettings.of({"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1}))
     model.describe(PARAMETERS, targets.names).fit(X, X @ random.uniform(size=(6, 2)))
     model.save(tmp_path / "network.json")
     parts = (tmp_path / "network.json", ParameterSpace.of(UNIT), targets, SETTINGS)

@@ -11,8 +11,9 @@ from repose.config.faults import subschema
 from repose.core.errors import InputError
 from repose.core.responses import require_same_definitions
 from repose.surrogate import base, load, make, names
+from repose.surrogate.settings import NetworkSettings
 
-SETTINGS = {"hidden": 6, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1, "prior": "one"}
+SETTINGS = NetworkSettings.of({"hidden": 6, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1})
 INPUTS = ("a", "b", "c")
 NOISE = np.array([0.2, 2.0, 0.02, 20.0])
 
@@ -63,7 +64,7 @@ def test_error_bars_of_the_mean_cover_the_truth(name):
     """90 % intervals at the same point for 40 data sets: as a whole they cover it about as often as they say."""
     X, inside = points(30, 1), []
     for seed in range(40):
-        model = make(name, SETTINGS | {"starts": 1, "epochs": 50}).fit(*samples(60, seed=seed))
+        model = make(name, SETTINGS.model_copy(update={"starts": 1, "epochs": 50})).fit(*samples(60, seed=seed))
         mean, std = model.predict(X, return_std=True, noise=False)
         inside.append(np.abs(mean - truth(X)) < 1.645 * std)
     assert 0.83 < np.mean(inside) < 0.97

@@ -13,6 +13,7 @@ from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.levenberg_marquardt import CONVERGED
 from repose.surrogate.network_ensemble import NetworkEnsemble
 from repose.surrogate.process import Process, SampleNoise, smooth, straight
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import Support, quadratic_terms
 
 KERNEL = smooth(2.0, [0.4, 0.9])
@@ -64,7 +65,7 @@ def test_covariances_are_those_of_the_textbook():
     assert straight(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
 
 
-SETTINGS = {"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"}
+SETTINGS = NetworkSettings.of({"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"})
 COVARIANCE = np.array([[0.25, 0.3], [0.3, 1.0]])
 
 
@@ -110,7 +111,7 @@ def test_converged_starts_of_like_evidence_take_part_the_best_first(fitted, monk
 
 def test_one_network_is_that_network(fitted):
     _, _, X, Y = fitted
-    settings = SETTINGS | {"starts": 1}
+    settings = SETTINGS.model_copy(update={"starts": 1})
     one, alone = NetworkEnsemble.of(settings).fit(X, Y), BayesianBP.of(settings).fit(X, Y)
     assert one.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
     assert one.covariance(X) == pytest.approx(alone.covariance(X))

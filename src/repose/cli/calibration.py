@@ -42,9 +42,10 @@ def dataset(args: argparse.Namespace, study: "Study") -> None:
 def network(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import train
 
-    settings = study.config["network"] | {"surrogate": study.settings.surrogate}
-    files = args.dataset, args.runs
-    print(train.message(train.run(*files, study.targets, settings, args.out, study.definitions, args.config)))
+    targets, definitions = study.targets, study.definitions
+    settings, kind = study.settings.network, study.settings.surrogate
+    metrics = train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config, kind)
+    print(train.message(metrics))
 
 
 @verb(
@@ -56,7 +57,7 @@ def network(args: argparse.Namespace, study: "Study") -> None:
 def miga(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import invert
 
-    settings, published = study.config["miga"], study.published("table3.csv")
+    settings, published = study.settings.miga, study.published("table3.csv")
     of_study = args.network, study.parameters, study.targets, settings, published, args.out
     print(invert.run(*of_study, _support(args, study), study.definitions, args.config)["message"])
 

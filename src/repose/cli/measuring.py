@@ -43,9 +43,7 @@ SIZES = "sizes.csv"  # of a crop's folder
             help="instead of the scale: a level length and the pixels of its ends, column and row",
         ),
         Option("--base-row", type=float, help="row of the plate in pixels from the top, without the sheet"),
-        Option(
-            "--grain-mm", type=float, help="height of a grain, for the secant (by the sizes of --config or sizes.csv)"
-        ),
+        Option("--grain-mm", type=float, help="height of a grain, for the secant (by --config or sizes.csv)"),
         CONFIG.but(default=None, help=f"the study that the photographs are for; {LINE}"),
         Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
         Option("--points", nargs="+", type=float, metavar="PX", help=f"column and row of {POINTS}"),
@@ -173,8 +171,9 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
         section, sizes_csv = dict(settings.measure), settings.berry.sizes
     if args.grain_mm is not None:
         section["berry_height_mm"] = args.grain_mm
-    needs_no_sizes = section["berry_height_mm"] is not None or sizes_csv is None
-    return MeasureSettings.of(section, {} if needs_no_sizes else mean_axes_mm(sizes_csv))
+    if section["berry_height_mm"] is not None or sizes_csv is None:
+        return MeasureSettings.of(section, {})
+    return MeasureSettings.of(section, mean_axes_mm(sizes_csv))
 
 
 @verb(
