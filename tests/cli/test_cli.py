@@ -342,3 +342,18 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
     monkeypatch.setattr("repose.chain.design.run", lambda *_: None)
     assert main(words) == 0
     assert ("built-in goji example" in capsys.readouterr().err) is warned
+
+
+def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, capsys):
+    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text()) | {"reason": "\x1b[31mred\x07\u009b"}
+    (tmp_path / "card.json").write_text(json.dumps(shown))
+    main(["card", "check", str(tmp_path / "card.json")])
+    out = capsys.readouterr().out
+    assert not {"\x1b", "\x07", "\u009b"} & set(out)
+    assert "\\x1b[31mred\\x07\\x9b" in out
+
+
+@pytest.mark.parametrize("out", ["", "/", "/tmp/.."])
+def test_a_verb_does_not_write_to_the_root(out, capsys):
+    assert main(["marker", "--out", out]) == 2
+    assert f"command line: --out is {out!r}; expected the path of a file or folder" in capsys.readouterr().err
