@@ -84,7 +84,7 @@ def published_solutions(args: argparse.Namespace, study: "Study") -> None:
 
 
 @verb(
-    "collect the runs of the published parameter sets in one table, beside what was published of their piles",
+    "collect the runs of the published parameter sets in one table, with what was published of their piles",
     example="results/validation/heaps/1??.json --out results",
     out="results",
     options=[Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set")],

@@ -9,7 +9,7 @@ import numpy as np
 
 from repose.apparatus import bench, reach, scene_size
 from repose.apparatus.job import run_once
-from repose.config import advice, computed, cost, stands_on
+from repose.config import advice, computed, cost, loader, stands_on
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.runs import describe
@@ -144,3 +144,27 @@ def costs(study: Study, budgets: Iterable[int], grain_step_s: float) -> Iterator
         yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
     yield from (f"{name}: {why}" for name, why in misfits.items() if why)
     yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"
+
+
+def catalogue(files: list[str]) -> str:
+    """List the studies, each with a sentence and its cost in the configurations, over the default."""
+    config, _ = loader.read_layers(files)  # an unreadable file is reported
+    try:
+        config = Study.load(*files).config
+        of_each = cost.costs(config)
+        of_each |= {target: _cost_of({**config, "strategy": target}) for target in strategies.others()}
+    except InputError:
+        unknown = f"cost: once {', '.join(files) or 'config.yaml'} is complete; `repose check` lists the missing keys"
+        of_each = dict.fromkeys(cost.SENTENCES, unknown)
+    lines = [f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{of_each[target]}" for target in cost.SENTENCES]
+    return "\n".join([f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines])
+
+
+def _cost_of(config: Mapping[str, Any]) -> str:
+    """Say what a configuration's strategy costs, or why the configuration cannot take it."""
+    if why := strategies.misfit(config):
+        return why
+    pours = strategies.pours(config)
+    minutes = cost.work(config, pours=pours)["total_s"] / 60
+    number = sum(sets * seeds for _, sets, seeds in pours or ())
+    return f"at most {number} pours, about {minutes:.0f} min on one core, by itself"
