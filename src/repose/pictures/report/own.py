@@ -17,7 +17,7 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report."""
     study, targets = calibration.study, calibration.study.targets
     row = dict(zip(targets.predicted, calibration.mean.tolist(), strict=True))
-    config = {"label": study.config["label"], "small_run": False}
+    config = {"label": study.settings.label, "small_run": False}
     shown = Results(
         shown=Shown(config, targets=targets, space=study.parameters),
         answer=calibration.values,
