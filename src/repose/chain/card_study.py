@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from repose.apparatus.settings import SimulationSettings
 from repose.chain.card import laws
 from repose.core.errors import InputError
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
@@ -35,7 +36,7 @@ def _laws_of(card: Mapping[str, Any], source: object) -> dict[str, str]:
     shared = {"gravity_m_s2": GRAVITY_M_S2, "time_step_s": 1.0e-2, "rest_energy_j": REST_ENERGY_J}
     for contact, tension, rolling in product(CONTACT_LAWS, ("release", "keep"), ROLLING_LAWS):
         chosen = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
-        if laws({"simulation": shared | chosen}) == card["laws"]:
+        if laws(SimulationSettings.model_validate(shared | chosen)) == card["laws"]:
             return chosen
     raise InputError(source, "laws", card["laws"]["normal"], "laws of this version; give --config, the study's own")
 
@@ -46,6 +47,7 @@ def particle_of(card: Mapping[str, Any], spheres: int | None, source: object) ->
 
     from repose.dem.tessellation import tessellate
     from repose.particle import build
+    from repose.particle.mesh import principal_pose
     from repose.particle.particle import Particle
 
     grain = card["grain"]
@@ -71,6 +73,6 @@ def particle_of(card: Mapping[str, Any], spheres: int | None, source: object) ->
         return particle
     points, _, triangles = tessellate(particle, 48, 96)
     mesh = trimesh.Trimesh(1e3 * points, triangles)
-    filled = build.make_particle(build.principal_pose(mesh), particle.density_kg_m3, "multisphere", spheres)
+    filled = build.make_particle(principal_pose(mesh), particle.density_kg_m3, "multisphere", spheres)
     share = mass_kg / filled.mass_kg  # the mesh is a little smaller than the body
     return replace(filled, mass_kg=mass_kg, inertia_kg_m2=share * filled.inertia_kg_m2)

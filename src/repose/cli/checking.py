@@ -79,7 +79,7 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
     path = args.runs or next(iter(own), None)
     runs = None if path is None else plan.read_runs(path, targets)
     print(*check.about(study), sep="\n")
-    result = plan.plan(study.config, runs, path)
+    result = plan.plan(study, runs, path)
     for name, percent in zip(targets.names, result.noise_percent, strict=True):
         source = f"measured in {path}" if result.measured else "assumed, as there are no runs yet"
         print(f"noise: a pour's {name} scatters by {percent:.2g} % of the target, {source}")

@@ -70,7 +70,7 @@ def export(args: argparse.Namespace) -> None:
             grain, particle = berry_and_particle(study)
         config = study.config
         if of_card is not None:
-            card.require_one_study(of_card, args.card, config, args.config, grain)
+            card.require_one_study(of_card, args.card, study, args.config, grain)
     elif of_card is not None:
         config, grain = card_study.configuration_of(of_card, args.card), of_card["grain"]
         spheres = spheres_of(card_study.particle_of(of_card, None, args.card))

@@ -139,15 +139,14 @@ def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> dict[str, 
     runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus import Scene, bench
+    from repose.apparatus import Scene, bench_of
     from repose.apparatus.job import measure_job
-    from repose.core.seeds import UNNAMED
     from repose.measure.saved_pours import POURS
 
     scene = Scene.of(study.config, {}, *berry_and_particle(study, args.berry, args.particle))
     for path in job_files(args.pours, args.samples, POURS):
         result = measure_job(scene, path, args.out, args.keep_runs)
-        _print(result["runs"], bench(result.get("apparatus", UNNAMED)).summary, None, f"{path}: ")
+        _print(result["runs"], bench_of(result).summary, None, f"{path}: ")
 
 
 @verb(

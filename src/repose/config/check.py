@@ -140,7 +140,7 @@ def costs(study: Study, budgets: Iterable[int], grain_step_s: float) -> Iterator
         # the probabilities are for the pours before the plus
         pours = f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
         mark = "*" if name == settings.strategy else ""
-        disk_mb = plan.disk_mb(config, sum(counts))
+        disk_mb = plan.disk_mb(study, sum(counts))
         yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
     yield from (f"{name}: {why}" for name, why in misfits.items() if why)
     yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"

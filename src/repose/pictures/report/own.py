@@ -16,11 +16,11 @@ from repose.studies.calibration import Calibration
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report."""
     study, targets = calibration.study, calibration.study.targets
-    row = dict(zip(targets.predicted, calibration.mean.tolist(), strict=True))
+    row = dict(zip(targets.predicted, calibration.answer.mean.tolist(), strict=True))
     config = {"label": study.settings.label, "small_run": False}
     shown = Results(
         shown=Shown(config, targets=targets, space=study.parameters),
-        answer=calibration.values,
+        answer=calibration.answer.values,
         row=pd.Series(row | {"role": "representative", "reason": ""}),
         chance=dict.fromkeys(targets.names) | {"all": calibration.probability["inside"]},
         within={percent: calibration.probability[column] for percent, column in WITHIN.items()},
