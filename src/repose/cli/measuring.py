@@ -86,9 +86,9 @@ def measure(args: argparse.Namespace) -> None:
         return
     results = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
     for photograph, overlay in zip(results, overlays, strict=True):
-        view, measured = photograph.view, photograph.measurement
-        of_refused = drawing.overlay_of_refused(view, photograph.pile)
-        write_image(overlay, of_refused if measured is None else drawing.overlay(view, measured))
+        view, pile, measured = photograph.view, photograph.pile, photograph.measurement
+        shown = drawing.overlay_of_refused(view, pile) if measured is None else drawing.overlay(view, measured)
+        write_image(overlay, shown)
     allowed = "a pile with two flanks, seen from the side; {} shows the part taken for the pile"
     if all(photograph.measurement is None for photograph in results):
         raise_together(

@@ -134,15 +134,8 @@ def _parameter_row(study: Results, k: int) -> list[Any]:
         row = study.posterior.loc[name]
         shown = card.held(space, name, value, float(row["credible_low"]), float(row["credible_high"]))
         interval = [f"{shown['low']:.3g} to {shown['high']:.3g}", f"{100 * row['width_ratio']:.0f} %"]
-    searched = f"{space.low[i]:.3g} to {space.high[i]:.3g}"
-    return [
-        name,
-        card.with_remark(LABELS.get(name, name), shown),
-        f"{value:.4g}",
-        *interval,
-        searched,
-        f"{values.min():.3g} to {values.max():.3g}",
-    ]
+    searched, found = f"{space.low[i]:.3g} to {space.high[i]:.3g}", f"{values.min():.3g} to {values.max():.3g}"
+    return [name, card.with_remark(LABELS.get(name, name), shown), f"{value:.4g}", *interval, searched, found]
 
 
 def _how_well_known(study: Results) -> str:
@@ -172,10 +165,14 @@ def _lines(study: Results) -> str:
     calibrated = {line_for(measure, name) for name in study.targets.names}
     for name, column in MEAN_KEYS.items():
         mean, error = study.number(column), study.number(error_of(column))
-        shown = "no result" if mean is None else f"{mean:.4g} ± {error or 0:.2g} deg"
         line = line_of(measure, name)
-        rows.append([line, shown, "calibrated" if line in calibrated else ""])
+        rows.append([line, _with_error(mean, error, " deg"), "calibrated" if line in calibrated else ""])
     return f"<h3>The same piles by other lines</h3>\n{table(['line', 'simulated', ''], rows, 'lines')}"
+
+
+def _with_error(mean: float | None, error: float | None, unit: str = "") -> str:
+    """Write a mean with its standard error."""
+    return "no result" if mean is None or pd.isna(mean) else f"{mean:.4g} ± {error or 0:.2g}{unit}"
 
 
 def _table4(study: Results) -> str:
@@ -190,8 +187,7 @@ def _table4(study: Results) -> str:
     for _, row in study.table4.iterrows():
         cells = [row.get(key) for key in ("solution", "role", "n_seeds")]
         for predicted, simulated, error in columns:
-            shown = f"{row[simulated]:.4g} ± {row[error]:.2g}" if pd.notna(row.get(simulated)) else "no result"
-            cells += [row[predicted], shown]
+            cells += [row[predicted], _with_error(row.get(simulated), row.get(error))]
         rows.append(cells)
     return f"<h3>Table 4: sets simulated again, mean ± standard error</h3>\n{table(head, rows, 'sets')}"
 
@@ -199,20 +195,12 @@ def _table4(study: Results) -> str:
 def _response_row(study: Results, target: Target) -> list[str]:
     """Give the row of one target."""
     response, unit = target.response, target.response.unit
-    predicted, simulated, error = (
-        study.number(column) for column in (response.predicted, response.simulated, response.error)
-    )
-    shown = "no result" if simulated is None else f"{simulated:.4g} ± {error or 0:.2g} {unit}"
+    predicted, simulated, error = map(study.number, (response.predicted, response.simulated, response.error))
     away = "" if simulated is None else f"{100 * (simulated - target.value) / target.whole_value:+.1f} %"
-    return [
-        response.label,
-        f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})",
-        f"{target.low:g} to {target.high:g} {unit}",
-        f"{predicted:.4g} {unit}" if predicted is not None else "",
-        shown,
-        away,
-        share(study.chance[target.name]),
-    ]
+    measured = f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})"
+    within, found = f"{target.low:g} to {target.high:g} {unit}", _with_error(simulated, error, f" {unit}")
+    before = f"{predicted:.4g} {unit}" if predicted is not None else ""
+    return [response.label, measured, within, before, found, away, share(study.chance[target.name])]
 
 
 def _pile(study: Results) -> str:
