@@ -1,4 +1,4 @@
-"""The berry and its particle: read from files, or made from the configuration."""
+"""The grain and its particle: read from files, or made from the configuration."""
 
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ BERRY_AND_PARTICLE = (
 def berry_and_particle(
     study: "Study", berry_json: str | PathLike | None = None, particle_json: str | PathLike | None = None
 ) -> "tuple[dict[str, Any], Particle]":
-    """Return the berry as in berry.json and its particle, each from its file or else from the study."""
+    """Return the grain as in berry.json and its particle, each from its file or else from the study."""
     from repose.particle import berry_files
     from repose.particle.particle import Particle
 
@@ -34,7 +34,7 @@ def berry_and_particle(
 
 
 def write_berry(study: "Study", out_dir: str | PathLike) -> None:
-    """Write sizes and moduli of the study's berry, with the published values if there are any."""
+    """Write sizes and moduli of the study's grain, with the published values if there are any."""
     from repose.particle import berry
 
     berry.run(study.settings.berry, study.published("table1.csv"), out_dir)

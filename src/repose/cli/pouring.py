@@ -1,4 +1,4 @@
-"""Verbs that simulate: berries in any bench test, and the tables of the drum."""
+"""Verbs that simulate: grains in any bench test, and the tables of the drum."""
 
 import argparse
 from collections.abc import Callable, Iterable, Mapping

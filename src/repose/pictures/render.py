@@ -1,4 +1,4 @@
-"""Shaded pictures of berries, drawn in software: no graphics card, no window, the same picture everywhere.
+"""Shaded pictures of grains, drawn in software: no graphics card, no window, the same picture everywhere.
 
 Every shape is tessellated once by its support points x(n), whose normal is n itself, so the shading is as smooth as the
 body (`bodies`). Triangles go through a z-buffer (`view`). A second z-buffer seen from the light gives soft shadows, and

@@ -36,7 +36,7 @@ PICTURES = {
     "contours": "The fitted surfaces about their optimum",
     "figure13": "Predictions of the surrogate and results of the simulator, for training samples and others",
     "plane": "All simulated samples, the target ranges, and the answer",
-    "profiles": "Measured profiles beside the answer's, as predicted and as simulated",
+    "profiles": "Measured profiles and the answer's, as predicted and as simulated",
     "figure14": "The parameter sets that the search found",
     "validation": "Predicted, simulated and measured responses",
     "definitions": "The definitions of the angle on the same pile",
