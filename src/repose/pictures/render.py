@@ -30,6 +30,7 @@ def render_pile(
     width: int = 1000,
     height: int | None = None,
     walls: Sequence[Frustum] = (),
+    frame_m: np.ndarray | None = None,
     backdrop: DrumInside | None = None,
     scales: np.ndarray | None = None,
     **view: Any,
@@ -39,7 +40,7 @@ def render_pile(
     `walls` are drawn translucent; a `backdrop` replaces the plate at z = 0.
     """
     setting = Setting(None if backdrop else 0.0, frusta=tuple(walls), backdrop=backdrop)
-    size = (elevation_deg, azimuth_deg, width, height)
+    size = (elevation_deg, azimuth_deg, width, height, frame_m)
     return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *size, **view)
 
 
