@@ -11,6 +11,7 @@ from repose.apparatus.scene import _contacts
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.card import laws as described_laws
 from repose.chain.design import design
+from repose.chain.settings import DesignSettings
 from repose.config import faults, stands_on
 from repose.config.study import Study
 from repose.core.errors import InputError
@@ -61,7 +62,7 @@ def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp
     space = study("jkr", **COHESION).parameters
     assert space.names == (*PARAMETERS, "gamma_gg", "gamma_gp")
     assert space.free == (*PARAMETERS, "gamma_gg")
-    table = design(space, 12, "lhsdesign", 1)[0]
+    table = design(space, DesignSettings(samples=12, method="lhsdesign", seed=1))[0]
     assert list(table) == ["sample", *space.names]
     assert set(table["gamma_gp"]) == {0.02}
     assert len(set(np.ceil(120.0 * table["gamma_gg"]))) == 12

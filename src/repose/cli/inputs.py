@@ -76,5 +76,4 @@ def design(args: argparse.Namespace, study: "Study") -> None:
     if own_simulator.is_one(study):
         own_simulator.write_start(args, study)
         return
-    section = study.settings.design
-    design.run(study.parameters, section.samples, section.method, section.seed, args.out)
+    design.run(study.parameters, study.settings.design, args.out)
