@@ -76,6 +76,4 @@ def design(args: argparse.Namespace, study: "Study") -> None:
     if own_simulator.is_one(study):
         own_simulator.write_start(args, study)
         return
-    section = study.config["design"]
-    space = study.parameters
-    design.run(space, section["samples"], section["method"], section["seed"], args.out)
+    design.run(study.parameters, study.settings.design, args.out)
