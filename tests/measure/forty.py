@@ -38,14 +38,14 @@ RANGES = {  # uniform
     "lamp_high": (30.0, 70.0),  # degrees over the plate
     "lamp_wide": (3.0, 20.0),  # degrees, half of its angle: how soft a shadow is
     "sky": (0.25, 0.6),  # share of the light
-    "exposed": (95.0, 135.0),  # tones, mean of the photograph
+    "exposed": (95.0, 135.0),  # tones, of the mean light of the photograph
     "blur": (0.4, 1.0),  # px
     "noise": (1.0, 3.0),  # tones
     "texture": (0.4, 1.2),  # of wood and cloth
     "yaw": (-0.05, 0.05),  # rad, of the sheet
     "wall_at": (120.0, 400.0),  # mm behind the axis
 }
-MOST, LEAST, LEAST_HIGH_PX = 2000, 500, 90.0  # grains; a coarser heap gets more of them
+MOST, LEAST, LEAST_HIGH_PX = 2000, 500, 115.0  # grains; a coarser heap gets more of them
 PACKED = 0.58  # share of the cone that grains fill
 STRAYS = (0, 4, 10)  # loose grains on the plate
 GRAINS = {  # colour, blue first
@@ -60,6 +60,7 @@ SURFACES = {  # kind and two colours between which it varies
 }  # fmt: skip
 LEAST_DIFFERENCE = 18.0  # CIE 1976, of the lit and of the shaded grain from a surface: an eye sees the outline
 LAMPS, SKIES, MAP_MM = 16, 16, 0.5
+TONE_CURVE = 2.2  # colours here are those of a picture; light is mixed before a camera bends it
 
 
 @numba.njit(cache=True)
@@ -259,7 +260,12 @@ def surface(scene: Scene, name: str, u: np.ndarray, v: np.ndarray, key: int) -> 
         share, tone = 0.5 + 0.5 * fine, 1 + scene.texture * (0.12 * weave + 0.08 * broad)
     else:
         share, tone = 0.5 + 0.5 * broad, 1 + 0.01 * long
-    return (np.array(first) + share[:, None] * np.subtract(second, first)) * tone[:, None]
+    return light_of(np.array(first) + share[:, None] * np.subtract(second, first)) * tone[:, None]
+
+
+def light_of(tones: np.ndarray) -> np.ndarray:
+    """Light, 0 to 255, that a camera turns into tones."""
+    return 255 * (np.asarray(tones) / 255) ** TONE_CURVE
 
 
 def traced(scene: Scene, first: np.ndarray, step: float, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -280,7 +286,7 @@ def traced(scene: Scene, first: np.ndarray, step: float, size: np.ndarray) -> tu
     for code, name, axes in ((-1, scene.plate, [0, 1]), (-2, scene.wall, [0, 2])):
         colour[which == code] = surface(scene, name, *at[which == code][:, axes].T, 3 - code)
     rng, on = np.random.default_rng([scene.seed, 6]), which >= 0
-    own = np.array(GRAINS[scene.grain]) * rng.normal(1, (0.09,) + 3 * (0.03,), (len(centres), 4))[:, 1:]
+    own = light_of(GRAINS[scene.grain]) * rng.normal(1, (0.09,) + 3 * (0.03,), (len(centres), 4))[:, 1:]
     local = np.einsum("nij,nj->ni", to_unit[which[on]], at[on] - centres[which[on]])
     colour[on] = own[which[on]] * (1 + 0.08 * np.sin(5 * local[:, :1] + 4 * local[:, 1:2]))
     normal[on] = np.einsum("nij,ni->nj", to_unit[which[on]], local)
@@ -293,14 +299,14 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """The photograph (H, W, 3) uint8, blue first, and the share of each pixel that shows the heap."""
     rng = np.random.default_rng([scene.seed, 2])
     picture, _ = traced(scene, np.zeros(2), 1, np.array(SIZE))
-    gain = min(scene.exposed / picture.mean(), 245 / np.quantile(picture[::9, ::9], 0.995))
+    gain = min(light_of(scene.exposed) / picture.mean(), 240 / np.quantile(picture[::9, ::9], 0.995))
     page, (wide, tall), turn = sheet.drawing()[0], sheet.size_mm(), [np.cos(scene.yaw), np.sin(scene.yaw), 0]
     corners = np.array([scene.left, 0, 0]) + np.outer([0, 1, 1, 0], np.multiply(wide, turn))
     corners[:2, 2] = tall
     rows, columns = page.shape
     ends = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], np.float32) - 0.5
     on_page = cv2.getPerspectiveTransform(ends, scene.seen(corners)[0].astype(np.float32))
-    page = cv2.GaussianBlur(page, (0, 0), 0.5 * rows * scene.away / (tall * scene.focal)) * np.float32(0.85 / gain)
+    page = cv2.GaussianBlur(page, (0, 0), 0.5 * rows * scene.away / (tall * scene.focal)) * np.float32(0.75 / gain)
     page, there = (cv2.warpPerspective(one, on_page, SIZE)[..., None] for one in (page, np.ones_like(page)))
     picture = (1 - there) * picture + page + 6 * there
     place, _ = scene.seen(scene.grains[0][: scene.number])
@@ -309,7 +315,8 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     heap, window = np.zeros(SIZE[::-1], np.float32), np.s_[first[1] : end[1], first[0] : end[0]]
     for whole, part in ((picture, fine), (heap, np.float32((which >= 0) & (which < scene.number)))):
         whole[window] = cv2.resize(part, end - first, interpolation=cv2.INTER_AREA)
-    picture = cv2.GaussianBlur(gain * picture, (0, 0), scene.blur) + rng.normal(0, scene.noise, picture.shape)
+    light = cv2.GaussianBlur(gain * picture, (0, 0), scene.blur)
+    picture = 255 * (np.maximum(light, 0) / 255) ** (1 / TONE_CURVE) + rng.normal(0, scene.noise, picture.shape)
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8), heap
 
 
