@@ -65,9 +65,12 @@ def test_one_view_that_faces_the_camera_gives_no_focal_length():
     assert not found.lens.any()
 
 
-@pytest.mark.parametrize("above", [-20.0, 0.0, 60.0])
-def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above):
-    """The slow twin: the outline of a cone as the hull of its apex and its rim, seen from a point."""
+@pytest.mark.parametrize(("above", "lost"), [(-20.0, 0.8), (0.0, 0.2), (60.0, 0.4)])
+def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above, lost):
+    """The slow twin: the outline of a cone as the hull of its apex and its rim, seen from a point.
+
+    From below, the rim lies under the row of the plate, so the foot loses a little.
+    """
     height, slope, eye = 60.0, math.radians(31.0), np.array([0.0, -500.0, 60.0 + above])
     turn = np.linspace(0, 2 * np.pi, 100001)
     radius = height / math.tan(slope)
@@ -90,7 +93,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above)
     assert [level.left_deg, level.right_deg] == pytest.approx([31.0, 31.0], abs=0.1)
     assert level.height_mm == pytest.approx(height, abs=px)
     columns = np.flatnonzero(one.pile.mask.any(axis=0)) - axis
-    assert [-columns[0] * px, columns[-1] * px] == pytest.approx([radius, radius], abs=0.4)
+    assert [-columns[0] * px, columns[-1] * px] == pytest.approx([radius, radius], abs=lost)
 
 
 def test_what_floats_over_the_plate_or_only_touches_the_pile_is_left_out():

@@ -313,8 +313,8 @@ def seen_level(
     rows, columns = photograph.view.shape[:2]
     out = np.arange(columns) - axis_px
     at = np.flatnonzero(pile.mask.any(axis=0)) - axis_px
-    widest = np.array([-at.min(), at.max()])
     down = (eye_px - high_px) / away_px
+    widest = np.array([-at.min(), at.max()]) if down > 0 else np.full(2, math.inf)
     sines = down / np.hypot(np.tan(np.radians(seen_deg)), down)
     right = (out > 0).astype(int)
     sine, reach = sines[right], np.abs(out)
