@@ -15,6 +15,7 @@ from repose.surrogate import Surrogate, make, register
 from repose.surrogate.gaussian_process import GaussianProcess
 from repose.surrogate.network_ensemble import NetworkEnsemble
 from repose.surrogate.samples import checked_points, checked_samples
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.two_layer import width
 
 REFITS = 16
@@ -57,14 +58,16 @@ class ProcessOfPart(GaussianProcess):
 class NetworkResampled(Candidate):
     """Networks of samples drawn with replacement."""
 
-    def fit(self, X, Y, *, precision=None, noise_covariance=None, noise_freedom=0.0):
+    def fit(self, X, Y, **noise):
         X, Y = np.asarray(X), np.asarray(Y)
         random = np.random.default_rng(self.settings["seed"])
         self.members = []
         for k in range(REFITS):
             count = np.bincount(random.integers(len(X), size=len(X)), minlength=len(X))
-            network = make("network", self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
-            self.members.append(network.fit(X, Y, count, precision, noise_covariance, noise_freedom))
+            network = make(
+                "network", NetworkSettings.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
+            )
+            self.members.append(network.fit(X, Y, count, **noise))
         return self
 
     def _means(self, X):
@@ -84,8 +87,8 @@ class NetworkProcess(Candidate):
     """Networks and a process of their residuals."""
 
     def fit(self, X, Y, **noise):
-        self.network = make("network_ensemble", self.settings).fit(X, Y, **noise)
-        self.process = make("gaussian_process", {}).fit(X, np.asarray(Y) - self.network.predict(X), **noise)
+        self.network = make("network_ensemble", NetworkSettings.of(self.settings)).fit(X, Y, **noise)
+        self.process = make("gaussian_process").fit(X, np.asarray(Y) - self.network.predict(X), **noise)
         return self
 
     def predict(self, X, return_std=False, noise=True):
@@ -126,7 +129,7 @@ class Kriging(Candidate):
     covariance_of = staticmethod(matern)
 
     def fit(self, X, Y, *, precision=None, noise_covariance=None, noise_freedom=0.0):
-        X, Y, _, precision = checked_samples(X, Y, None, precision)
+        X, Y, _, precision = checked_samples(X, Y, precision=precision)
         self.low, self.span = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))
         self.x = (X - self.low) / self.span
         k = Y.shape[1]

@@ -13,6 +13,7 @@ from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle import build, size_distribution
+from repose.particle.settings import GrainSettings
 
 CONFIG = Study.load(Path(__file__).parents[2] / "config/quick.yaml").config
 AXES_MM = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
@@ -28,11 +29,10 @@ PARTICLES = {
 
 
 def particle_of(name):
-    return build.of_settings(BERRY, CONFIG["berry"] | {"stl": None} | PARTICLES[name])
+    return build.of_settings(BERRY, GrainSettings.model_construct(**CONFIG["berry"] | {"stl": None} | PARTICLES[name]))
 
 
 def sized(particle, factor):
-    """The particle at another size."""
     record = particle.record()
     for key, power in {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3}.items():
         record[key] = (np.array(record[key]) * factor**power).tolist()
@@ -41,7 +41,6 @@ def sized(particle, factor):
 
 
 def case(rng, particles):
-    """Configuration, berry, particle and lowest restitutions of a random study."""
     config = copy.deepcopy(CONFIG)
     name = str(rng.choice(list(particles)))
     factor = 10 ** rng.uniform(np.log10(0.5), np.log10(50.0)) / AXES_MM["long_mm"]
@@ -61,7 +60,6 @@ def refused_by_check(config, particle, berry):
 
 
 def refused_by_pours(config, parameters, particle, berry):
-    """Whether all bench tests refuse; they have to agree with each other."""
     refused = set()
     for name in names():
         if name in config:

@@ -7,10 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from refusals import input_error
+from shared import studied
 
 from repose import strategies
 from repose.chain import answer
-from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
@@ -42,9 +43,8 @@ def study(folder, simulated, feasible=True):
 
 
 def read(config):
-    """The answer in the folder of results."""
     names = ("miga/summary.json", "validation/representative.csv", "miga/feasible.csv")
-    return answer.read(config, *(f"{config['results_dir']}/{name}" for name in names))
+    return answer.read(studied(config), *(f"{config['results_dir']}/{name}" for name in names))
 
 
 @pytest.mark.parametrize(
@@ -107,12 +107,11 @@ def test_a_small_run_says_so_first(tmp_path):
 
 
 def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
-    """An answer with two targets."""
     checks = (
         answer.Check("aor_deg", "deg", angle, None, 9, status, 32.0, 2.0, 31.0, 34.0, predicted=32.5),
         answer.Check("my_mm", "mm", height, 0.5, 9, status, 66.0, 2.0, 64.0, 68.0),
     )
-    return answer.Answer("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
+    return answer.Result("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +186,7 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     files = {name: tmp_path / path for name, path in names.items()}
     made = SimpleNamespace(rule="conclude", feasible="solutions.csv", table4="t4.csv", **files)
     known = {"answers": answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
-    known |= {"config": study(tmp_path, simulated, feasible)}
+    known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
     known |= {"CALL": SimpleNamespace(made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path)))}
     exec(textwrap.dedent(HANDLER[1]), known)
     first = capsys.readouterr().out.splitlines()[0]
@@ -197,5 +196,4 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
 
 
 def test_a_study_that_has_not_run_is_reported(tmp_path):
-    with pytest.raises(InputError, match=r"summary\.json"):
-        read({"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})
+    input_error(r"summary\.json", read, {"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})

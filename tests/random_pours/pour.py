@@ -26,6 +26,7 @@ from repose.dem.constants import OF_LAWS
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.particle import berry as berries
 from repose.particle import build
+from repose.particle.settings import GrainSettings
 
 PARTICLES = {
     "ellipsoid": {"particle": "ellipsoid", "mass_g": None},
@@ -63,15 +64,12 @@ class TooLong(Exception):
 
 
 class Seen:
-    """The largest energy, speed and overlap of a run, over what the bounds are measured by."""
-
     def __init__(self):
         self.energy = self.speed = self.overlap = self.wall_overlap = 0.0
         self.steps = 0
         self.began_s = None  # the first look: what is compiled before is no time of a pour
 
     def note(self, bounded):
-        """Add the present state."""
         now_s = time.process_time()
         self.began_s = now_s if self.began_s is None else self.began_s
         if now_s - self.began_s > LONGEST_S:
@@ -96,7 +94,6 @@ class Seen:
 
 
 def noting(seen):
-    """Bounded.look that adds to `seen` first."""
     look = Bounded.look
 
     def noted(self, everywhere=True):
@@ -107,7 +104,6 @@ def noting(seen):
 
 
 def sized(particle, factor):
-    """The particle at another size."""
     record = particle.record()
     for key, power in {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3}.items():
         record[key] = (np.array(record[key]) * factor**power).tolist()
@@ -117,7 +113,6 @@ def sized(particle, factor):
 
 
 def drawn(number, default, mean, particles):
-    """Configuration, parameters, particle and berry of a random case."""
     rng = np.random.default_rng([13, number])
     config = copy.deepcopy(default)
     apparatus, name = str(rng.choice(list(SCENES))), str(rng.choice(list(PARTICLES)))
@@ -420,7 +415,6 @@ def counted(rows):
 
 
 def read(path):
-    """Rows of a table of pours; none where there is no file."""
     if not path.is_file():
         return []
     with path.open(newline="") as table:
@@ -428,7 +422,6 @@ def read(path):
 
 
 def main():
-    """Pour what is not in the table yet."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=2000, help="cases 0 to COUNT - 1")
     parser.add_argument("--first", type=int, default=0)
@@ -441,7 +434,10 @@ def main():
     mean = berries.of_files(section["sizes"], section["compression"], table1, section["density_kg_m3"])[1]
     ball = mean | dict.fromkeys(("major_mm", "minor_mm"), mean["long_mm"])
     means = {name: ball if name == "sphere" else mean for name in PARTICLES}
-    particles = {name: build.of_settings(means[name], section | own) for name, own in PARTICLES.items()}
+    particles = {
+        name: build.of_settings(means[name], GrainSettings.model_construct(**section | own))
+        for name, own in PARTICLES.items()
+    }
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
     seen = [Seen()]
     Bounded.look = noting(seen)

@@ -137,6 +137,17 @@ class Targets(Sequence[Target]):
         return tuple(dict.fromkeys(target.response.apparatus for target in self))
 
     @property
+    def benches(self) -> dict[str, list[int]]:
+        """Places of the responses of each bench test."""
+        return {name: [k for k, one in enumerate(self) if one.response.apparatus == name] for name in self.apparatus}
+
+    @property
+    def same_bench(self) -> np.ndarray:
+        """Pairs of responses of the same bench test, as a mask (k, k)."""
+        bench = np.array([target.response.apparatus for target in self])
+        return bench[:, None] == bench
+
+    @property
     def value(self) -> np.ndarray:
         return np.array([target.value for target in self])
 

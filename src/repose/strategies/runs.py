@@ -3,15 +3,13 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import check_columns, read_rows, write_table
-from repose.core.lock import exclusive
+from repose.core.files import check_columns, read_rows
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import plain_number
 from repose.core.runs import mean_and_error
@@ -60,8 +58,8 @@ def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets)
 def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
     """List the runs of each bench test as rows of their own, as the stage `dataset` writes them."""
     tables = []
-    for bench in targets.apparatus:
-        names = [target.name for target in targets if target.response.apparatus == bench]
+    for bench, own in targets.benches.items():
+        names = [targets.names[k] for k in own]
         status = np.where(data[names].notna().all(axis=1), OK, "failed")
         tables.append(data[["sample", *names]].assign(apparatus=bench, status=status, reason=""))
     return pd.concat(tables, ignore_index=True)
@@ -87,30 +85,15 @@ def checked_runs(
     if not rows:
         raise InputError(source, "rows", 0, "a header and a row for each run")
     space, names = study.parameters, study.targets.names
-    rows = _with_fixed(rows, space)
+    rows = with_fixed(rows, space)
     check_columns(source, rows[0], (*space.names, *names))
     checked = [_checked_row(row, study, f"{source}, row {k}") for k, row in enumerate(rows, start=1)]
     table = pd.DataFrame(checked)
-    _number_samples(table, rows, space, source, strategy(study.config["strategy"]).repeats_points)
+    _number_samples(table, rows, space, source, strategy(study.settings.strategy).repeats_points)
     table = table[["sample", "status", *space.names, *names]]
     _refuse_twice(table, rows, source)
     if enough:
         _require_enough(table, study, source)
-    return table
-
-
-def add_runs(study: Studied, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
-    """Add the runs of a CSV file to a record, made if missing; return all of its runs, also too few for an answer.
-
-    The record is written as a whole, after all of it was checked; on an InputError it stays as it was.
-    """
-    rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.parameters)
-    checked_runs(study, rows, new, enough=False)
-    Path(record).parent.mkdir(parents=True, exist_ok=True)
-    with exclusive(record):
-        before = read_rows(record, what="a CSV file of runs") if Path(record).exists() else []
-        table = checked_runs(study, [*before, *rows], f"{record} with {new}", enough=False)
-        write_table(record, pd.DataFrame([*before, *rows]))
     return table
 
 
@@ -119,8 +102,9 @@ def _checked_row(row: Mapping[str, Any], study: Studied, source: object) -> dict
     space = study.parameters
     status = str(row.get("status") or OK).strip()
     run: dict[str, Any] = {"status": OK if status.lower() == OK else status}
-    for name in space.names:
-        run[name] = _inside(_number(row[name], source, name), name, space, source)
+    ends = space.complete(np.array([space.low, space.high])).tolist()
+    for name, low, high in zip(space.names, *ends, strict=True):
+        run[name] = _inside(_number(row[name], source, name), name, low, high, source)
     for name in study.targets.names:
         run[name] = math.nan
         if run["status"] == OK:
@@ -139,13 +123,8 @@ def _number(cell: Any, source: object, name: str, more: str = "") -> float:
     return value
 
 
-def _inside(value: float, name: str, space: ParameterSpace, source: object) -> float:
+def _inside(value: float, name: str, low: float, high: float, source: object) -> float:
     """Check that a parameter is within its range, and undo the rounding of a spreadsheet."""
-    if name in space.fixed:
-        low = high = space.fixed[name]
-    else:
-        k = space.free.index(name)
-        low, high = float(space.low[k]), float(space.high[k])
     slack = ROUNDED * ((high - low) or abs(high) or 1.0)
     if not low - slack <= value <= high + slack:
         allowed = f"{low:g}, as it is fixed" if low == high else f"from {low:g} to {high:g}, its range"
@@ -181,7 +160,7 @@ def _require_enough(table: pd.DataFrame, study: Studied, source: object) -> None
         raise InputError(source, "samples with a good run", samples, allowed)
 
 
-def _with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
+def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
     """Add columns for all fixed parameters to the rows."""
     missing = {name: value for name, value in space.fixed.items() if rows and name not in rows[0]}
     return [missing | dict(row) for row in rows]

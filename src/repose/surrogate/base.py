@@ -16,7 +16,7 @@ import json
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from repose.core.errors import InputError
 from repose.core.files import read_json, write_json
 from repose.core.responses import Definitions
+from repose.surrogate.settings import AS_PUBLISHED, NetworkSettings
 
 KEYS = {"surrogate": str, "inputs": list, "outputs": list}
 
@@ -39,6 +40,14 @@ class Predictor(Protocol):
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """As `Surrogate.covariance`."""
+
+
+class Noise(TypedDict, total=False):
+    """What is known of the noise of samples; `Surrogate.fit` explains it."""
+
+    precision: ArrayLike | None
+    noise_covariance: ArrayLike | None
+    noise_freedom: float
 
 
 class Surrogate(ABC):
@@ -87,14 +96,13 @@ class Surrogate(ABC):
 
     @classmethod
     @abstractmethod
-    def of(cls, settings: Mapping[str, Any]) -> Self:
-        """An untrained surrogate.
+    def of(cls, settings: NetworkSettings) -> Self:
+        """Make an untrained surrogate.
 
         Parameters
         ----------
-        settings : mapping
-            The section `network` of the configuration, with `seed`. A surrogate takes the keys that it knows and
-            ignores the others.
+        settings : NetworkSettings
+            The section `network` of the configuration. A surrogate takes the keys that it knows and ignores the others.
 
         Returns
         -------
@@ -102,15 +110,7 @@ class Surrogate(ABC):
         """
 
     @abstractmethod
-    def fit(
-        self,
-        X: ArrayLike,
-        Y: ArrayLike,
-        *,
-        precision: ArrayLike | None = None,
-        noise_covariance: ArrayLike | None = None,
-        noise_freedom: float = 0.0,
-    ) -> Self:
+    def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Learn from samples.
 
         Parameters
@@ -286,15 +286,15 @@ def names() -> tuple[str, ...]:
     return tuple(_REGISTRY)
 
 
-def make(name: str, settings: Mapping[str, Any], source: object = "surrogate") -> Surrogate:
-    """An untrained surrogate.
+def make(name: str, settings: NetworkSettings = AS_PUBLISHED, source: object = "surrogate") -> Surrogate:
+    """Make an untrained surrogate.
 
     Parameters
     ----------
     name : str
         One of `names`.
-    settings : mapping
-        As `Surrogate.of` takes them.
+    settings : NetworkSettings, optional
+        As `Surrogate.of` takes them; by default the published ones.
     source : object
         Named in the error: a file or a key.
 
