@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 import yaml
 
-from repose.apparatus import scene_size
-from repose.cli import checking, main
+from repose.apparatus import funnel, scene_size
+from repose.cli import main
+from repose.config.check import about
 from repose.config.study import Study
 from repose.core import places
 
@@ -23,7 +24,7 @@ def with_grains(config, grains, response="secant"):
     return {**config, "funnel": config["funnel"] | {"berries": grains}, "measure": measure}
 
 
-def test_a_change_is_that_of_the_table_and_fewer_grains_are_enough_where_the_angle_stays(config):
+def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(config):
     own = pd.read_csv(scene_size.TABLE).set_index(["grains", "label"])
     for name in ("whole", "secant"):
         found = scene_size.change(500, 125, name)
@@ -40,18 +41,16 @@ def test_a_change_is_that_of_the_table_and_fewer_grains_are_enough_where_the_ang
         assert all(abs(scene_size.change(1000, n, name).angle_deg) <= 1 for n in between)
         below = [n for n in scene_size.numbers() if n < (found or 1000)]
         assert not below or abs(scene_size.change(1000, max(below), name).angle_deg) > 1
-
-
-def test_a_scaled_scene_keeps_its_proportions_and_lets_grains_through(config):
     own = config["funnel"]
-    smaller = scene_size.scaled(own, 4, 13.34)
+    section = funnel.FunnelSettings(**own)
+    smaller = scene_size.scaled(section, 4, 13.34)
     assert smaller["plate_diameter_mm"] == pytest.approx(own["plate_diameter_mm"] / 5)
     assert (
         smaller["inlet_diameter_mm"] == 2 * smaller["outlet_diameter_mm"]
     )  # a fifth would be narrower than the outlet
     assert smaller["rate_per_s"] == pytest.approx(own["rate_per_s"] * 5**-2.5)
     assert smaller["outlet_diameter_mm"] == pytest.approx(min(own["outlet_diameter_mm"], 2.4 * 13.34))
-    assert scene_size.scaled(own, own["berries"], 13.34) == own | dict.fromkeys(scene_size.COMPUTED, "auto")
+    assert scene_size.scaled(section, own["berries"], 13.34) == own | dict.fromkeys(scene_size.COMPUTED, "auto")
 
 
 def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
@@ -75,7 +74,7 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     )
     Study.of({**config, "funnel": config["funnel"] | keys})
     largest = max(scene_size.numbers())
-    _, smaller, *_ = scene_size.advice(with_grains(config, 25 * largest), 13.34, 65.0)
+    _, smaller, *_ = scene_size.advice(config, 13.34, 65.0, 25 * largest)
     assert "have not been compared" in smaller
 
 
@@ -111,7 +110,7 @@ def seeds(tmp_path):
 def lines_of(study, path):
     path.write_text(yaml.safe_dump(study))
     loaded = Study.load(path, inputs=True)
-    return list(checking._about(loaded))
+    return list(about(loaded))
 
 
 @pytest.mark.parametrize("response", ["flank", "secant"])

@@ -27,13 +27,10 @@ SEVERAL = ("sequential", "response_surface", "refined")  # strategies; here each
 LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SECTIONS = typed.sections
 SMALL = {
-    "surrogate": "gaussian_process",
-    "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
-    "posterior": {"walkers": 32, "steps": 100},
-    "sensitivity": {"samples": 64, "resamples": 20},
-    "sequential": {"probability": 0.05},
-    "berry": {"particle": "ellipsoid"},
-}
+    "surrogate": "gaussian_process", "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
+    "posterior": {"walkers": 32, "steps": 100}, "sensitivity": {"samples": 64, "resamples": 20},
+    "sequential": {"probability": 0.05}, "berry": {"particle": "ellipsoid"},
+}  # fmt: skip
 
 
 class Noted(dict):

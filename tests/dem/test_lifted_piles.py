@@ -9,6 +9,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "lifted_piles"))
 import campaign
+import discharges
+import drums
 import lifted_piles
 from lifted_piles import Contents, Grains
 
@@ -38,7 +40,7 @@ def test_the_angle_of_a_cone_is_found(degrees):
     assert found["height_mm"] == pytest.approx(40.0, abs=4.0)
 
 
-def test_a_low_pile_is_measured_along_its_radius_and_grains_that_move_are_left_out():
+def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin():
     low = cone(8.0, height_m=0.012)
     found = lifted_piles.angle(low)
     assert found["flat"]
@@ -46,9 +48,6 @@ def test_a_low_pile_is_measured_along_its_radius_and_grains_that_move_are_left_o
     flying = grains(np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)]))._replace(speeds_m_s=np.ones(50))
     both = Grains(*map(np.concatenate, zip(low, flying, strict=True)))
     assert lifted_piles.angle(both) == {**found, "moving": 50}
-
-
-def test_the_rings_are_those_of_a_slow_twin():
     rng = np.random.default_rng(1)
     out, tops, width = 0.05 * np.sqrt(rng.random(900)), 0.03 * rng.random(900), 2.0 * RADIUS_M
     expected = []
@@ -58,9 +57,6 @@ def test_the_rings_are_those_of_a_slow_twin():
         if len(here) >= 4:
             expected.append(((number + 0.5) * width, max(held, default=np.median(here))))
     np.testing.assert_allclose(np.transpose(lifted_piles.rings(out, tops, width)), expected)
-
-
-def test_the_density_is_that_of_the_bed_between_its_ends():
     rng, share = np.random.default_rng(2), 0.6
     volume = np.pi * lifted_piles.TUBE_RADIUS_M**2 * 0.06
     count = round(share * volume / (4.0 / 3.0 * np.pi * RADIUS_M**3))
@@ -122,3 +118,56 @@ def test_the_campaign_takes_the_softest_modulus_that_changes_little(monkeypatch)
 
     assert modulus_of((0.4, 0.9), 0.004) == 0.01
     assert modulus_of((0.6, 0.6), 0.0) == modulus_of((0.0, 1.1), 0.0) == modulus_of((0.0, 0.0), 0.006) == 0.1
+
+
+@pytest.mark.parametrize("tilted", [False, True])
+def test_the_angle_of_a_bed_in_the_drum_is_found(tilted):
+    rng, slope = np.random.default_rng(4), -np.tan(np.radians(35.0))
+    x, z = rng.uniform(-0.07, 0.07, (2, 60_000))
+    y = rng.uniform(-0.012, 0.012, x.size)
+    rises = 0.5 * y if tilted else 0.0  # the bed of a tilted drum is not level along its axis
+    inside = (z < slope * x + rises) & (np.hypot(x, z) < 0.072)
+    bed = grains(np.column_stack([x, y, z - RADIUS_M])[inside])
+    assert drums.frame_angle(bed, tilted) == pytest.approx(35.0, abs=0.6)
+
+
+def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(monkeypatch):
+    monkeypatch.setattr(drums, "SPUN_S", {False: 0.1, True: 0.1})
+    monkeypatch.setattr(drums, "FRAMES", {False: 2, True: 2})
+    monkeypatch.setattr(drums, "REGION_M", (0.02, 0.011))
+    simulation = drums.drum(Contents(0.4, 0.1, 0.5), 1, False, 0.01, grains=250)
+    assert 200 < simulation.n_bodies <= 250
+    assert drums.DRUM.holds(simulation.positions).all()
+    assert len(drums.turned(simulation, False)) == 2
+    assert simulation.angular_velocities[:, 1].mean() != 0.0
+
+
+def test_a_grain_is_thrown_where_it_overlaps_no_other():
+    there, radii = np.zeros((1, 3)), np.array([0.03])
+    found = drums.thrown(there, radii, np.full(300, 4.0), np.random.default_rng(1))
+    assert len(found) > 200
+    centres = np.vstack([there, [centre for _size, centre in found]])
+    radii = np.append(radii, np.full(len(found), 0.002))
+    gaps = np.linalg.norm(centres[:, None] - centres, axis=2) - radii - radii[:, None]
+    assert gaps[~np.eye(len(radii), dtype=bool)].min() > 0.0
+    assert (np.hypot(centres[1:, 0], centres[1:, 2]) + 0.002).max() <= drums.REGION_M[0]
+    assert (np.abs(centres[1:, 1]) + 0.002).max() <= drums.REGION_M[1]
+
+
+def test_the_rate_is_the_slope_of_the_mass_that_left_in_the_middle():
+    left_s = np.concatenate([0.5 + np.arange(1000) / 2000.0, np.full(50, np.inf)])  # 2,000 a second
+    masses_g = np.full(1050, 0.04)
+    assert discharges.rate_g_s(left_s, masses_g, 1.8) == pytest.approx(80.0, rel=0.005)
+    slow_end = np.concatenate([left_s[:900], left_s[899] + 0.01 * np.arange(1, 151)])
+    assert discharges.rate_g_s(slow_end[:1000], masses_g[:1000], 1.8) == pytest.approx(80.0, rel=0.02)
+
+
+def test_grains_rest_over_the_plug_and_run_out_when_it_is_drawn(monkeypatch):
+    monkeypatch.setattr(discharges, "FLOWING_S", 0.5)
+    simulation = discharges.closed(Contents(0.3, 0.05, 0.5), 1, 0.1, grains=250)
+    left_s = discharges.opened(simulation)
+    assert (left_s > discharges.SETTLED_S).all()
+    gone = np.isfinite(left_s)
+    assert 10 < gone.sum() < 250  # the others lie on the plate
+    assert (simulation.positions[~gone, 2] > 0.0).all()
+    assert (np.hypot(*simulation.positions[~gone, :2].T) < 0.04).all()

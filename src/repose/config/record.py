@@ -127,7 +127,7 @@ class Record:
         samples |= dict(zip(_points(self.data, names), (row["sample"] for row in self._rows), strict=True))
         told, own, numbers = {(row["sample"], row["run"]) for row in self._rows}, [], []
         for row, point in zip(rows, _points(sets, names), strict=True):
-            given = [asked[key].astype(str) == row[key].strip() for key in ("sample", "run") if key in row]
+            given = [asked[key].astype(str) == str(row[key]).strip() for key in ("sample", "run") if key in row]
             same = np.isclose(asked[names], point, rtol=SAME, atol=0).all(axis=1)
             found = asked[np.logical_and.reduce([same, *given])]
             own.append(len(found) > 0)
@@ -177,19 +177,16 @@ class Record:
         return self._with_responses(found, table).sort_values(["sample", "run"], ignore_index=True)
 
     def _made_before(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Give numbers to runs that `ask` did not give: rows with the same parameters are runs of one sample."""
-        names = list(self.study.parameters.free)
-        missing = [name for name in (*names, *self.study.targets.names) if name not in table]
+        """Give numbers to runs of a table without any: rows with the same parameters are runs of one sample."""
+        space = self.study.parameters
+        missing = [name for name in (*space.free, *self.study.targets.names) if name not in table]
         if missing:
             raise InputError(SOURCE, "columns", list(table), f"sample; or also {', '.join(missing)}")
-        used = [*(int(row["sample"]) for row in self._rows), *self.asked["sample"].astype(int)]
-        first = max(used, default=0) + 1
-        sets = pd.factorize(pd.Series(list(zip(*(_numbers(table, name) for name in names), strict=True))))[0]
-        found = pd.DataFrame({"sample": sets + first})
-        found["run"] = found.groupby("sample").cumcount() + 1
-        for name in self.study.parameters.names:
-            found[name] = _numbers(table, name) if name in table else self.study.parameters.fixed[name]
-        return self._with_responses(found, table)
+        sets = {name: _numbers(table, name) if name in table else space.fixed[name] for name in space.names}
+        found = pd.DataFrame(sets)
+        rows = self._with_responses(found, table)
+        numbered = self._numbered(rows.to_dict("records"), found)
+        return pd.DataFrame(numbered).assign(**{TURN: self._turn[1]})
 
     def _with_responses(self, found: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         """Add status, responses and turn to runs."""

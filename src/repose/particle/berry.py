@@ -1,4 +1,4 @@
-"""Measured berries: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
+"""Measured grains: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
 
 import math
 from os import PathLike
@@ -12,6 +12,7 @@ from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.particle import size_distribution
 from repose.particle.berry_files import ALIKE, SIZE_COLUMNS, read_compression, read_sizes
+from repose.particle.particle import check_positive
 from repose.particle.settings import GrainSettings
 
 TABLE1 = ("dimension", "maximum", "minimum", "mean")
@@ -21,35 +22,35 @@ Numbers = Any
 
 
 def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Diameter of the sphere with the same product of full axes (Eq. 1), in their unit."""
+    """Compute the diameter of the sphere with the same product of full axes (Eq. 1), in their unit."""
     return np.cbrt(long * major * minor)
 
 
 def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Equivalent diameter over the long axis, 0 to 1 (Eq. 1, there in percent)."""
+    """Compute the equivalent diameter over the long axis, 0 to 1 (Eq. 1, there in percent)."""
     return equivalent_diameter(long, major, minor) / long
 
 
 def elastic_modulus(
     force_n: Numbers, length_m: Numbers, breadth_m: Numbers, width_1_m: Numbers, width_2_m: Numbers
 ) -> Numbers:
-    """Elastic modulus E [Pa]: stress over strain in the loading direction W (Eq. 2)."""
+    """Compute the elastic modulus E [Pa]: stress over strain in the loading direction W (Eq. 2)."""
     section = math.pi / 4 * length_m * breadth_m
     return force_n / section / ((width_1_m - width_2_m) / width_1_m)
 
 
 def poisson_ratio(length_1: Numbers, length_2: Numbers, width_1: Numbers, width_2: Numbers) -> Numbers:
-    """Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3)."""
+    """Compute Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3)."""
     return np.abs(((length_2 - length_1) / length_1) / ((width_2 - width_1) / width_1))
 
 
 def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
-    """Shear modulus G = E / (2 (1 + nu)) (Eq. 4)."""
+    """Compute the shear modulus G = E / (2 (1 + nu)) (Eq. 4)."""
     return elastic_modulus_pa / (2 * (1 + poisson))
 
 
 def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
-    """E [Pa] and nu as means over the compression tests (`read_compression`), and G [Pa] from both means by Eq. 4."""
+    """Compute E [Pa] and nu as means over compression tests (`read_compression`), and G [Pa] from both by Eq. 4."""
     elastic = elastic_modulus(
         tests["force_n"],
         tests["length_1_mm"] * 1e-3,
@@ -62,7 +63,7 @@ def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
-    """Statistics of the sizes (`read_sizes`) beside the published values (Table 1), a row for each dimension."""
+    """List statistics of the sizes (`read_sizes`) next to the published values (Table 1), a row for each dimension."""
     axes = [sizes[column] for column in SIZE_COLUMNS]
     dimensions = {column: ("mm", sizes[column]) for column in SIZE_COLUMNS}
     dimensions["equivalent_diameter_mm"] = ("mm", equivalent_diameter(*axes))
@@ -91,7 +92,7 @@ def measured_berry(
     shear_modulus_pa: float | None = None,
     source: object = "berry",
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Statistics (`summarise`) and material of the measured berries.
+    """Compute statistics (`summarise`) and material of the measured grains.
 
     `poisson` and `shear_modulus_pa` replace the results of the compression tests; E follows by Eq. 4.
     """
@@ -132,7 +133,7 @@ def of_files(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """`measured_berry` of files."""
+    """Compute `measured_berry` of files."""
     check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
     both = poisson_ratio is not None and shear_modulus_pa is not None
     sizes = read_sizes(sizes_csv)
@@ -148,7 +149,7 @@ def of_files(
 
 
 def of_settings(section: GrainSettings, table1_csv: str | PathLike | None) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """`measured_berry` of a section `berry`."""
+    """Compute `measured_berry` of a section `berry`."""
     material = section.density_kg_m3, section.poisson_ratio, section.shear_modulus_pa
     return of_files(section.sizes, section.compression, table1_csv, *material)
 
@@ -176,8 +177,6 @@ def check_material(
     source: object = "berry",
 ) -> None:
     """Raise InputError for an impossible material; None is not checked, `source` is named in the message."""
-    for key, value in (("density_kg_m3", density_kg_m3), ("shear_modulus_pa", shear_modulus_pa)):
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise InputError(source, key, value, "a positive number")
+    check_positive(source, density_kg_m3=density_kg_m3, shear_modulus_pa=shear_modulus_pa)
     if poisson_ratio is not None and not 0 <= poisson_ratio <= 0.5:
         raise InputError(source, "poisson_ratio", poisson_ratio, "from 0 to 0.5")

@@ -102,8 +102,9 @@ def _checked_row(row: Mapping[str, Any], study: Studied, source: object) -> dict
     space = study.parameters
     status = str(row.get("status") or OK).strip()
     run: dict[str, Any] = {"status": OK if status.lower() == OK else status}
-    for name in space.names:
-        run[name] = _inside(_number(row[name], source, name), name, space, source)
+    ends = space.complete(np.array([space.low, space.high])).tolist()
+    for name, low, high in zip(space.names, *ends, strict=True):
+        run[name] = _inside(_number(row[name], source, name), name, low, high, source)
     for name in study.targets.names:
         run[name] = math.nan
         if run["status"] == OK:
@@ -122,13 +123,8 @@ def _number(cell: Any, source: object, name: str, more: str = "") -> float:
     return value
 
 
-def _inside(value: float, name: str, space: ParameterSpace, source: object) -> float:
+def _inside(value: float, name: str, low: float, high: float, source: object) -> float:
     """Check that a parameter is within its range, and undo the rounding of a spreadsheet."""
-    if name in space.fixed:
-        low = high = space.fixed[name]
-    else:
-        k = space.free.index(name)
-        low, high = float(space.low[k]), float(space.high[k])
     slack = ROUNDED * ((high - low) or abs(high) or 1.0)
     if not low - slack <= value <= high + slack:
         allowed = f"{low:g}, as it is fixed" if low == high else f"from {low:g} to {high:g}, its range"

@@ -156,11 +156,10 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     noise = noise_from(study, observed)
     model = best.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)
-    low, high = space.complete(np.array([space.low, space.high]))
-    support = Support(space.values(observed.unit), low, high, space.names)
+    support = Support.of(space.values(observed.unit), space)
     vary = REPLICATES in noise.sources.values()
     section = posterior_settings(study, observed.freedom if vary else 0)
-    posterior = infer(model, support, runs, space, targets, section, {})
+    posterior = infer(model, support, runs, study, section, {})
     feasible, message = answer.verdict(best, targets)
     goal = Goal.of(targets, settings.sequential.tolerance_percent, space)
     summary = {

@@ -19,13 +19,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import Scene, bench, bench_tests
+from repose.apparatus import Scene, bench_of, bench_tests
 from repose.apparatus.job import measure_job
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_table
 from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import responses_of
-from repose.core.seeds import UNNAMED
 from repose.core.variance import variance_components
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import CALIBRATED_ANGLE
@@ -87,7 +86,7 @@ def run(
     scene, rows = Scene.of(dict(study.config) | {"targets": every}, {}, grain, particle), []
     for path in map(Path, pours):
         job = measure_job(scene, path, Path(out_dir) / path.parent.name)
-        test = bench(job.get("apparatus", UNNAMED), path)
+        test = bench_of(job, path)
         rows += [
             {"apparatus": test.name, "sample": job["sample"], "response": response.name, "value": response.of(run)}
             for run in job["runs"]

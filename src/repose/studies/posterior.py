@@ -51,8 +51,7 @@ def infer(
     model: Predictor,
     support: Support,
     runs: pd.DataFrame,
-    space: ParameterSpace,
-    targets: Targets,
+    study: Studied,
     settings: PosteriorSettings,
     references: Mapping[str, pd.DataFrame],
     shapes: np.ndarray | None = None,
@@ -62,6 +61,7 @@ def infer(
     `runs` give the correlation of the responses, `references` other intervals by name: tables with low and high.
     `shapes` (k, k) is the covariance of the discrepancies by a shape study; None means stated values.
     """
+    space, targets = study.parameters, study.targets
     observed, pairs = _observed(runs, targets, settings)
     assumed = settings.discrepancy_percent, settings.discrepancy_correlation
     unknown = discrepancy.of_targets(targets, runs, *assumed, shapes)
@@ -83,7 +83,7 @@ def infer(
     kept = unit[np.sort(rows)]
     drawn = chains.log_density.ravel() - space.log_prior(unit)
     independent = drawn.size / chains.density_time
-    bits = joint_information_bits(likelihood, drawn, independent, space.dimensions, seed, from_prior=space.from_prior)
+    bits = joint_information_bits(likelihood, drawn, independent, space, seed)
     about = {"r_hat": r_hat, "effective_draws": effective, "autocorrelation_steps": chains.times}
     table = _parameters(space, unit, about, references)
 
@@ -141,15 +141,14 @@ def run(
     models = None if settings.shape_study is None else discrepancy.of_shape_study(settings.shape_study, targets)
     shapes = None if models is None else models.covariance
     try:
-        result = infer(model, support, runs, space, targets, settings, references, shapes)
+        result = infer(model, support, runs, study, settings, references, shapes)
     except ValueError as error:
         allowed = "enough runs a sample for the correlation of the responses"
         raise InputError(files["runs"], "runs", str(error), allowed) from None
     out = Path(out_dir)
     result.summary.update(_further_studies(model, study, runs, shapes, out))
     if models is not None:
-        result.summary["discrepancy_models"] = models.models
-        result.summary["discrepancy_mean"] = models.mean.tolist()
+        result.summary.update(discrepancy_models=models.models, discrepancy_mean=models.mean.tolist())
     write_table(out / "posterior.csv", result.parameters)
     write_table(out / "draws.csv", result.draws)
     write_json(out / "posterior.json", result.summary)
@@ -214,8 +213,7 @@ def statement(row: Mapping[str, Any]) -> str:
     if bits < UNDETERMINED:
         return f"{name} is not determined: {share}"
     if bits < DETERMINED:
-        end = "low" if row["below_centre"] > 0.5 else "high"
-        sure = max(row["below_centre"], 1 - row["below_centre"])
+        end, sure = max(("high", 1 - row["below_centre"]), ("low", row["below_centre"]), key=lambda one: one[1])
         return f"{name} is weakly determined, in the {end} half with probability {sure:.2f}: {share}"
     if row["width_ratio"] > WIDE:
         return f"{name} lies in one of several places within {where}: {share}"
@@ -256,20 +254,13 @@ def _parameters(
     for k, name in enumerate(space.free):
         values = space.low[k] + unit[:, k] * (space.high[k] - space.low[k])
         interval = _interval(values)
-        row = {
-            "parameter": name,
-            "low": space.low[k],
-            "high": space.high[k],
-            "mean": float(values.mean()),
-            "sd": float(values.std()),
-            "median": float(np.median(values)),
-            "credible_low": interval["low"],
-            "credible_high": interval["high"],
-            "width_ratio": (interval["high"] - interval["low"]) / widths[k],
-            "information_bits": information_bits(shares[:, k], chains["effective_draws"][k]),
-            "below_centre": float((shares[:, k] < 0.5).mean()),
-            **{column: numbers[k] for column, numbers in chains.items()},
-        }
+        row = {"parameter": name, "low": space.low[k], "high": space.high[k]}
+        row |= {"mean": float(values.mean()), "sd": float(values.std()), "median": float(np.median(values))}
+        row |= {f"credible_{end}": number for end, number in interval.items()}
+        row["width_ratio"] = (interval["high"] - interval["low"]) / widths[k]
+        row["information_bits"] = information_bits(shares[:, k], chains["effective_draws"][k])
+        row["below_centre"] = float((shares[:, k] < 0.5).mean())
+        row |= {column: numbers[k] for column, numbers in chains.items()}
         for other, intervals in references.items():
             if name in intervals.index:  # published tables have the six parameters alone
                 row |= _reference(other, space, k, values, *map(float, intervals.loc[name, ["low", "high"]]))

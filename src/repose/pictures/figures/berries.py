@@ -1,4 +1,4 @@
-"""Figures 2 and 7: the berries' sizes, and the particle made from the mesh."""
+"""Figures 2 and 7: the grains' sizes, and the particle made from the mesh."""
 
 import math
 import textwrap
@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from repose.core.errors import InputError
 from repose.particle import berry
-from repose.particle.particle import Body, Particle
+from repose.particle.particle import KINDS, Body, Particle
 
 from . import style
 from .registry import Inputs, Shown, figure
@@ -33,7 +33,7 @@ RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measu
 def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
     """Draw histograms of the axes and of the sphericity (Eq. 1 and Table 1 of the paper), with normal curves.
 
-    Figure 2. Sizes of the berries, with the normal curves of their means and standard deviations. Where the table
+    Figure 2. Sizes of the grains, with the normal curves of their means and standard deviations. Where the table
     of sizes says so in its first line, it is a reconstruction from published statistics and was not measured.
     """
     sizes = berry.read_sizes(inputs["sizes"])
@@ -55,7 +55,7 @@ def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
 def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: str) -> None:
     """Draw the histogram of one size with the normal curve of its mean and standard deviation."""
     mean, sd = values.mean(), values.std(ddof=1)
-    # Equal berries have one bin, and a curve too narrow to see.
+    # Equal grains have one bin, and a curve too narrow to see.
     sd_shown = max(sd, 1e-3 * mean)
     ends = min(values.min(), mean - sd_shown), max(values.max(), mean + sd_shown)
     look = {"color": colour, "alpha": 0.55, "edgecolor": "white", "linewidth": 0.6}
@@ -74,15 +74,15 @@ MESH = {"stl": "berry/berry.stl", "particle": "berry/particle.json"}
 def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     """Draw the mesh and all particles made from it, side by side on the same scale.
 
-    Figure 7. The berry: its mesh, and the particle that the simulator makes of the mesh.
+    Figure 7. The grain: its mesh, and the particle that the simulator makes of the mesh.
     """
     # slow to import, and the other figures do without
-    from repose.particle import build
+    from repose.particle.mesh import load_mesh
     from repose.pictures.render import render_bodies, render_mesh
     from repose.pictures.scenery import Setting, look_at
 
     chosen = Particle.load(inputs["particle"])
-    mesh = build.load_mesh(inputs["stl"])
+    mesh = load_mesh(inputs["stl"])
     in_m = mesh.copy().apply_scale(1e-3)
     width = style.pixels(study, PICTURE_PIXELS)
     camera: dict[str, Any] = {"width": width, "height": round(0.78 * width), "field_of_view_deg": style.TELEPHOTO_DEG}
@@ -95,7 +95,7 @@ def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     _caption(panels[0], "a  mesh", chosen.mesh, f"{len(mesh.faces)} triangles")
     panels[0].imshow(render_mesh(in_m, **view))
     style.scale_bar(panels[0], look_at(frame_m, **camera), np.zeros(3), max(in_m.extents))
-    for panel, kind, letter in zip(panels[1:], build.KINDS, "bcd", strict=True):
+    for panel, kind, letter in zip(panels[1:], KINDS, "bcd", strict=True):
         try:
             particle = _made(mesh, kind, chosen, study.berry)
         except InputError as error:

@@ -12,7 +12,7 @@ from repose.chain.train import Training
 from repose.core.errors import InputError
 from repose.strategies.base import Answer, Batch, Studied
 from repose.strategies.published import strategy as published
-from repose.strategies.published.strategy import answer_of, fitted, probability_of, support_of
+from repose.strategies.published.strategy import answer_of, fitted, probability_of
 from repose.strategies.refined import refine
 from repose.strategies.refined.rounds import (
     OF_A_ROUND,
@@ -48,7 +48,7 @@ def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
     samples = samples_of_runs(data, space, targets)
     own = samples["sample"].map(round_of)
     samples["round"] = own.where(own >= 0).astype("Int64")
-    training, support = fitted(study, samples, data), support_of(study, samples)
+    training, support = fitted(study, samples, data)
     model = training.model
     if number == 0:
         inversion = invert(model, space, targets, settings.miga, support=support)
