@@ -67,21 +67,12 @@ def test_tables_in_another_unit_are_blamed_on_themselves(tmp_path):
 
 
 TABLES = {
-    "empty": "",
-    "blank lines": "\n\n\n",
-    "only a header": "{header}\n",
-    "no header": "{rows}",
-    "a column twice": "{header},long_mm\n",
-    "a cell too many": "{header}\n{row},1\n",
-    "a cell too few": "{header}\n1,2\n",
-    "cut": "{header}\n{row}\n1",
-    "semicolons": "{semicolons}",
-    "tabs": "{tabs}",
-    "zero bytes": "{header}\n\0\0\n",
-    "json": '{{"a": 1}}',
-    "xml": "<table><tr><td>1</td></tr></table>",
+    "empty": "", "blank lines": "\n\n\n", "only a header": "{header}\n", "no header": "{rows}",
+    "a column twice": "{header},long_mm\n", "a cell too many": "{header}\n{row},1\n",
+    "a cell too few": "{header}\n1,2\n", "cut": "{header}\n{row}\n1", "semicolons": "{semicolons}", "tabs": "{tabs}",
+    "zero bytes": "{header}\n\0\0\n", "json": '{{"a": 1}}', "xml": "<table><tr><td>1</td></tr></table>",
     "quotes that do not end": '{header}\n"1,2,3\n',
-}
+}  # fmt: skip
 
 
 PUBLISHED = "solution," + ",".join(PARAMETERS) + "\n1,.2,.5,.04,.2,.5,.2\n"
@@ -204,12 +195,9 @@ def test_a_reader_reads_any_bytes_or_reports_what_is_wrong(tmp_path):
 
     readers = {
         "a.csv": (files.read_table, files.read_rows, berry_files.read_sizes, berry_files.read_compression),
-        "a.json": (files.read_json, berry_files.read_berry, Particle.load),
-        "a.npz": (files.read_npz,),
-        "a.stl": (load_mesh,),
-        "a.png": (read_image,),
-        "a.yaml": (reading.read,),
-    }
+        "a.json": (files.read_json, berry_files.read_berry, Particle.load), "a.npz": (files.read_npz,),
+        "a.stl": (load_mesh,), "a.png": (read_image,), "a.yaml": (reading.read,),
+    }  # fmt: skip
 
     def check(content, name):
         path = tmp_path / name

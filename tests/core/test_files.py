@@ -154,11 +154,19 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_it_knows_the_names_of_its_files_and_nobody_may_run_it(folder):
+def test_the_folder_knows_its_files_and_a_full_disk_is_reported(folder):
     (folder / "somebodys.json").write_text("{}")
     (folder / "b.json").unlink()
     assert ledger.names(folder) == {"a.json", "b.json"}
     assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
+
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    before = (folder / "a.json").read_bytes()
+    with pytest.raises(OSError, match=r"No space left on device: '.*a\.json'"):
+        ledger.write_whole(folder / "a.json", full)
+    assert (folder / "a.json").read_bytes() == before
 
 
 def test_files_that_hold_something_else_are_found_and_lost_ones_are_not(folder):
@@ -186,16 +194,6 @@ def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
     (tmp_path / ledger.LEDGER).write_text(content)
     input_error("content is 'something else'", files.write_json, tmp_path / "a.json", {})
     assert (tmp_path / ledger.LEDGER).read_text() == content
-
-
-def test_a_full_disk_is_reported_with_the_file_that_did_not_fit(folder):
-    def full(handle):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    before = (folder / "a.json").read_bytes()
-    with pytest.raises(OSError, match=r"No space left on device: '.*a\.json'"):
-        ledger.write_whole(folder / "a.json", full)
-    assert (folder / "a.json").read_bytes() == before
 
 
 # Calls that write, rename or remove; what stands in these files is tested in tests/core and tests/faults.
