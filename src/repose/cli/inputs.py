@@ -68,12 +68,12 @@ def shape(args: argparse.Namespace, study: "Study") -> None:
     "make the Latin hypercube design of the contact parameters, or of your own simulator's parameters",
     example="--out results/design",
     out="results/design",
-    study=own_simulator.of_either,
+    study=own_simulator.load_any_study,
 )
 def design(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import design
 
-    if own_simulator.is_one(study):
+    if own_simulator.has_own_simulator(study):
         own_simulator.write_start(args, study)
         return
     design.run(study.parameters, study.settings.design, args.out)
