@@ -78,7 +78,7 @@ def test_a_glued_layer_touches_and_does_not_overlap():
         assert apart[0] == pytest.approx(wide * 1.0001 if particle is SPHERE else apart[0])
         own = config(surface="glued")
         values = named((0.2, 0.3, 0.0, 0.2, 0.9, 0.9))
-        simulation = TEST._plane(Scene.of(own, values, BEAD, particle), 1.0, azimuth=0.4)
+        simulation = TEST.build(Scene.of(own, values, BEAD, particle), 1.0, azimuth=0.4)
         simulation.run_steps(50)
         assert len(simulation.contacts()) == 0
         assert np.ptp(simulation.positions[:, 2]) == 0.0 == np.abs(simulation.velocities).max()

@@ -11,6 +11,7 @@ import pytest
 from repose.apparatus import funnel, reach, scene_size
 from repose.config.study import Study
 from repose.core import places
+from repose.core.targets import completed
 from repose.measure.angles import DEFINITIONS
 from repose.measure.settings import MeasureSettings
 from repose.particle.particle import Particle
@@ -140,7 +141,7 @@ def test_the_band_holds_for_grains_that_the_table_has_not(crop):
         carried = np.tan(np.radians(table[name])) * (height / table["height_mm"]) ** 1.5
         mean = float(np.degrees(np.arctan(carried)).mean())
         targets = [
-            {"response": response, "value": value, "sd": 0.0, "repetitions": 1}
+            completed({"response": response, "value": value, "sd": 0.0, "repetitions": 1})
             for response, value in ((name, mean), ("height_mm", height))
         ]
         found = reach.of(config | {"targets": targets}, body)[name]

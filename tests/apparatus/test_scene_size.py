@@ -8,7 +8,8 @@ import pytest
 import yaml
 
 from repose.apparatus import funnel, scene_size
-from repose.cli import checking, main
+from repose.cli import main
+from repose.config.check import about
 from repose.config.study import Study
 from repose.core import places
 
@@ -109,7 +110,7 @@ def seeds(tmp_path):
 def lines_of(study, path):
     path.write_text(yaml.safe_dump(study))
     loaded = Study.load(path, inputs=True)
-    return list(checking._about(loaded))
+    return list(about(loaded))
 
 
 @pytest.mark.parametrize("response", ["flank", "secant"])

@@ -3,10 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
-from refusals import input_error, value_error
+from pydantic import ValidationError
+from refusals import value_error
 from shared import RANGES
 
 from repose.chain import design, exchange_search
+from repose.chain.settings import DesignSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 
@@ -82,7 +84,7 @@ def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_th
 
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
 def test_written_samples_are_still_stratified(tmp_path, method):
-    design.run(ParameterSpace.of(RANGES), 15, method, 2026, tmp_path)
+    design.run(ParameterSpace.of(RANGES), DesignSettings(samples=15, method=method, seed=2026), tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
     assert list(table.columns) == ["sample", *PARAMETERS]
     assert list(table["sample"]) == list(range(1, 16))
@@ -97,7 +99,7 @@ def test_written_samples_are_still_stratified(tmp_path, method):
 
 def test_a_fixed_parameter_is_a_column_and_sizes_without_a_design_are_refused():
     section = RANGES | {"e_gp": {"fixed": 0.4}, "mus_gg": {"prior": {"mean": 0.5, "sd": 0.02}}}
-    table, comparison = design.design(ParameterSpace.of(section), 12, "optimal", 1)
+    table, comparison = design.design(ParameterSpace.of(section), DesignSettings(samples=12, method="optimal", seed=1))
     assert table["e_gp"].tolist() == 12 * [0.4]
     strata = np.floor(12 * (table["mus_gg"] - 0.44) / 0.12)
     assert sorted(strata) == list(range(12))
@@ -109,5 +111,7 @@ def test_a_fixed_parameter_is_a_column_and_sizes_without_a_design_are_refused():
 @pytest.mark.parametrize(("samples", "method", "seed", "key"), [
     (1, "optimal", 1, "samples"), (2.5, "optimal", 1, "samples"), (9, "best", 1, "method"), (9, "optimal", -1, "seed"),
 ])  # fmt: skip
-def test_bad_settings_are_refused(tmp_path, samples, method, seed, key):
-    input_error(f"{key} is", design.run, ParameterSpace.of(RANGES), samples, method, seed, tmp_path)
+def test_bad_settings_are_refused(samples, method, seed, key):
+    with pytest.raises(ValidationError) as caught:
+        DesignSettings(samples=samples, method=method, seed=seed)
+    assert [error["loc"] for error in caught.value.errors()] == [(key,)]

@@ -11,6 +11,7 @@ import shared
 from shared import RANGES, every_bench_test, target
 
 from repose.chain import dataset, design, invert, train, validate
+from repose.chain.settings import DesignSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -63,7 +64,7 @@ def pour(table, targets, folder, seeds=4):
 
 def whole_chain(out: Path, targets, space, network=NETWORK):
     definitions = {name: {"measure.views": 6} for name in targets.names}
-    samples, _ = design.run(space, 40, "lhsdesign", 1, out / "design")
+    samples, _ = design.run(space, DesignSettings(samples=40, method="lhsdesign", seed=1), out / "design")
     dataset.run(out / "design/samples.csv", pour(samples, targets, out / "jobs"), targets, definitions, out)
     metrics = train.run(out / "dataset.csv", out / "runs.csv", targets, network, out / "network", definitions)
     support = Support.of_dataset(out / "dataset.csv", space)

@@ -13,7 +13,7 @@ from shared import every_bench_test
 
 from repose.cli import VERBS, checking, docs, main, parser, stages
 from repose.cli.measuring import _settings
-from repose.config import computed, cost
+from repose.config import check, computed, cost
 from repose.core import places
 from repose.dem.time_steps import Limit
 
@@ -27,7 +27,7 @@ from repose.dem.time_steps import Limit
 )
 def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time(step_s, hint):
     limit = Limit(4.09e-5, "as a pile has it")
-    assert checking.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{hint}")
+    assert check.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{hint}")
 
 
 @pytest.mark.parametrize("longest_s", [1.0e-3, 3.3e-5, 9.99e-7, 2.0e-6 / 0.8])

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -15,7 +16,8 @@ from shared import check_all
 
 from repose.__main__ import main
 from repose.apparatus import job, kept_runs
-from repose.cli import GROUPS, STAGES, TYPED, VERBS, checking, parser, registry
+from repose.cli import GROUPS, STAGES, TYPED, VERBS, parser, registry
+from repose.config import check
 from repose.config.study import Study
 from repose.core import provenance
 from repose.core.parameters import PARAMETERS
@@ -294,7 +296,7 @@ def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(tmp_
 @pytest.mark.parametrize(("sd", "piles", "warned"), [(0, 10, "sd is 0"), (1.0, 2, "repetitions is 2"), (1.0, 3, None)])
 def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
     target = {"response": "aor_deg", "apparatus": "funnel", "sd": sd, "repetitions": piles}
-    lines = list(checking._about_the_targets({"targets": [target]}))
+    lines = list(check.of_targets(SimpleNamespace(settings=SimpleNamespace(targets=[SimpleNamespace(**target)]))))
     assert len(lines) == (warned is not None)
     if warned:
         assert f"aor_deg: WARNING: {warned}" in lines[0]
@@ -319,3 +321,18 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
     monkeypatch.setattr("repose.chain.design.run", lambda *_: None)
     assert main(words) == 0
     assert ("built-in goji example" in capsys.readouterr().err) is warned
+
+
+def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, capsys):
+    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text()) | {"reason": "\x1b[31mred\x07\u009b"}
+    (tmp_path / "card.json").write_text(json.dumps(shown))
+    main(["card", "check", str(tmp_path / "card.json")])
+    out = capsys.readouterr().out
+    assert not {"\x1b", "\x07", "\u009b"} & set(out)
+    assert "\\x1b[31mred\\x07\\x9b" in out
+
+
+@pytest.mark.parametrize("out", ["", "/", "/tmp/.."])
+def test_a_verb_does_not_write_to_the_root(out, capsys):
+    assert main(["marker", "--out", out]) == 2
+    assert f"command line: --out is {out!r}; expected the path of a file or folder" in capsys.readouterr().err

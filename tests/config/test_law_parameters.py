@@ -11,6 +11,7 @@ from repose.apparatus.scene import _contacts
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.card import laws as described_laws
 from repose.chain.design import design
+from repose.chain.settings import DesignSettings
 from repose.config import faults, stands_on
 from repose.config.study import Study
 from repose.core.errors import InputError
@@ -32,19 +33,19 @@ def study(contact_law, rolling_law="budget", **parameters):
 def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting_its_laws():
     for key, laws, default in (("contact_law", CONTACT_LAWS, "hertz_mindlin"), ("rolling_law", ROLLING_LAWS, "budget")):
         assert faults.subschema(["simulation", key])["enum"] == list(laws)
-        config = copy.deepcopy(study("hertz_mindlin").config)
+        config = copy.deepcopy(study("hertz_mindlin").settings.simulation)
         before = hash_of(stands_on.settings_of(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"
         assert hash_of(stands_on.settings_of(config, "pour")) != before
         del config["simulation"][key]
         assert getattr(SimulationSettings.of(config), key) == default
-    words = described_laws(study("jkr", **COHESION).config)
+    words = described_laws(study("jkr", **COHESION).settings.simulation)
     assert "w = 2 gamma" in words["normal"]
     assert "3 pi gamma R*" in words["normal"]
     for direction in ("tangential", "rolling"):
         assert "times the sum of the damped normal force and twice the pull-off force" in words[direction]
     assert "by more than the pull-off force" in words["end of an impact"]
-    words = described_laws(study("sjkr", **OF_SJKR).config)
+    words = described_laws(study("sjkr", **OF_SJKR).settings.simulation)
     assert "mu_s times the size of the damped normal force without cohesion" in words["tangential"]
     assert words["end of an impact"].startswith("the force without cohesion never pulls")
     space = study("hertz_mindlin", "epsd", mut_gp=[0.0, 0.5]).parameters
@@ -61,7 +62,7 @@ def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp
     space = study("jkr", **COHESION).parameters
     assert space.names == (*PARAMETERS, "gamma_gg", "gamma_gp")
     assert space.free == (*PARAMETERS, "gamma_gg")
-    table = design(space, 12, "lhsdesign", 1)[0]
+    table = design(space, DesignSettings(samples=12, method="lhsdesign", seed=1))[0]
     assert list(table) == ["sample", *space.names]
     assert set(table["gamma_gp"]) == {0.02}
     assert len(set(np.ceil(120.0 * table["gamma_gg"]))) == 12

@@ -376,3 +376,39 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys
     berry["density_kg_m3"] = 841.0
     assert main(words) == 2
     assert "grain.density_kg_m3 is 1250.0; expected 841.0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("spheres", [1, 6])
+def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, capsys, spheres):
+    """Its own laws, wall, grain and bench test; the time step is at most that of the study where the card has it."""
+    monkeypatch.chdir(tmp_path)
+    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
+    words = ["export", "--to", "liggghts", "--card", "card.json", "--spheres", str(spheres)]
+    steps = {}
+    for step in (None, 1e-6):
+        shown |= {} if step is None else {"simulation": {"time_step_s": step, "gravity_m_s2": 9.0}}
+        Path("card.json").write_text(json.dumps(shown))
+        assert main([*words, "--out", f"deck {step}"]) == 0
+        text = Path(f"deck {step}/in.pour").read_text()
+        steps[step] = float(re.search(r"timestep +(\S+)", text)[1])
+        assert f"nparticles {shown['tests'][0]['bench']['berries']} " in text
+        assert f"mu_s {shown['parameters']['mus_gg']['value']:.6g}" in text
+        assert f"gravity {9.0 if step else 9.81:g} " in text
+        assert "limitForce on" in text
+        if spheres > 1:
+            assert float(re.search(r" type 1 mass (\S+)", text)[1]) == pytest.approx(1e-3 * shown["grain"]["mass_g"])
+            moments = [float(word) for word in re.search(r"inertia_tensor (\S+) 0 0 (\S+) 0 (\S+)", text).groups()]
+            a, b, c = 0.5e-3 * np.array(shown["grain"]["mean_axes_mm"])
+            solid = 1e-3 * shown["grain"]["mass_g"] / 5 * np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2])
+            assert moments == pytest.approx(solid, rel=0.01)
+    assert steps[1e-6] == pytest.approx(0.5e-6 if spheres > 1 else 1e-6)
+    assert steps[None] > 5 * steps[1e-6]
+    assert "built-in goji" not in capsys.readouterr().err
+    shown["laws"]["normal"] = "a law of another time"
+    Path("card.json").write_text(json.dumps(shown))
+    assert main([*words, "--out", "deck"]) == 2
+    assert "card.json: laws is 'a law of another time'; expected laws of this version" in capsys.readouterr().err
+    shown["tests"][0]["apparatus"] = "drum"
+    Path("card.json").write_text(json.dumps(shown))
+    assert main([*words, "--out", "deck"]) == 2
+    assert "expected the card of a study with piles of the funnel" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,7 +13,8 @@ from thirty import BAD, SMALL, measured
 
 from repose.cli import main
 from repose.measure import camera, finding, photographs, sheet
-from repose.measure.results import Angle, Measurement
+from repose.measure.segmentation import Segmentation
+from repose.measure.settings import MeasureSettings
 
 
 def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
@@ -55,18 +57,37 @@ def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
     assert "focal length as the camera states it: the sheet is seen in too few places" in found.note
     assert found.matrix[0, 0] == 1111.0
     assert not found.lens.any()
-    height, slope, eye = 60.0, math.radians(31.0), np.array([0.0, -500.0, 120.0])
+
+
+@pytest.mark.parametrize(("above", "lost"), [(-20.0, 0.8), (0.0, 0.2), (60.0, 0.4)])
+def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above, lost):
+    """The slow twin: the outline of a cone as the hull of its apex and its rim, seen from a point.
+
+    From below, the rim lies under the row of the plate, so the foot loses a little.
+    """
+    height, slope, eye = 60.0, math.radians(31.0), np.array([0.0, -500.0, 60.0 + above])
     turn = np.linspace(0, 2 * np.pi, 100001)
-    rim = height / math.tan(slope) * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+    radius = height / math.tan(slope)
+    rim = radius * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
     share = eye[1] / (eye[1] - rim[:, 1])  # where the ray meets y = 0
     seen = eye[[0, 2]] + share[:, None] * (rim[:, [0, 2]] - eye[[0, 2]])
-    right = seen[seen[:, 0] > 1]
-    flat = math.degrees(np.arctan2(height - right[:, 1], right[:, 0]).min())
-    angle = Angle(flat, flat, flat, ())
-    one = Measurement("flank", {"flank": angle}, {}, height, 0.0, (0.0, 0.0), np.empty((0, 2)), "darker")
-    look_down = math.degrees(math.atan2(eye[2] - height, -eye[1]))
-    assert flat < 30.7
-    assert photographs.seen_level(one, look_down).aor_deg == pytest.approx(31.0, abs=1e-3)
+    px, base, axis = 0.1, 700.5, 1500.0
+    corners = np.concatenate([[[0, height]], seen])
+    hull = cv2.convexHull((16 * (corners / [px, -px] + [axis, base])).astype(np.int32))
+    mask = np.zeros((702, 3001), np.uint8)
+    cv2.fillPoly(mask, [hull], 1, shift=4)
+    mask[701:] = 0
+    pile = Segmentation(255 * mask, mask.astype(np.float32), 0.5, mask, base, "brighter")
+    one = photographs.Photograph(Path(), mask, pile, facts={"mm_per_pixel": px})
+    how = MeasureSettings(berry_height_mm=6.0)
+    flat = photographs._measured(one, how)
+    assert (flat.aor_deg < 30.9) == (above != 0)
+    photographs.seen_level(one, axis, 500 / px, eye[2] / px, (flat.left_deg, flat.right_deg), height / px)
+    level = photographs._measured(one, how)
+    assert [level.left_deg, level.right_deg] == pytest.approx([31.0, 31.0], abs=0.1)
+    assert level.height_mm == pytest.approx(height, abs=px)
+    columns = np.flatnonzero(one.pile.mask.any(axis=0)) - axis
+    assert [-columns[0] * px, columns[-1] * px] == pytest.approx([radius, radius], abs=lost)
 
 
 @pytest.mark.parametrize(("change", "reason"), [

@@ -207,9 +207,16 @@ class Result:
 
 
 def read(
-    study: Studied, summary_json: str | os.PathLike, check_csv: str | os.PathLike, solutions_csv: str | os.PathLike
+    study: Studied,
+    summary_json: str | os.PathLike,
+    check_csv: str | os.PathLike,
+    solutions_csv: str | os.PathLike,
+    strategy: str | None = None,
 ) -> Result:
-    """Read the result in the files of the verbs miga and validate, or of the check of another strategy."""
+    """Read the result in the files of the verbs miga and validate, or of the check of another strategy.
+
+    `strategy` is the one that found it, by default the study's.
+    """
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
     rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "a table of the verb validate")}
@@ -232,7 +239,7 @@ def read(
         folder=Path(settings.results_dir),
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
-        advice=ADVICE.get(settings.strategy, MORE_POURS),
+        advice=ADVICE.get(strategy or settings.strategy, MORE_POURS),
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
         small_run=settings.small_run,

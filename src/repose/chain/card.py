@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
+SIMULATION = ("time_step_s", "gravity_m_s2")
 CHOSEN = "measure.response"  # names the definition of a response that has several
 BERRY_HEIGHT = "berry_height_mm"
 CONFIG = "config.json"  # the configuration of a study, beside its card
@@ -61,6 +62,7 @@ def make(
         "grain": _grain(settings.berry.size_distribution == "none", berry, particle),
         "wall": {key: getattr(settings.wall, key) for key in WALL},
         "laws": laws(settings.simulation),
+        "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
     }
     tests = {
         target.name: described(study, target.response, berry) | _lines(settings.measure, target.name, row or {})
@@ -221,6 +223,7 @@ def _grain(alike: bool, berry: Mapping[str, Any], particle: "Particle") -> dict[
         "shape": particle.kind,
         "volume_mm3": _rounded(1e9 * particle.volume_m3),
         "mass_g": _rounded(1e3 * particle.mass_kg),
+        "inertia_kg_m2": [_rounded(float(x)) for x in particle.inertia_kg_m2],
         "ellipsoids_mm": [[_rounded(1e3 * x) for x in row] for row in particle.semi_axes_m],
         "spheres_mm": [[_rounded(1e3 * x) for x in row] for row in particle.spheres_m],
     }
@@ -325,13 +328,10 @@ def read_own(card_json: str | PathLike) -> dict[str, Any]:
     return card
 
 
-def configuration_of_card(card_json: str | PathLike) -> Path:
-    """Find the configuration that a run wrote next to its card; InputError if there is none."""
+def configuration_of_card(card_json: str | PathLike) -> Path | None:
+    """Find the configuration that a run wrote next to its card; None if there is none."""
     path = Path(card_json).with_name(CONFIG)
-    if not path.is_file():
-        allowed = f"the configuration of the study of {card_json}, as no {CONFIG} lies beside it"
-        raise InputError("command line", "--config", None, allowed)
-    return path
+    return path if path.is_file() else None
 
 
 def require_one_study(

@@ -34,18 +34,13 @@ class Computed(NamedTuple):
     """A key that may be `auto`."""
 
     key: str  # dotted
-    reads: tuple[str, ...]  # dotted keys or sections that the number follows from
+    reads: tuple[str, ...]  # sections that the number follows from, and keys outside sections
     of: Callable[[Config, Any, Any], Any]  # (config, berry, particle), the last two None unless `needs_grain`
 
     @property
     def section(self) -> str:
         """Section of the key."""
         return self.key.partition(".")[0]
-
-    @property
-    def sections(self) -> set[str]:
-        """Sections that the number follows from, and keys outside sections."""
-        return {key.partition(".")[0] for key in self.reads}
 
     @property
     def needs_grain(self) -> bool:
@@ -71,9 +66,10 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     from repose.apparatus import Scene
     from repose.apparatus.scene import longest_time_step
 
-    ranges = {name: range_of(name, entry) for name, entry in config["parameters"].items()}
+    settings = typed.sections(config)
+    ranges = {name: range_of(name, entry) for name, entry in settings.parameters.given.items()}
     sets = [{name: ranges[name][0] for name in PARAMETERS}]
-    sets += published_sets(typed.sections(config).validation.published)
+    sets += published_sets(settings.validation.published)
     lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
     # cohesion makes contacts stiffer, restitution alone less damped
     strongest = {name: ranges[name][1] for name in named(ranges)[len(PARAMETERS) :]}
@@ -154,25 +150,11 @@ def split_of(surrogate: str) -> list[float]:
     return list(SPLIT_OF_NETWORK if kind_of(surrogate).is_network else SPLIT)
 
 
-_OF_THE_FUNNEL = tuple(
-    f"funnel.{key}"
-    for key in (
-        *("berries", "rate_per_s", "inlet_diameter_mm", "outlet_diameter_mm", "cone_angle_deg"),
-        *("tube_length_mm", "rim_radius_mm", "outlet_height_mm"),
-    )
-)
-_OF_THE_SIMULATION = tuple(
-    f"simulation.{key}" for key in ("gravity_m_s2", "tension", "rest_energy_j", "contact_law", "rolling_law")
-)
 COMPUTED = (
     Computed("network.split", ("surrogate",), split),
     Computed("measure.mm_per_pixel", ("berry",), _mm_per_pixel),
     Computed("funnel.factory_height_mm", ("berry",), _factory_height_mm),
-    Computed("funnel.factory_diameter_mm", ("berry", "funnel.inlet_diameter_mm"), _factory_diameter_mm),
-    Computed("funnel.duration_s", ("berry", *_OF_THE_FUNNEL, *_OF_THE_SIMULATION), _duration_s),
-    Computed(
-        "simulation.time_step_s",
-        ("berry", "wall", "parameters", "validation.published", *_OF_THE_SIMULATION),
-        _time_step_s,
-    ),
+    Computed("funnel.factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm),
+    Computed("funnel.duration_s", ("berry", "funnel", "simulation"), _duration_s),
+    Computed("simulation.time_step_s", ("berry", "wall", "parameters", "validation", "simulation"), _time_step_s),
 )

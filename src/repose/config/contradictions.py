@@ -52,7 +52,8 @@ def _of_the_surrogate(config: Mapping[str, Any]) -> Pairs:
     from repose.surrogate import kind_of
     from repose.surrogate import names as surrogates
 
-    settings, free = typed.sections(config), ParameterSpace.of(config["parameters"]).dimensions
+    settings = typed.sections(config)
+    free = ParameterSpace.of(settings.parameters.given).dimensions
     training = int(settings.network.split[0] * settings.design.samples + 1e-9)
     least = kind_of(settings.surrogate).least_samples(free)
     if training < least:
@@ -71,7 +72,8 @@ def _of_the_validation(config: Mapping[str, Any]) -> Pairs:
 
 def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
     """Refuse force laws that lack parameters, and parameters of another law."""
-    simulation, given = typed.sections(config).simulation, config["parameters"]
+    settings = typed.sections(config)
+    simulation, given = settings.simulation, settings.parameters.given
     law, rolling = simulation.contact_law, simulation.rolling_law
     missing = [f"parameters.{name} ({LABELS[name]})" for name in of_law(law) if name not in given]
     if missing:

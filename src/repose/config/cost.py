@@ -12,7 +12,7 @@ from repose.config.contradictions import used_tests
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
 from repose.core.published import to_simulate
-from repose.core.targets import Targets
+from repose.core.responses import response
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -70,7 +70,7 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
     grains = max(FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps)))
     pour = {"berries": grains, "rate_per_s": 4 * grains / TIMED_S, "duration_s": TIMED_S + 1.0, "rest_window_s": 0.5}
     small = {**config, "funnel": {**settings.funnel.model_dump(), **pour}}
-    values = ParameterSpace.of(config["parameters"]).centre
+    values = ParameterSpace.of(settings.parameters.given).centre
     times_s = []
     for _ in range(REPEATS):
         began, began_cpu = time.perf_counter(), time.process_time()
@@ -144,8 +144,8 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
 
     settings = typed.sections(config)
     refine, validation = settings.refine, settings.validation
-    responses = Targets.of(config["targets"]).responses
-    published = to_simulate(validation.published, responses, named(config["parameters"]))
+    responses = [response(target.response) for target in settings.targets]
+    published = to_simulate(validation.published, responses, named(settings.parameters.given))
     a_round = refine.seeds + refine.neighbours * refine.neighbour_seeds
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
     all_min = of_all["total_s"] / 60

@@ -148,7 +148,7 @@ class Making:
         """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
         for setting in pending:
             value = None
-            if self._may_read(*setting.sections) and not (setting.needs_grain and self.particle is None):
+            if self._may_read(*setting.reads) and not (setting.needs_grain and self.particle is None):
                 value = self._result_of(setting.key, setting.of, self.config, self.mean, self.particle)
             if value is None:
                 self.bad.add(setting.key)

@@ -119,8 +119,8 @@ class OwnSettings(Section):
     @field_validator("parameters")
     @classmethod
     def _free(cls, parameters: dict[str, Any]) -> dict[str, Any]:
-        refuse([*_bad_columns(parameters), *far_priors(parameters.items())])
-        if all_fixed(parameters.values()):
+        refuse([*_bad_columns(parameters), *far_priors(parameters)])
+        if all_fixed(parameters):
             refuse([("", "at least one range or prior")])
         return parameters
 

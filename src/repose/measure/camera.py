@@ -45,7 +45,7 @@ class SideView:
     sheet: np.ndarray  # True on the printed sheet
     mm_per_pixel: float
     base_row: float  # row of the plate
-    tilt_deg: float  # largest of roll, pitch and yaw of the camera
+    tilt_deg: float  # the larger of roll and pitch of the camera
 
 
 def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | None = None) -> Camera:
@@ -164,13 +164,11 @@ class Pose:
         """Angle below the horizontal at which the camera looks at a crest; negative if it looks up."""
         return math.degrees(math.atan2(self.eye[2] - height_mm, math.hypot(self.eye[0] - axis_mm, self.eye[1])))
 
-    def tilt_deg(self, right: np.ndarray) -> float:
-        """Largest of the camera's roll, pitch and yaw against the view plane; `right` comes from `facing`."""
-        ahead = self.turn[2]
+    @property
+    def tilt_deg(self) -> float:
+        """The larger of the camera's roll and pitch; a camera that looks level has none, wherever the pile stands."""
         roll = math.degrees(math.atan2(self.turn[0][2], -self.turn[1][2]))  # 180 where it is upside down
-        pitch = math.degrees(math.asin(np.clip(ahead[2], -1, 1)))
-        yaw = math.degrees(math.asin(np.clip(ahead @ right, -1, 1)))
-        return max(abs(roll), abs(pitch), abs(yaw))
+        return max(abs(roll), abs(math.degrees(math.asin(np.clip(self.turn[2][2], -1, 1)))))
 
 
 def side_view(
@@ -188,7 +186,7 @@ def side_view(
     """
     origin = np.array([axis_mm or 0.0, 0.0, 0.0])
     right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)
-    tilt = pose.tilt_deg(right)
+    tilt = pose.tilt_deg
     if tilt > LARGEST_TILT_DEG or pose.eye[1] >= 0:
         raise NoFlankError(
             f"the camera is tilted by {tilt:.0f} degrees (180: upside down); {LARGEST_TILT_DEG:.0f} can be corrected"

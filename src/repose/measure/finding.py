@@ -31,6 +31,11 @@ FINE_PX = 1200  # longer side of a view in which colours are compared, at least
 SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes at most
 ITS_OWN_COLOUR = 22.0  # a shadow's colour lies nearer to the background's colour
 
+NEAR = 0.25  # of a grain's height: colours of a boundary are those within this distance
+SURE = 0.75  # of a pixel's colour that is nearer to the other side
+PENUMBRA = 0.6, 0.2, 0.8  # least share of the background's ratios; height and width, of a grain's height
+EDGE_PX = 2  # within which the boundary lies already when light is compared
+TONE_CURVE = 2.2  # exponent from tones to light
 NECK = 0.3  # of a grain's height: half the width of the neck between a loose grain and the pile
 GAP = 0.4  # of a grain's height: a part with more background below it does not stand on the plate
 ROUGH = 3.0  # difference of colours that counts as much as the scatter of the background's roughness
@@ -87,20 +92,69 @@ def refine(
     start = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     start[cv2.erode(below, disc)[:above] > 0] = cv2.GC_FGD
     start[(cv2.dilate(below, disc)[:above] == 0) | hidden[:above]] = cv2.GC_BGD
-    mask = _without_floating(_largest(_grab(colours, start)), GAP * berry_px)
+    mask = _grab(colours, start)
+    if not by_roughness:
+        mask = _without_penumbra(mask, colours, berry_px)
+    share, mask = _halfway(colours, _largest(mask), start, NEAR * berry_px, NEAR * berry_px, SURE)
+    light = colours if by_roughness else _light(image, hidden, above)
+    share, mask = _halfway(light, mask, start, NEAR * berry_px, EDGE_PX)
+    mask = _without_floating(_largest(mask), GAP * berry_px)
     mask = _largest(_without_touching(mask, round(NECK * berry_px)))
     require_upright(mask)
     grey = cv2.cvtColor(image[:above], cv2.COLOR_BGR2GRAY)
     inside = mask > 0
     pile_is = "darker" if grey[inside].mean() < grey[~inside & ~hidden[:above]].mean() else "brighter"
-    pile, other = _means(colours, mask, 0.25 * berry_px)
+    pile, other = _means(colours, mask, NEAR * berry_px)
     way = pile - other
-    share = ((colours - other) * way).sum(-1) / np.maximum((way * way).sum(-1), 1e-6)
     columns = np.flatnonzero(mask.any(axis=0))
     top = mask.argmax(axis=0)[columns]
     difference = np.linalg.norm(way[top, columns] * (1 if by_roughness else EQUAL), axis=1)
     faint = float((difference < FAINT).mean())
-    return Segmentation(grey, np.clip(share, 0, 1), 0.5, mask, base_row, pile_is), faint
+    return Segmentation(grey, share, 0.5, mask, base_row, pile_is), faint
+
+
+def _light(image: np.ndarray, hidden: np.ndarray, above: int) -> np.ndarray:
+    """Light (H, W, 3) above the plate: a camera mixes light at a boundary, and then bends it to tones (sRGB, 2.2)."""
+    light = cv2.GaussianBlur((image.astype(np.float32) / 255) ** TONE_CURVE, (0, 0), 0.8)
+    return _fill(light, hidden)[:above]
+
+
+def _halfway(
+    seen: np.ndarray, mask: np.ndarray, start: np.ndarray, about_px: float, reach_px: float, sure: float = 0.5
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move the boundary of a mask to where pile and background, each as it is about there, have equal shares.
+
+    A pixel goes to the other side if the share of that side is larger than `sure`: a grain in the shade is neither like
+    its neighbours nor like the background. Also return the share of the pile (H, W) in each pixel.
+    """
+    reach = max(EDGE_PX, round(reach_px))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    near = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, disc) > 0
+    near &= (start != cv2.GC_FGD) & (start != cv2.GC_BGD)
+    for _ in range(ROUNDS):
+        pile, other = _means(seen, mask, about_px)
+        way = pile - other
+        share = np.clip(((seen - other) * way).sum(-1) / np.maximum((way * way).sum(-1), 1e-9), 0, 1)
+        mask = np.where(near & (share >= sure), 1, np.where(near & (share < 1 - sure), 0, mask))
+        mask = _largest(mask.astype(np.uint8))
+    return share, mask
+
+
+def _without_penumbra(mask: np.ndarray, colours: np.ndarray, berry_px: float) -> np.ndarray:
+    """Remove the shadow at a boundary: as wide as a grain, with ratios of the channels as the background has.
+
+    Nothing is removed where pile and background have much the same ratios.
+    """
+    reach = max(3, round(berry_px))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    core, around = cv2.erode(mask, disc, borderValue=1), 1 - cv2.dilate(mask, disc[::2, ::2])
+    pile, other = (_about(colours[..., :2], part, 2 * berry_px) for part in (core, around))
+    way = pile - other
+    far = (way * way).sum(-1)
+    share = ((colours[..., :2] - other) * way).sum(-1) / np.maximum(far, 1e-6)
+    shadow = (mask > 0) & (core == 0) & (far > ITS_OWN_COLOUR**2) & (share < 1 - PENUMBRA[0])
+    flat = np.ones([max(3, round(share * berry_px)) for share in PENUMBRA[1:]], np.uint8)
+    return np.where(cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, flat) > 0, 0, mask).astype(np.uint8)
 
 
 def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
@@ -288,15 +342,17 @@ def _without_touching(mask: np.ndarray, radius: int) -> np.ndarray:
 
 def _means(colours: np.ndarray, mask: np.ndarray, reach_px: float) -> list[np.ndarray]:
     """Average the colours (H, W, 3) of the pile and of the rest about each pixel."""
+    return [_about(colours, part, reach_px) for part in (mask, 1 - mask)]
+
+
+def _about(colours: np.ndarray, part: np.ndarray, reach_px: float) -> np.ndarray:
+    """Average the colours (H, W, N) of a part (H, W) about each pixel."""
     box = (2 * max(3, round(reach_px)) + 1,) * 2
-    means = []
-    for part in (mask.astype(np.float32), 1 - mask.astype(np.float32)):
-        weight, total = (
-            cv2.boxFilter(values, -1, box, normalize=False, borderType=cv2.BORDER_REPLICATE)
-            for values in (part, colours * part[..., None])
-        )
-        means.append(total / np.maximum(weight, 1)[..., None])
-    return means
+    weight, total = (
+        cv2.boxFilter(values, -1, box, normalize=False, borderType=cv2.BORDER_REPLICATE)
+        for values in (part.astype(np.float32), colours * part[..., None].astype(np.float32))
+    )
+    return total / np.maximum(weight, 1)[..., None]
 
 
 def _largest(mask: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from repose.core.errors import InputError, NoFlankError
 from repose.measure import camera, finding, sheet
 from repose.measure.pile import measure_segmented, profile_of, read_image, with_response
-from repose.measure.results import Angle, Measurement
+from repose.measure.results import Measurement
 from repose.measure.segmentation import Segmentation, require_upright, segment
 from repose.measure.settings import MeasureSettings
 
@@ -195,7 +195,11 @@ def _measure_seen(
             f"hold the lens as high as the crest, {camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
         )
     _require_whole(photograph.pile.mask, hidden)
-    measurement = seen_level(_measured(photograph, how), look_down)
+    flat = _measured(photograph, how)
+    away, eye = math.hypot(pose.eye[0] - crest, pose.eye[1]), pose.eye[2]
+    axis_px, away_px, eye_px = (length / fine.mm_per_pixel for length in (-left, away, eye))
+    seen_level(photograph, axis_px, away_px, eye_px, (flat.left_deg, flat.right_deg), high / fine.mm_per_pixel)
+    measurement = _measured(photograph, how)
     photograph.pile = replace(photograph.pile, beside=beside)
     doubts = _doubts(photograph.pile, measurement, grain, fine.mm_per_pixel)
     doubts += _coarse(measurement, fine.mm_per_pixel)
@@ -291,21 +295,42 @@ def _meeting(lines: tuple, base_row: float) -> float:
     return base_row - (v + first * (y - v + second * (u - x)) / (first - second))
 
 
-def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
-    """The measurement with angles as seen by a camera at the height of the crest; the lines do not change.
+def seen_level(
+    photograph: Photograph, axis_px: float, away_px: float, eye_px: float, seen_deg: Sequence[float], high_px: float
+) -> None:
+    """Redraw view and pile as a camera without perspective, as high as the plate, sees them.
 
-    A cone's outline is flatter from above or below: tan(seen)^2 = tan(true)^2 - tan(look down)^2, exactly.
+    The outline of a cone that is seen from above, or below, is a line from its apex to its foot, but not in the plane
+    through the axis that faces the camera: it lies in a half-plane that is turned about the axis by t, with sin(t) =
+    tan(look down) / tan(angle), away from the camera for one that is above. This is exact at any distance. Below the
+    widest place of the foot the outline is the underside of its grains, which that camera does not see.
+
+    `seen_deg` are the angles of the two sides in the plane, `away_px` and `eye_px` the camera's distance from the axis
+    and its height over the plate.
     """
-    lost = math.tan(math.radians(look_down_deg)) ** 2
+    pile = photograph.pile
+    assert pile is not None
+    rows, columns = photograph.view.shape[:2]
+    out = np.arange(columns) - axis_px
+    at = np.flatnonzero(pile.mask.any(axis=0)) - axis_px
+    down = (eye_px - high_px) / away_px
+    widest = np.array([-at.min(), at.max()]) if down > 0 else np.full(2, math.inf)
+    sines = down / np.hypot(np.tan(np.radians(seen_deg)), down)
+    right = (out > 0).astype(int)
+    sine, reach = sines[right], np.abs(out)
+    nearer = away_px / (away_px + reach * sine)
+    x = np.tile(axis_px + out * np.sqrt(1 - sine**2) * nearer, (rows, 1)).astype(np.float32)
+    z = eye_px + (pile.base_row - np.arange(rows)[:, None] - eye_px) * nearer
+    y = (pile.base_row - z).astype(np.float32)
 
-    def level(angle: float) -> float:
-        return math.degrees(math.atan(math.sqrt(math.tan(math.radians(angle)) ** 2 + lost)))
+    def redrawn(picture: np.ndarray) -> np.ndarray:
+        shown = slice(len(picture))
+        return cv2.remap(picture, x[shown], y[shown], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
-    angles = {
-        name: Angle(level(angle.left_deg), level(angle.right_deg), level(angle.aor_deg), angle.lines)
-        for name, angle in measurement.angles.items()
-    }
-    return replace(measurement, angles=angles)
+    contrast = redrawn(pile.contrast)
+    mask = (redrawn(pile.mask.astype(np.float32)) >= 0.5) & (reach <= widest[right])
+    photograph.view = redrawn(photograph.view)
+    photograph.pile = replace(pile, grey=redrawn(pile.grey), contrast=contrast, mask=mask.astype(np.uint8))
 
 
 def _onto(
