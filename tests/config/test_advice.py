@@ -1,5 +1,6 @@
 """Advice before a study pours, and what it needs, against answers that are known."""
 
+import copy
 import math
 from types import SimpleNamespace
 
@@ -90,6 +91,7 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
 
 
 def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pours(config):
+    first, second = copy.deepcopy(config), copy.deepcopy(config)
     config["response_surface"] |= {"screening_runs": 12, "steps": 5, "most_factors": 3, "centres": 5, "checks": 8}
     config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
     assert strategies.pours(config) is None
@@ -107,6 +109,7 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     config["validation"] |= {"published": None, "solutions": 1, "seeds": 8, "representative_seeds": 16}
     work = cost.work(config, 1e-7)
     assert work["total_s"] == pytest.approx(cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"])
+    config = first
     config["refine"]["seeds"] = 100
     slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))
     assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 100 * slowest)
@@ -116,6 +119,7 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     config["simulation"]["time_step_s"] = 1e-4
     assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
     assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
+    config = second
     config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.work(config)
     solutions = (("representative", 1, 32), ("validation", 5, 12))

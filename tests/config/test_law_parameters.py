@@ -33,7 +33,7 @@ def study(contact_law, rolling_law="budget", **parameters):
 def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting_its_laws():
     for key, laws, default in (("contact_law", CONTACT_LAWS, "hertz_mindlin"), ("rolling_law", ROLLING_LAWS, "budget")):
         assert faults.subschema(["simulation", key])["enum"] == list(laws)
-        config = copy.deepcopy(study("hertz_mindlin").settings.simulation)
+        config = copy.deepcopy(study("hertz_mindlin").config)
         before = hash_of(stands_on.settings_of(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"
         assert hash_of(stands_on.settings_of(config, "pour")) != before

@@ -86,8 +86,8 @@ def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(tmp_
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_text("in the middle of an ed: [")
     assert Study.load(path).config["funnel"] == config["funnel"]
+    (tmp_path / "config.yaml").unlink()
     (tmp_path / "mine.yaml").write_text("label: mine\n")
-    monkeypatch.chdir(tmp_path)
     own = places.root() / places.DEFAULT_CONFIG
     assert own_crop_under("mine.yaml") == own
     assert own_crop_under(str(own.parent / "quick.yaml")) is None

@@ -191,6 +191,7 @@ def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
 
 
 def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config):
+    kept = copy.deepcopy(config)
     config["network"]["replicates"] = True
     once = config | {"funnel": config["funnel"] | {"seeds": 1}}
     allowed = r"funnel\.seeds is 1; expected at least 2, or network\.replicates: false"
@@ -199,6 +200,7 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
     Study.of(config)
     config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})
     input_error(r"drum\.seeds is 1; expected at least 2", Study.of, config)
+    config = kept
     network = config["network"] | {"validation_noise": True}
     with pytest.raises(InputError, match=r"network\.validation_noise is true; expected false where replicates"):
         Study.of(config | {"network": network | {"replicates": True}})

@@ -207,16 +207,6 @@ def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
 
 
 def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the_pile(opened):
-    button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
-    assert button.get_attribute("aria-label").startswith("Open large: All simulated samples")
-    assert not large.is_visible()
-    for open_it in (button.click, lambda: button.press("Enter")):
-        open_it()
-        natural = round(style.PAGE * style.DPI)
-        assert large.locator("img").bounding_box()["width"] == pytest.approx(natural, abs=2)
-        opened.keyboard.press("Escape")
-        assert not large.is_visible()
-        assert opened.evaluate("document.activeElement.className") == "enlarge", "the focus is back"
     pile = opened.locator("#pile")
     assert "Arrow keys turn it" in pile.get_attribute("aria-label")
     opened.keyboard.press("Tab")
@@ -235,6 +225,16 @@ def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the
     assert near > 1.1 * reddish(pixels(opened)) == pytest.approx(1.1 * far, rel=0.02)
     opened.keyboard.press("0")
     np.testing.assert_array_equal(pixels(opened), start)
+    button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
+    assert button.get_attribute("aria-label").startswith("Open large: All simulated samples")
+    assert not large.is_visible()
+    for open_it in (button.click, lambda: button.press("Enter")):
+        open_it()
+        natural = round(style.PAGE * style.DPI)
+        assert large.locator("img").bounding_box()["width"] == pytest.approx(natural, abs=2)
+        opened.keyboard.press("Escape")
+        assert not large.is_visible()
+        assert opened.evaluate("document.activeElement.className") == "enlarge", "the focus is back"
 
 
 def test_dark_is_dark_and_figures_stay_on_white(opened):
