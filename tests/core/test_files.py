@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.core import files
+from repose.core import files, tables
 from repose.core.errors import InputError
 from repose.core.parameters import FURTHER
 
@@ -20,8 +20,8 @@ def test_what_is_written_is_read_again_and_folders_are_made(tmp_path):
     files.write_table(folder / "table.csv", TABLE)
     back = files.read_table(folder / "table.csv", ("sample", "aor_deg"))
     assert back["aor_deg"].tolist()[0] == 31.25
-    assert files.read_rows(folder / "table.csv", ("sample",))[1] == {
-        "sample": "2",
+    assert tables.read(folder / "table.csv", [tables.Column("sample", int)]).rows()[1] == {
+        "sample": 2,
         "aor_deg": "",
         "reason": "stuck, twice",
     }
@@ -58,7 +58,7 @@ def test_a_writer_that_fails_leaves_the_earlier_file(tmp_path):
         files.write_image(tmp_path / "picture.nothing", np.zeros((2, 2), np.uint8))
 
 
-@pytest.mark.parametrize("read", [files.read_table, files.read_rows, files.read_json, files.read_npz])
+@pytest.mark.parametrize("read", [files.read_table, tables.sheet, files.read_json, files.read_npz])
 def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
     path = tmp_path / "given"
     with pytest.raises(InputError, match=r"given: .* is .*No such file.*; expected a fine file"):
@@ -79,12 +79,9 @@ def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
 
 def test_missing_parts_are_reported_with_what_there_should_be(tmp_path):
     files.write_table(tmp_path / "table.csv", TABLE)
-    for read in (files.read_table, files.read_rows):
-        with pytest.raises(
-            InputError,
-            match=r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample",
-        ):
-            read(tmp_path / "table.csv", ("sample", "height_mm"))
+    missing = r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample"
+    with pytest.raises(InputError, match=missing):
+        files.read_table(tmp_path / "table.csv", ("sample", "height_mm"))
     files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})
     for keys, message in (
         (("sample", "time"), r"time is None; expected a key of a job"),

@@ -11,15 +11,13 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import read_rows, write_table
+from repose.core.files import write_table
 from repose.core.lock import exclusive
+from repose.core.tables import Column, check, refuse
 from repose.strategies.base import Answer, Batch, Studied, strategy
-from repose.strategies.runs import OK, checked_runs, runs_of
+from repose.strategies.runs import OK, TURN, TURNS, checked_runs, rows_of, runs_of
 
 FAILED = "failed"
-
-
-TURN = "turn"  # column of a record: with which proposal a run was told
 SOURCE = "the table of runs"
 
 
@@ -39,7 +37,7 @@ class Record:
     def _read(self) -> None:
         """Take the rows of the file."""
         if self.file is not None and self.file.exists():
-            self._take(read_rows(self.file, what="a CSV file of runs"), self.file)
+            self._take(rows_of(self.file), self.file)
 
     @property
     def proposal(self) -> Batch | Answer:
@@ -49,7 +47,8 @@ class Record:
     @cached_property
     def _turn(self) -> tuple[Batch | Answer, int]:
         """The proposal and its number: the last one while a run of it is missing."""
-        turns = np.array([int(row.get(TURN) or 0) for row in self._rows], int)
+        told = check({TURN: [row.get(TURN) for row in self._rows]}, [TURNS])[0]
+        turns = np.nan_to_num(told[TURN])
         number = int(turns.max(initial=0))
         if number:
             before = self._proposed(self.data[turns < number])
@@ -122,8 +121,8 @@ class Record:
         missing = [name for name in (*names, *self.study.targets.names) if name not in table]
         if missing:
             raise InputError(SOURCE, "columns", list(table), f"sample; or also {', '.join(missing)}")
-        used = [*(int(row["sample"]) for row in self._rows), *self.asked["sample"].astype(int)]
-        first = max(used, default=0) + 1
+        used = self.data["sample"].max() if len(self.data) else 0
+        first = max(used, self.asked["sample"].max()) + 1
         sets = pd.factorize(pd.Series(list(zip(*(_numbers(table, name) for name in names), strict=True))))[0]
         found = pd.DataFrame({"sample": sets + first})
         found["run"] = found.groupby("sample").cumcount() + 1
@@ -154,11 +153,9 @@ def _checked_table(table: Any) -> pd.DataFrame:
 
 def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:
     """Return a column of numbers (n,)."""
-    numbers: np.ndarray = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
-    if not np.isfinite(numbers).all():
-        row = int((~np.isfinite(numbers)).argmax())
-        raise InputError(f"{SOURCE}, row {row + 1}", name, table[name].tolist()[row], "a finite number")
-    return numbers
+    values, faults = check({name: table[name].tolist()}, [Column(name)])
+    refuse(SOURCE, faults)
+    return np.array(values[name])
 
 
 def _exact(value: Any) -> str:

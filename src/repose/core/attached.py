@@ -23,6 +23,14 @@ HEADER = 33  # bytes of a PNG's signature and first chunk
 UNREADABLE = (*(OSError, EOFError, ValueError, KeyError, RuntimeError), *(zipfile.BadZipFile, zlib.error, struct.error))
 
 
+def plain_file(path: str | PathLike) -> Path:
+    """Return the path of a file; OSError if a device or a pipe, which may never end, has it."""
+    path = Path(path)
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(f"{path} is a device or a pipe")
+    return path
+
+
 def write_sidecar(path: str | PathLike, record: Mapping[str, Any]) -> None:
     """Write the record of a file into its sidecar."""
     text = json.dumps(record, indent=1) + "\n"

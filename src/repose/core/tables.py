@@ -1,0 +1,324 @@
+"""The reader of every table that a user writes, with one idea of a cell, a row and a fault.
+
+A table is CSV as spreadsheets and other programs write it: UTF-8 or UTF-16; commas, semicolons or tabs; decimal
+commas where nothing else can be meant. A reader declares its columns (`Column`); all faults are reported at once.
+"""
+
+import csv
+import io
+import math
+import os
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from repose.core.attached import UNREADABLE, plain_file
+from repose.core.errors import InputError, raise_together
+from repose.core.parameters import LABELS, plain_number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Path_ = str | os.PathLike
+Fault = tuple[int, str, Any, str]  # row from 0, column, value, what is allowed
+TABLE = "a CSV file"
+MOST_COUNTED = 10_000  # faults
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+NO_FORMULA = "a value; the spreadsheet's formula has no result"
+SEPARATORS = ",;\t"
+# What spreadsheets write, in English and in other languages, into a cell whose formula failed.
+NO_RESULT = re.compile(
+    r"#[¡¿]?(DIV/0!|N/[ADV]|NV|(VALUE|WERT|VALEUR|VALOR|REF|BEZUG|NUM|ZAHL|NOMBRE|NULL|SPILL|CALC)!|(NAME|NOM|NOMBRE)\?)"
+)
+DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?"), re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # 1,234: may be a number of thousands
+SUMMARY = re.compile(
+    "mean|average|avg|median|mode|sd|std|stdev|stddev|standarddeviation|sem?|standarderror|cv|var|variance|range|min|minimum|max|"
+    "maximum|n|count|sum|(sub|grand)?total|mittel|mittelwert|summe|gesamt|stabw|standardabweichung|anzahl|moyenne|somme|"
+    "ecarttype|promedio|media|suma"
+)
+NOTHING = frozenset(("", "nan", "na", "n/a", "null", "none", "<na>"))
+TRUTH = {"true": True, "false": False}
+DIGITS = frozenset("0123456789+-.eE")
+COUNTS = ("sample", "seed", "n_seeds", "round", "low", "high")
+UNITS = ("deg", "mm", "m", "s", "g", "kg", "n", "j", "pa", "percent")
+# For each unit others that people write in its place, by the number of them in one.
+OTHER_UNITS = {
+    "mm": {"centimetres": 0.1, "metres": 0.001, "micrometres": 1000.0, "inches": 1 / 25.4},
+    "n": {"kilonewtons": 0.001, "grams-force": 1000 / 9.80665, "kilograms-force": 1 / 9.80665, "millinewtons": 1000.0},
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table, as its reader declares it."""
+
+    name: str
+    kind: type = float  # float, int or bool; str is a text; object is what nobody reads here
+    low: float = -math.inf
+    high: float = math.inf
+    above: bool = False  # whether `low` itself is too low
+    empty: bool = False  # whether a cell may hold nothing: a number is NaN then
+    once: bool = False  # whether a value may stand in one row alone
+    needed: bool = True  # whether the table must have it
+    words: str = ""  # what is allowed, where the kind and the range do not say it
+
+    @property
+    def allowed(self) -> str:
+        """Say which cells are allowed."""
+        return (self.words or self._by_range()) + (", or nothing" if self.empty else "")
+
+    def _by_range(self) -> str:
+        """Say kind and range."""
+        if self.kind in (bool, str):
+            return "True or False" if self.kind is bool else "a text"
+        number = "a whole number" if self.kind is int else "a number"
+        if math.isinf(self.low) and math.isinf(self.high):
+            return number if self.kind is int else "a finite number"
+        if self.above and math.isinf(self.high):
+            return "a positive number" if self.low == 0 else f"{number} above {self.low:g}"
+        start = "" if math.isinf(self.low) else f" {'above' if self.above else 'from'} {self.low:g}"
+        end = "" if math.isinf(self.high) else f" {'to' if start else 'up to'} {self.high:g}"
+        return f"{number}{start}{end}"
+
+    def read(self, cell: Any) -> Any:
+        """Read a cell; ValueError for one that is not allowed."""
+        text = str(cell).strip().casefold()
+        if self.empty and text in NOTHING:
+            return math.nan
+        if self.kind is bool:
+            if text not in TRUTH:
+                raise ValueError(text)
+            return TRUTH[text]
+        number = plain_number(cell)
+        if not self.takes(number, number) or (self.kind is int and number % 1):
+            raise ValueError(text)
+        return int(number) if self.kind is int else number
+
+    def takes(self, least: float, most: float) -> bool:
+        """Tell whether the numbers from `least` to `most` are finite and in the range."""
+        inside = self.low < least if self.above else self.low <= least
+        return inside and most <= self.high and math.isfinite(least) and math.isfinite(most)
+
+
+@dataclass
+class Table:
+    """The cells of a table by column: as text without blanks around it, and those of declared columns as values."""
+
+    source: object
+    text: dict[str, Sequence[str]]
+    comments: list[str]
+    values: dict[str, list[Any]] = field(default_factory=dict)
+    words: frozenset[str] = frozenset()  # names of the columns that are declared as text
+
+    def __len__(self) -> int:
+        return len(next(iter(self.text.values()), ()))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """List the rows, with values where columns are declared."""
+        return [dict(zip(self.values, row, strict=True)) for row in zip(*self.values.values(), strict=True)]
+
+    def frame(self) -> "pd.DataFrame":
+        """Make a table of pandas, with the types that its cells have."""
+        import pandas as pd  # slow to import, which a pour should avoid
+
+        buffer = io.StringIO()
+        csv.writer(buffer).writerows([self.text, *zip(*self.text.values(), strict=True)])
+        buffer.seek(0)
+        return pd.read_csv(buffer, converters=dict.fromkeys(self.words, str))
+
+
+def is_number(column: str) -> bool:
+    """Tell whether the cells of a column are numbers: a contact parameter, a quantity with its unit, or a count."""
+    return column in COUNTS or column in LABELS or (column.rpartition("_")[2] in UNITS and "_" in column)
+
+
+def in_other_unit(unit: str, ratio: float) -> str:
+    """Ask whether numbers that are `ratio` times what they should be are in another unit; empty if none is near."""
+    name, factor = min(OTHER_UNITS[unit].items(), key=lambda other: abs(math.log(ratio / other[1])))
+    return f": are they in {name}?" if 0.4 < ratio / factor < 2.5 else ""
+
+
+def read(
+    path: Path_, columns: Iterable[str | Column], what: str = TABLE, others: Callable[[str], bool] = lambda name: False
+) -> Table:
+    """Read a table with these columns; `others` tells which of those that are not declared hold numbers or nothing.
+
+    Where columns are declared, a row that sums up others is refused.
+    """
+    table, columns = sheet(path, what), list(columns)
+    declared = {column.name: column for column in columns if isinstance(column, Column)}
+    needed = [getattr(column, "name", column) for column in columns if getattr(column, "needed", True)]
+    check_columns(path, table.text, needed, what)
+    table.words = frozenset(name for name, column in declared.items() if column.kind is str)
+    summaries = list(_summaries(table)) if declared else []
+    for name in table.text:
+        if name not in declared:
+            declared[name] = Column(name, float if others(name) else object, empty=True)
+    table.values, faults = check(table.text, declared.values(), {row for row, *_ in summaries})
+    refuse(path, [*summaries, *faults])
+    return table
+
+
+def check(
+    cells: Mapping[str, Sequence[Any]], columns: Iterable[Column], left_out: Collection[int] = ()
+) -> tuple[dict[str, list[Any]], list[Fault]]:
+    """Read the cells of columns, without those of some rows; return the values, NaN for bad ones, and the faults."""
+    values, faults = {}, []
+    for column in columns:
+        if column.name in cells:
+            values[column.name], found = _check_column(column, cells[column.name], left_out)
+            faults += found
+    return values, faults
+
+
+def refuse(source: object, faults: Iterable[Fault]) -> None:
+    """Raise all faults of a table at once, in the order of its rows."""
+    first = sorted(faults, key=lambda fault: fault[0])[:MOST_COUNTED]
+    raise_together(InputError(f"{source}, row {row + 1}", name, value, words) for row, name, value, words in first)
+
+
+def check_columns(path: object, table: Iterable[str], columns: Iterable[str], what: str = TABLE) -> None:
+    """Raise InputError if a column is missing; `path` stands in the message."""
+    columns = tuple(columns)
+    for column in columns:
+        if column not in table:
+            needed = f"columns {', '.join(columns)}" + (f" of {what}" if what != TABLE else "")
+            raise InputError(path, f"column {column}", "missing", f"{needed}; found: {', '.join(map(str, table))}")
+
+
+def sheet(path: Path_, what: str = TABLE) -> Table:
+    """Read the cells of a table as text, without empty rows and columns; its lines that begin with # are comments."""
+    comments, lines = [], []
+    for line in io.StringIO(_text(path, what), newline=""):
+        begin = line.lstrip(' "')
+        is_comment = begin.startswith("#") and not NO_RESULT.match(begin)
+        comments += [line] if is_comment else []
+        lines.append("\n" if is_comment else line)
+    first = next((k for k, line in enumerate(lines) if line.strip()), 0)
+    separator = max(SEPARATORS, key=lines[first].count) if lines else ","
+    if lines and (named := re.fullmatch(r'"?sep=(.)"?\s*', lines[first])):
+        separator, lines[first] = named[1], "\n"
+    rows = _rows(path, lines, separator, what)
+    if not rows:
+        raise InputError(path, "rows", 0, what)
+    header = rows.pop(0)
+    width = max((k for k, name in enumerate(header, start=1) if name), default=0)
+    more = "; a decimal comma needs ; between the columns" if separator == "," else ""
+    refuse(
+        path,
+        (
+            (k, "cells", len(row), f"{width}, as in the header{more if len(row) > width else ''}")
+            for k, row in enumerate(rows)
+            if len(row) < width or any(row[width:])
+        ),
+    )
+    columns = list(zip(*(row[:width] for row in rows), strict=True)) or [()] * width
+    kept = [(name, column) for name, column in zip(header, columns, strict=False) if name or any(column)]
+    names = [name for name, _ in kept]
+    raise_together(InputError(path, "header", name, "each column once") for name in names if names.count(name) > 1)
+    return Table(path, _with_points(path, dict(kept), separator), comments)
+
+
+def _text(path: Path_, what: str) -> str:
+    """Read the text of a file in UTF-8 or, with its mark, in UTF-16."""
+    try:
+        content = plain_file(path).read_bytes()
+        text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
+    except UNREADABLE as error:
+        raise InputError(path, "table", str(error), what) from error
+    if "\0" in text:
+        raise InputError(path, "table", "a byte of zero", f"{what} in UTF-8, or in UTF-16 with its mark")
+    return text
+
+
+def _rows(path: Path_, lines: Sequence[str], separator: str, what: str) -> list[list[str]]:
+    """Read the rows that are not empty."""
+    rows, begun = [], 1
+    reader = csv.reader(lines, delimiter=separator, strict=True, skipinitialspace=True)
+    try:
+        for row in reader:
+            begun = reader.line_num + 1
+            cells = [cell.strip() for cell in row]
+            if any(cells):
+                rows.append(cells)
+    except csv.Error as error:
+        raise InputError(f"{path}, line {begun}", "cells", lines[begun - 1].rstrip(), f"{what}: {error}") from None
+    return rows
+
+
+def _with_points(path: Path_, columns: dict[str, Sequence[str]], separator: str) -> dict[str, Sequence[str]]:
+    """Write decimal commas as points; InputError where a comma may be one of thousands, or both signs occur."""
+    with_comma = [
+        (k, name, cell)
+        for name, cells in columns.items()
+        for k, cell in enumerate(cells)
+        if "," in cell and DECIMAL_COMMA.fullmatch(cell)
+    ]
+    if not with_comma:
+        return columns
+    row, name, cell = with_comma[0]
+    if any(DECIMAL_POINT.fullmatch(cell) for cells in columns.values() for cell in cells):
+        raise InputError(f"{path}, row {row + 1}", name, cell, "one decimal sign in the whole table, as 1.5 elsewhere")
+    if separator != ";" and all(THOUSANDS.fullmatch(cell) for *_, cell in with_comma):
+        raise InputError(f"{path}, row {row + 1}", name, cell, "a number with a decimal point, without commas")
+    changed = {name for _, name, _ in with_comma}
+    return {
+        name: [cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in cells]
+        if name in changed
+        else cells
+        for name, cells in columns.items()
+    }
+
+
+def _summaries(table: Table) -> Iterator[Fault]:
+    """Find rows that sum up others: their first cell says so, or one of a column that is not declared as text."""
+    found = set()
+    for k, (name, cells) in enumerate(table.text.items()):
+        for row, cell in enumerate(cells if k == 0 or name not in table.words else ()):
+            if cell[:1].isalpha() and row not in found and SUMMARY.fullmatch(re.sub("[^a-z]", "", cell.casefold())):
+                found.add(row)
+                yield row, name, cell, "a row of its own measurement; leave out rows that sum up others"
+
+
+def _check_column(column: Column, cells: Sequence[Any], left_out: Collection[int]) -> tuple[list[Any], list[Fault]]:
+    """Read the cells of a column, as `check` does."""
+    values = list(cells) if column.kind in (str, object) else _plain_numbers(column, cells)
+    faults: list[Fault] = []
+    for k, cell in enumerate(cells):
+        if cell[:1] == "#" and NO_RESULT.fullmatch(cell) if isinstance(cell, str) else False:
+            faults.append((k, column.name, cell, NO_FORMULA))
+    for k, cell in enumerate(cells if len(values) < len(cells) else ()):
+        try:
+            values.append(math.nan if k in left_out else column.read(cell))
+        except (TypeError, ValueError, OverflowError):
+            values.append(math.nan)
+            faults.append((k, column.name, _as_number(cell), column.allowed))
+    seen: dict[Any, int] = {}
+    for k, value in enumerate(values if column.once else ()):
+        if seen.setdefault(value, k) != k and value == value:
+            faults.append((k, column.name, value, f"each {column.name} once; row {seen[value] + 1} has it, too"))
+    return values, faults
+
+
+def _plain_numbers(column: Column, cells: Sequence[Any]) -> list[Any]:
+    """Read a column of many good decimal numbers at once; empty where a look at each cell is needed."""
+    if column.kind is not float or not cells or not all(isinstance(cell, str) for cell in cells):
+        return []
+    if not DIGITS.issuperset("".join(cells)):
+        return []
+    try:
+        values = list(map(float, cells))
+    except ValueError:
+        return []
+    return values if column.takes(min(values), max(values)) else []
+
+
+def _as_number(cell: Any) -> Any:
+    """Turn a text into its number where it is a finite one: a message shows numbers without quotes."""
+    try:
+        number = plain_number(cell)
+    except (TypeError, ValueError):
+        return cell
+    return number if math.isfinite(number) else cell
