@@ -121,9 +121,7 @@ def test_bad_tables_of_samples_are_named(study):
     with pytest.raises(InputError, match=r"short.csv: column mur_gp"):
         write(folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
-    with pytest.raises(
-        InputError, match=r"twice.csv, row 4: sample is 1; expected each sample once; row 1 has"
-    ):
+    with pytest.raises(InputError, match=r"twice.csv, row 4: sample is 1; expected each sample once; row 1 has"):
         write(folder / "twice.csv", paths, folder)
 
 

@@ -25,7 +25,6 @@ Fault = tuple[int, str, Any, str]  # row from 0, column, value, what is allowed
 TABLE = "a CSV file"
 MOST_COUNTED = 10_000  # faults
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-NO_FORMULA = "a value; the spreadsheet's formula has no result"
 SEPARATORS = ",;\t"
 # What spreadsheets write, in English and in other languages, into a cell whose formula failed.
 NO_RESULT = re.compile(
@@ -45,8 +44,8 @@ COUNTS = ("sample", "seed", "n_seeds", "round", "low", "high")
 UNITS = ("deg", "mm", "m", "s", "g", "kg", "n", "j", "pa", "percent")
 # For each unit others that people write in its place, by the number of them in one.
 OTHER_UNITS = {
-    "mm": {"centimetres": 0.1, "metres": 0.001, "micrometres": 1000.0, "inches": 1 / 25.4},
-    "n": {"kilonewtons": 0.001, "grams-force": 1000 / 9.80665, "kilograms-force": 1 / 9.80665, "millinewtons": 1000.0},
+    "mm": {"cm": 0.1, "m": 0.001, "um": 1000.0, "inches": 1 / 25.4},
+    "N": {"kN": 0.001, "gf": 1000 / 9.80665, "kgf": 1 / 9.80665, "mN": 1000.0},
 }
 
 
@@ -67,12 +66,14 @@ class Column:
     @property
     def allowed(self) -> str:
         """Say which cells are allowed."""
+        if self.kind in (str, object):
+            return "a text: the formula of the spreadsheet has no result"
         return (self.words or self._by_range()) + (", or nothing" if self.empty else "")
 
     def _by_range(self) -> str:
         """Say kind and range."""
-        if self.kind in (bool, str):
-            return "True or False" if self.kind is bool else "a text"
+        if self.kind is bool:
+            return "True or False"
         number = "a whole number" if self.kind is int else "a number"
         if math.isinf(self.low) and math.isinf(self.high):
             return number if self.kind is int else "a finite number"
@@ -84,6 +85,10 @@ class Column:
 
     def read(self, cell: Any) -> Any:
         """Read a cell; ValueError for one that is not allowed."""
+        if isinstance(cell, str) and NO_RESULT.fullmatch(cell):
+            raise ValueError(cell)
+        if self.kind in (str, object):
+            return cell
         text = str(cell).strip().casefold()
         if self.empty and text in NOTHING:
             return math.nan
@@ -134,10 +139,10 @@ def is_number(column: str) -> bool:
     return column in COUNTS or column in LABELS or (column.rpartition("_")[2] in UNITS and "_" in column)
 
 
-def in_other_unit(unit: str, ratio: float) -> str:
+def other_unit(unit: str, ratio: float) -> str:
     """Ask whether numbers that are `ratio` times what they should be are in another unit; empty if none is near."""
-    name, factor = min(OTHER_UNITS[unit].items(), key=lambda other: abs(math.log(ratio / other[1])))
-    return f": are they in {name}?" if 0.4 < ratio / factor < 2.5 else ""
+    near = [name for name, factor in OTHER_UNITS[unit].items() if 0.4 < ratio / factor < 2.5]
+    return f"; in {near[0]} instead of {unit}?" if near else ""
 
 
 def read(
@@ -147,9 +152,9 @@ def read(
 
     Where columns are declared, a row that sums up others is refused.
     """
-    table, columns = sheet(path, what), list(columns)
-    declared = {column.name: column for column in columns if isinstance(column, Column)}
-    needed = [getattr(column, "name", column) for column in columns if getattr(column, "needed", True)]
+    table, known = sheet(path, what), list(columns)
+    declared = {column.name: column for column in known if isinstance(column, Column)}
+    needed = [one.name if isinstance(one, Column) else one for one in known if not isinstance(one, Column) or one.needed]
     check_columns(path, table.text, needed, what)
     table.words = frozenset(name for name, column in declared.items() if column.kind is str)
     summaries = list(_summaries(table)) if declared else []
@@ -250,33 +255,37 @@ def _rows(path: Path_, lines: Sequence[str], separator: str, what: str) -> list[
 
 def _with_points(path: Path_, columns: dict[str, Sequence[str]], separator: str) -> dict[str, Sequence[str]]:
     """Write decimal commas as points; InputError where a comma may be one of thousands, or both signs occur."""
-    with_comma = [
+    texts = {name: cells for name, cells in columns.items() if not _is_plain(cells)}
+    commas = [
         (k, name, cell)
-        for name, cells in columns.items()
+        for name, cells in texts.items()
         for k, cell in enumerate(cells)
-        if "," in cell and DECIMAL_COMMA.fullmatch(cell)
+        if DECIMAL_COMMA.fullmatch(cell)
     ]
-    if not with_comma:
-        return columns
-    row, name, cell = with_comma[0]
-    if any(DECIMAL_POINT.fullmatch(cell) for cells in columns.values() for cell in cells):
-        raise InputError(f"{path}, row {row + 1}", name, cell, "one decimal sign in the whole table, as 1.5 elsewhere")
-    if separator != ";" and all(THOUSANDS.fullmatch(cell) for *_, cell in with_comma):
-        raise InputError(f"{path}, row {row + 1}", name, cell, "a number with a decimal point, without commas")
-    changed = {name for _, name, _ in with_comma}
-    return {
-        name: [cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in cells]
-        if name in changed
-        else cells
-        for name, cells in columns.items()
-    }
+    if commas and any(DECIMAL_POINT.fullmatch(cell) for cells in columns.values() for cell in cells):
+        refuse(path, [(*commas[0], "one decimal sign in the whole table; other cells have a point")])
+    if separator != ";" and commas and all(THOUSANDS.fullmatch(cell) for *_, cell in commas):
+        refuse(path, [(*commas[0], "a number with a decimal point: this may be one of thousands")])
+    changed = {name: list(columns[name]) for _, name, _ in commas}
+    for k, name, cell in commas:
+        changed[name][k] = cell.replace(",", ".")
+    return columns | changed
+
+
+def _is_plain(cells: Sequence[Any]) -> bool:
+    """Tell whether all cells are texts of digits, points, signs and exponents alone."""
+    try:
+        return DIGITS.issuperset("".join(cells))
+    except TypeError:
+        return False
 
 
 def _summaries(table: Table) -> Iterator[Fault]:
     """Find rows that sum up others: their first cell says so, or one of a column that is not declared as text."""
     found = set()
     for k, (name, cells) in enumerate(table.text.items()):
-        for row, cell in enumerate(cells if k == 0 or name not in table.words else ()):
+        may_say_so = (k == 0 or name not in table.words) and not _is_plain(cells)
+        for row, cell in enumerate(cells if may_say_so else ()):
             if cell[:1].isalpha() and row not in found and SUMMARY.fullmatch(re.sub("[^a-z]", "", cell.casefold())):
                 found.add(row)
                 yield row, name, cell, "a row of its own measurement; leave out rows that sum up others"
@@ -284,17 +293,14 @@ def _summaries(table: Table) -> Iterator[Fault]:
 
 def _check_column(column: Column, cells: Sequence[Any], left_out: Collection[int]) -> tuple[list[Any], list[Fault]]:
     """Read the cells of a column, as `check` does."""
-    values = list(cells) if column.kind in (str, object) else _plain_numbers(column, cells)
-    faults: list[Fault] = []
-    for k, cell in enumerate(cells):
-        if cell[:1] == "#" and NO_RESULT.fullmatch(cell) if isinstance(cell, str) else False:
-            faults.append((k, column.name, cell, NO_FORMULA))
-    for k, cell in enumerate(cells if len(values) < len(cells) else ()):
-        try:
-            values.append(math.nan if k in left_out else column.read(cell))
-        except (TypeError, ValueError, OverflowError):
-            values.append(math.nan)
-            faults.append((k, column.name, _as_number(cell), column.allowed))
+    values, faults = _read_at_once(column, cells), []
+    if len(values) < len(cells):
+        for k, cell in enumerate(cells):
+            try:
+                values.append(math.nan if k in left_out else column.read(cell))
+            except (TypeError, ValueError, OverflowError):
+                values.append(math.nan)
+                faults.append((k, column.name, _as_number(cell), column.allowed))
     seen: dict[Any, int] = {}
     for k, value in enumerate(values if column.once else ()):
         if seen.setdefault(value, k) != k and value == value:
@@ -302,17 +308,15 @@ def _check_column(column: Column, cells: Sequence[Any], left_out: Collection[int
     return values, faults
 
 
-def _plain_numbers(column: Column, cells: Sequence[Any]) -> list[Any]:
-    """Read a column of many good decimal numbers at once; empty where a look at each cell is needed."""
-    if column.kind is not float or not cells or not all(isinstance(cell, str) for cell in cells):
-        return []
-    if not DIGITS.issuperset("".join(cells)):
+def _read_at_once(column: Column, cells: Sequence[Any]) -> list[Any]:
+    """Read a column of good plain numbers; empty where a look at each cell is needed."""
+    if column.kind not in (float, int) or not _is_plain(cells):
         return []
     try:
-        values = list(map(float, cells))
+        values: list[Any] = list(map(column.kind, cells))
     except ValueError:
         return []
-    return values if column.takes(min(values), max(values)) else []
+    return values if values and column.takes(min(values), max(values)) else []
 
 
 def _as_number(cell: Any) -> Any:

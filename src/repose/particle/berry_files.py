@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.core.errors import InputError
 from repose.core.files import read_json
-from repose.core.tables import Column, Fault, read, refuse
+from repose.core.tables import Column, Fault, other_unit, read, refuse
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
 COMPRESSION_COLUMNS = ("test", "force_n", "length_1_mm", "length_2_mm", "width_1_mm", "width_2_mm", "breadth_mm")
 LENGTHS_MM = (0.5, 2000.0)  # of a grain; one of 20 mm in metres or micrometres lies outside
-UNIT = ": is the row in millimetres?"
 ALIKE = 5.0  # grains of one crop, and tested grains, differ by a smaller factor
 WRITTEN = "the file of the verb berry"
 MODULI = ("shear_modulus_pa", "poisson_ratio")  # a simulation needs them
@@ -36,9 +35,9 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     larger = dict(zip(SIZE_COLUMNS[1:], SIZE_COLUMNS, strict=False))
     faults: list[Fault] = []
     for name, column in sizes.items():
-        ratio = column / middle[name]
+        ratio, near = column / middle[name], f"within a factor of {ALIKE:g} of the median, {middle[name]:g} mm"
         faults += [
-            (row - 1, name, float(column[row]), f"within a factor of {ALIKE:g} of the median, {middle[name]:g}{UNIT}")
+            (row - 1, name, float(column[row]), f"{near}{other_unit('mm', ratio[row])}")
             for row in sizes.index[(ratio > ALIKE) | (ratio < 1 / ALIKE)]
         ]
         other = larger.get(name, name)
