@@ -166,7 +166,7 @@ def run_deck(name, job, commands, edit=lambda text, folder: text):
         file = Path(folder) / ("pile.csv" if program == "yade" else "pile.dump")
         if not file.exists():
             raise RuntimeError(f"{program}: {done.stdout[-600:]} {done.stderr[-600:]}")
-        return read_pile(file, len(job.spheres_m))
+        return read_pile(file, len(job.particle.spheres_m))
 
 
 def pour_theirs(name, set_name, seed, commands):
@@ -177,10 +177,10 @@ def pour_theirs(name, set_name, seed, commands):
     full = table.groupby("grain").filter(lambda rows: len(rows) == spheres)
     places = full[["x", "y", "z"]].to_numpy().reshape(-1, spheres, 3)
     speeds = np.linalg.norm(full[["vx", "vy", "vz"]].to_numpy().reshape(-1, spheres, 3).mean(axis=1), axis=1)
-    moving = 0.5 * job.mass_kg * np.mean(speeds**2)
+    moving = 0.5 * job.particle.mass_kg * np.mean(speeds**2)
     if len(places) < FEWEST_LEFT * GRAINS[set_name]:
         return places, "lost"
-    if places[:, :, 2].max() > job.funnel.outlet_height_m:
+    if places[:, :, 2].max() > job.surfaces.outlet_height_m:
         return places, "jammed"
     return places, "ok" if moving < REST_J else f"moving {moving:.1e} J"
 

@@ -105,7 +105,6 @@ def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension
 
 
 def shortened(vector, most):
-    """A vector cut to a length."""
     length = np.linalg.norm(vector)
     return vector * most / length if length > most else vector
 

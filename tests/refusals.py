@@ -1,8 +1,24 @@
-"""Many wrong inputs in one test, with all that are not refused as they should be in one message."""
+"""Wrong inputs: one alone, or many in one test, with all that are not refused as they should be in one message."""
 
 import re
 from collections.abc import Callable, Iterable
 from typing import Any
+
+import pytest
+
+from repose.core.errors import InputError
+
+
+def input_error(words: str, call: Callable[..., object], *arguments: Any, **keywords: Any) -> None:
+    """Expect an `InputError` whose message has these words, a pattern, from a call with these arguments."""
+    with pytest.raises(InputError, match=words):
+        call(*arguments, **keywords)
+
+
+def value_error(words: str, call: Callable[..., object], *arguments: Any, **keywords: Any) -> None:
+    """Expect a `ValueError` as `input_error` does."""
+    with pytest.raises(ValueError, match=words):
+        call(*arguments, **keywords)
 
 
 def not_refused(call: Callable[[Any], object], cases: Iterable[tuple[Any, str]], error: type[Exception]) -> list[str]:

@@ -4,10 +4,12 @@ import functools
 
 import pytest
 
-from repose.config import reading
+from repose.config import models, reading
 from repose.config.study import Study
-from repose.core import places
+from repose.core import places, responses
+from repose.core.section import Section
 from repose.core.targets import Targets
+from repose.surrogate.settings import NetworkSettings
 
 # The article's parameter ranges and targets.
 RANGES = {
@@ -18,24 +20,38 @@ RANGES = {
     "mus_gp": [0.4, 0.8],
     "mur_gp": [0.1, 0.3],
 }
-TARGETS = [
-    {
-        "response": "aor_deg",
-        "apparatus": "funnel",
-        "value": 32.87,
-        "sd": 2.20,
-        "repetitions": 10,
-        "range": [31.0, 34.0],
-    },
-    {
-        "response": "height_mm",
-        "apparatus": "funnel",
-        "value": 65.57,
-        "sd": 4.10,
-        "repetitions": 10,
-        "range": [64.0, 69.0],
-    },
-]
+
+
+def target(response, value, sd, low, high, repetitions=10, **more):
+    """An entry of a configuration's targets."""
+    own = {"response": response, "apparatus": responses.response(response).apparatus, "value": value, "sd": sd}
+    return own | {"repetitions": repetitions, "range": [low, high]} | more
+
+
+TARGETS = [target("aor_deg", 32.87, 2.20, 31.0, 34.0), target("height_mm", 65.57, 4.10, 64.0, 69.0)]
+
+
+def entries(targets):
+    """Targets as a configuration has them."""
+    return [target(one.name, one.value, one.sd, one.low, one.high, one.repetitions) for one in targets]
+
+
+MIGA = {
+    "islands": 5, "population": 40, "rounds": 40, "generations": 10, "tournament": 3, "mutation_probability": 0.05,
+    "mutation_amplitude": 0.1, "solutions": 30, "distance": 0.05, "answer": "least_expected_loss", "seed": 2026,
+}  # fmt: skip
+SLIP = target("drum_slip_deg", 31.0, 1.0, 20.0, 40.0, 5)
+
+
+def settings_of(config):
+    """The sections of a configuration that has only some of them, unchecked."""
+    fields, sections = models.settings_type().model_fields, {}
+    for name, value in config.items():
+        kind = fields[name].annotation if name in fields else None
+        if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, Section):
+            value = NetworkSettings.of(value) if name == "network" else kind.model_construct(**value)
+        sections[name] = value
+    return models.StudySettings.model_construct(**sections)
 
 
 @functools.cache
@@ -48,22 +64,11 @@ def every_bench_test():
 
 def targets_of(sd_percent=5.0, **values):
     """Targets of these values by the names of their responses, all measured four times."""
-    return Targets.of(
-        [
-            {
-                "response": name,
-                "value": value,
-                "sd": sd_percent / 100 * value,
-                "repetitions": 4,
-                "range": [0.95 * value, 1.05 * value],
-            }
-            for name, value in values.items()
-        ]
-    )
+    own = {name: (value, sd_percent / 100 * value, 0.95 * value, 1.05 * value) for name, value in values.items()}
+    return Targets.of([target(name, *numbers, repetitions=4) for name, numbers in own.items()])
 
 
 def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
-    """The record of a pour."""
     ok = status == "ok"
     return {
         "seed": seed,
@@ -77,6 +82,19 @@ def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
         "berries_off_plate": 0,
         "kinetic_energy_J": 1e-12,
     }
+
+
+def at(config, key):
+    """The value of a dotted key."""
+    for part in key.split("."):
+        config = config[int(part) if isinstance(config, list) else part]
+    return config
+
+
+def put(config, key, value):
+    section, _, last = key.rpartition(".")
+    (at(config, section) if section else config)[last] = value
+    return config
 
 
 def check_all(check, cases):

@@ -93,7 +93,7 @@ def data_sets(args, names):
 
 def process(samples):
     """A Gaussian process of pours."""
-    return make("gaussian_process", {}).fit(samples.X, samples.means(), **samples.replicates())
+    return make("gaussian_process").fit(samples.X, samples.means(), **samples.replicates())
 
 
 def aims(judge, space, count):

@@ -17,6 +17,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.variance import within_covariance
 from repose.surrogate import make
 from repose.surrogate.accuracy import r2
+from repose.surrogate.settings import NetworkSettings
 from research.answers.sample_weights import weights_from_errors
 
 TRAINING_SHARE = 0.7
@@ -28,7 +29,7 @@ def trial(prior, used, X, Y, errors, covariance, order):
     train, test = np.split(order, [int(TRAINING_SHARE * len(X))])
     precision = weights_from_errors(errors[train])
     settings = {"hidden": 12, "starts": STARTS, "epochs": EPOCHS, "goal": 0.0, "prior": prior}
-    model = make("network", settings)
+    model = make("network", NetworkSettings.of(settings))
     if used:
         model.fit(X[train], Y[train], precision=precision.mean(axis=1), noise_covariance=covariance)
     else:

@@ -21,6 +21,7 @@ from scipy.optimize import differential_evolution
 
 from repose.search.miga import MIGA, islands_ga
 from repose.surrogate import make
+from repose.surrogate.settings import NetworkSettings
 
 try:
     import pygmo
@@ -230,7 +231,9 @@ def published_run():
     """Seconds of 5 x 40 x 8700 = 1.74 million evaluations of a 6-12-2 network, and of these alone."""
     random = np.random.RandomState(0)
     X = random.uniform(-1, 1, (95, 6))
-    model = make("network", {"starts": 1, "epochs": 20}).fit(X, np.column_stack([X.sum(axis=1), X[:, 0] * X[:, 1]]))
+    model = make("network", NetworkSettings.of({"starts": 1, "epochs": 20})).fit(
+        X, np.column_stack([X.sum(axis=1), X[:, 0] * X[:, 1]])
+    )
     respond = model.response_function(np.full(6, -1.0), np.full(6, 1.0))
     start = time.perf_counter()
     result = islands_ga(lambda x: np.abs(respond(x)).sum(axis=1), [(-1, 1)] * 6, rounds=870)

@@ -16,6 +16,7 @@ import pandas as pd
 from repose.core import provenance
 from repose.core.files import write_table
 from repose.surrogate import make
+from repose.surrogate.settings import NetworkSettings
 from research.comparison import points, scores
 
 DRAWS = {60: 8, 110: 6}
@@ -41,7 +42,7 @@ def trial(training, fresh):
     weights = weights_from_errors(training.known_errors())[:, 0], training.counts().astype(float), None
     found = {}
     for way, weight in zip(WAYS, weights, strict=True):
-        for model in (make(name, NETWORK) for name in MODELS):
+        for model in (make(name, NetworkSettings.of(NETWORK)) for name in MODELS):
             mean = model.fit(training.X, training.means(), precision=weight).predict(fresh.X)
             accuracy = scores.accuracy(fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0])
             found[model.name, way] = accuracy["explainable"]

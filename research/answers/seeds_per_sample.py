@@ -226,10 +226,10 @@ def fitting(args, config, pours):
             sample: {"runs": [pours[sample, pour] for pour in own]}
             for sample, own in zip(samples["sample"].tolist(), chosen.tolist(), strict=True)
         }
-        section = config["network"] | {"surrogate": config["surrogate"]}
-        section["seed"] += number
-        learned = train.train(*dataset.assemble(samples, {BENCH: jobs}, targets), targets, section)
-        search = config["miga"] | {"seed": config["miga"]["seed"] + number}
+        own = study.settings
+        section, search = (one.model_copy(update={"seed": one.seed + number}) for one in (own.network, own.miga))
+        tables = dataset.assemble(samples, {BENCH: jobs}, targets)
+        learned = train.train(*tables, targets, section, surrogate=own.surrogate)
         found = invert.invert(learned.model, study.parameters, targets, search).summary
         predicted = {
             fresh_column(name, k): value

@@ -74,7 +74,7 @@ class Judge:
         poured, row = np.unique(group, return_inverse=True)
         counts = np.bincount(row).astype(float)
         means = np.column_stack([np.bincount(row, column) / counts for column in values.T])
-        self.process = make("gaussian_process", {}).fit(X[poured], means, precision=counts, noise_covariance=self.noise)
+        self.process = make("gaussian_process").fit(X[poured], means, precision=counts, noise_covariance=self.noise)
 
     def draw(self, X: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
         """Draws (count, m, k) of the mean responses at all parameter sets X (m, d) together."""

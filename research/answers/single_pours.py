@@ -26,6 +26,7 @@ from repose.core.files import write_table
 from repose.surrogate import make
 from repose.surrogate.accuracy import r2
 from repose.surrogate.levenberg_marquardt import CONVERGED
+from repose.surrogate.settings import NetworkSettings
 from research.comparison import points, scores
 from research.comparison.early_stopping import EarlyStoppingBP
 
@@ -41,7 +42,7 @@ def ways(X, Y, rows, starts, repeats=None):
     settings = NETWORK | {"starts": starts}
 
     def fitted(**noise):
-        return make("network", settings).fit(X[train], Y[train], **noise)
+        return make("network", NetworkSettings.of(settings)).fit(X[train], Y[train], **noise)
 
     first = fitted()
     yield "evidence", first.predict

@@ -15,6 +15,7 @@ from repose.surrogate import Surrogate, make, register
 from repose.surrogate.gaussian_process import GaussianProcess
 from repose.surrogate.network_ensemble import NetworkEnsemble
 from repose.surrogate.samples import checked_points, checked_samples
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.two_layer import width
 
 REFITS = 16
@@ -63,7 +64,9 @@ class NetworkResampled(Candidate):
         self.members = []
         for k in range(REFITS):
             count = np.bincount(random.integers(len(X), size=len(X)), minlength=len(X))
-            network = make("network", self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
+            network = make(
+                "network", NetworkSettings.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
+            )
             self.members.append(network.fit(X, Y, count, precision, noise_covariance, noise_freedom))
         return self
 
@@ -84,8 +87,8 @@ class NetworkProcess(Candidate):
     """Networks and a process of their residuals."""
 
     def fit(self, X, Y, **noise):
-        self.network = make("network_ensemble", self.settings).fit(X, Y, **noise)
-        self.process = make("gaussian_process", {}).fit(X, np.asarray(Y) - self.network.predict(X), **noise)
+        self.network = make("network_ensemble", NetworkSettings.of(self.settings)).fit(X, Y, **noise)
+        self.process = make("gaussian_process").fit(X, np.asarray(Y) - self.network.predict(X), **noise)
         return self
 
     def predict(self, X, return_std=False, noise=True):

@@ -11,6 +11,7 @@ import numpy as np
 
 from repose.surrogate import Surrogate, make
 from repose.surrogate.quadratic import QuadraticSurface
+from repose.surrogate.settings import NetworkSettings
 from research.comparison.early_stopping import EarlyStoppingBP
 from research.comparison.points import Points
 
@@ -28,7 +29,7 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
     """The network as the main chain trains it, with the noise from the points' own runs."""
     kind = "network_ensemble" if settings.get("surrogate") == "network_ensemble" else "network"
     noise = points.replicates() if settings["replicates"] else {}
-    network = make(kind, {**settings, "seed": seed})
+    network = make(kind, NetworkSettings.of({**settings, "seed": seed}))
     return _of_the_mean(network.fit(points.X, points.means(), **noise))
 
 
@@ -70,7 +71,7 @@ def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict 
 
 def gaussian_process(points: Points, settings: Settings, seed: int) -> Predict:
     """The surrogate `gaussian_process`, one process for each response."""
-    return _of_the_mean(make("gaussian_process", {}).fit(points.X, points.means()))
+    return _of_the_mean(make("gaussian_process").fit(points.X, points.means()))
 
 
 def random_forest(points: Points, settings: Settings, seed: int) -> Predict:

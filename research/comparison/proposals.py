@@ -24,7 +24,9 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.search.objective import Objective, search
+from repose.search.settings import MigaSettings
 from repose.surrogate import Surrogate, make
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import quadratic_terms
 from research.comparison.points import Points
 
@@ -100,7 +102,8 @@ def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple
 
 def study_surrogate(samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]) -> Surrogate:
     """The surrogate as the study trains it on these samples; `settings` is the section `network`."""
-    return train.train(*tables_of(samples, space, targets), targets, settings).model
+    kind, own = settings.get("surrogate", "network"), NetworkSettings.of(settings)
+    return train.train(*tables_of(samples, space, targets), targets, own, surrogate=kind).model
 
 
 def proposed(
@@ -116,7 +119,7 @@ def proposed(
     F, V = objective(means)
     found = {"best_sample": (samples.X[objective.fitness(F, V).argmin()], 0)}
     surrogate = study_surrogate(samples, space, targets, section)
-    everything = make(section.get("surrogate", "network"), section, "network.surrogate")
+    everything = make(section.get("surrogate", "network"), NetworkSettings.of(section), "network.surrogate")
     noise = samples.replicates() if section.get("replicates", False) else {}
     models = {
         "linear": plane(samples.X, means),
@@ -126,7 +129,7 @@ def proposed(
     }
     for name, model in models.items():
         found[name] = local_search(model, objective, space.dimensions, settings["local_starts"], random)
-    islands = {**settings["miga"], "seed": int(random.integers(2**31))}
+    islands = MigaSettings.model_construct(**{**settings["miga"], "seed": int(random.integers(2**31))})
     respond = on_free_parameters(surrogate, space)
     archive, history, _ = search(respond, objective, space.dimensions, islands)
     found["network_miga"] = ((archive.points[0] + 1) / 2, history[-1][2])

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from repose.search.miga import MIGA, OPERATORS
+from repose.search.miga import MIGA
 from repose.search.objective import Objective
 
 STEP = 1e-6  # of the differences
@@ -100,7 +100,7 @@ class Log:
 
 
 def miga(log: Log, seed: int, **settings: Any) -> None:
-    """The multi-island genetic algorithm; `settings` are those of `repose.search.miga.OPERATORS`."""
+    """The multi-island genetic algorithm; `settings` are arguments of `repose.search.miga.MIGA`."""
     search = MIGA(log.dimensions, **settings, seed=seed)
     while True:
         search.tell(log(search.ask()))
@@ -158,6 +158,7 @@ def uniform(log: Log, seed: int) -> None:
         log(random.uniform(-1, 1, (2000, log.dimensions)))
 
 
+OPERATORS = ("islands", "population", "generations", "tournament", "mutation_probability", "mutation_amplitude")
 SEARCHES: dict[str, Search] = {
     "differential_evolution": differential_evolution,
     "dual_annealing": dual_annealing,

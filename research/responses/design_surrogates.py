@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from repose.surrogate import make
+from repose.surrogate.settings import NetworkSettings
 from research.responses.responses_over_design import (
     Data,
     Known,
@@ -26,7 +27,7 @@ def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
     X (samples, 6) are parameters; `settings` holds ``surrogate``, its name, and the settings of that surrogate.
     """
     there = np.isfinite(known.mean)
-    model = make(settings["surrogate"], settings).fit(X[there], known.mean[there][:, None])
+    model = make(settings["surrogate"], NetworkSettings.of(settings)).fit(X[there], known.mean[there][:, None])
     return lambda points: model.predict(points)[:, 0]
 
 

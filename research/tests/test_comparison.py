@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error, value_error
 from scipy import stats
 
 from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.pictures import figures
@@ -63,8 +63,7 @@ def test_bootstrap_intervals_hold_the_true_r2():
     assert 0.88 < held / 150 < 0.99
     y = np.arange(9.0)
     assert scores.bootstrap(y, np.zeros(9), y)["explainable"] == (1, 1)
-    with pytest.raises(ValueError, match="at least 3"):
-        scores.bootstrap(y[:2], y[:2], y[:2])
+    value_error("at least 3", scores.bootstrap, y[:2], y[:2], y[:2])
 
 
 def test_calibration_of_right_and_of_too_small_error_bars():
@@ -113,8 +112,7 @@ def test_points_read_back_without_what_failed(tmp_path):
     np.testing.assert_allclose(found.means()[1], data.values[2, 1:].mean(axis=0))
     # of the third point the first run failed: with one seed it is gone
     assert len(found.take([0, 1, 2], seeds=1).X) == 2
-    with pytest.raises(InputError, match=PARAMETERS[0]):
-        points.read(tmp_path / "runs.csv", tmp_path / "runs.csv", RESPONSES)
+    input_error(PARAMETERS[0], points.read, tmp_path / "runs.csv", tmp_path / "runs.csv", RESPONSES)
 
 
 def test_points_of_one_response_read_back_as_those_of_two(tmp_path):
@@ -156,8 +154,7 @@ def test_central_composite_designs_are_balanced_and_orthogonal(n, corners):
 
 
 def test_too_few_points_for_a_central_composite_design():
-    with pytest.raises(ValueError, match="at least 29"):
-        sampling.central_composite(28)
+    value_error("at least 29", sampling.central_composite, 28)
 
 
 def test_quadratic_surface_meets_a_quadratic_and_needs_more_points_than_terms():

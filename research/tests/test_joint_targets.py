@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 from scipy import stats
 
 import repose.apparatus  # noqa: F401  (makes the responses known)
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -163,16 +163,12 @@ def test_too_few_points_are_reported(data, tmp_path):
 
 
 def test_bad_jobs_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"NUMBER\.json"):
-        further_runs.jobs_in([tmp_path])
+    input_error(r"NUMBER\.json", further_runs.jobs_in, [tmp_path])
     pile = tmp_path / "001.json"
     pile.write_text(json.dumps({"apparatus": "funnel", "sample": 1, "runs": []}))
-    with pytest.raises(InputError, match="another bench test than that of the pile"):
-        further_runs.read_jobs([pile], np.array([1]))
+    input_error("another bench test than that of the pile", further_runs.read_jobs, [pile], np.array([1]))
     other = tmp_path / "007.json"
     other.write_text(json.dumps({"apparatus": "turning", "sample": 7, "runs": []}))
-    with pytest.raises(InputError, match="a usable sample of the design"):
-        further_runs.read_jobs([other], np.array([1]))
+    input_error("a usable sample of the design", further_runs.read_jobs, [other], np.array([1]))
     other.write_text(json.dumps({"apparatus": "turning", "sample": 7, "runs": [{"status": "ok"}]}))
-    with pytest.raises(InputError, match="measured by the verb measure_runs"):
-        further_runs.read_jobs([other], np.array([7]))
+    input_error("measured by the verb measure_runs", further_runs.read_jobs, [other], np.array([7]))

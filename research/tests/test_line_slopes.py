@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 from test_measurement_study import SETTINGS, save_job
 from test_saved_pours import AXES, CONFIG
 
 from repose.apparatus import funnel, reach
-from repose.core.errors import InputError
 from repose.measure.angles import DEFINITIONS
 from repose.measure.pile import measure_pile
 from repose.measure.settings import line_of
@@ -55,6 +55,5 @@ def test_the_table_of_saved_piles_is_by_the_measured_angles(tmp_path):
         ratios.append(math.tan(math.radians(pile.mean_deg("whole"))) / cone)
     row = table[table["definition"] == "whole"].iloc[0]
     assert row["mean"] == pytest.approx(np.mean(ratios), rel=1e-9)
-    with pytest.raises(InputError, match="two samples"):
-        line_slopes.run(heaps[:1], PARTICLE, config, AXES, out)
+    input_error("two samples", line_slopes.run, heaps[:1], PARTICLE, config, AXES, out)
     assert line_of(CONFIG["measure"]) in line_slopes.lines()

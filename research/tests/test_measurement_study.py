@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 from test_saved_pours import AXES, CONFIG, one_pour
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
-from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.measure import pile
 from research.measurement import measurement_study
@@ -110,5 +110,4 @@ def test_a_study_measures_what_is_ok_and_writes_its_tables(tmp_path):
     assert list(tables["correlation"].columns) == [*VARIANTS, "Height"]
     assert tables["correlation"].loc[COLUMNS, "secant"] > 0.9
     assert tables["bias"]["measured"].tolist() == list(VARIANTS)
-    with pytest.raises(InputError, match="at least two jobs"):
-        measurement_study.run(heaps[:1], heaps[1], PARTICLE, section, AXES, out)
+    input_error("at least two jobs", measurement_study.run, heaps[:1], heaps[1], PARTICLE, section, AXES, out)

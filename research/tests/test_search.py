@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import value_error
 
 from repose.chain.invert import on_free_parameters
 from repose.core.parameter_space import ParameterSpace
@@ -75,8 +76,7 @@ def test_region_has_its_share_and_random_points_cover_half_of_it():
     assert bunched["coverage"] < 0.02
     assert bunched["pairwise_distance"] == pytest.approx(0.0332, rel=0.15)  # sqrt(2) times the mean of chi_6
     assert bunched["volume"] < 1e-6
-    with pytest.raises(ValueError, match="0 of 1024 points are feasible"):
-        Region(lambda x: respond(x) + 99, OBJECTIVE, 1024, 90, 6, 1)
+    value_error("0 of 1024 points are feasible", Region, lambda x: respond(x) + 99, OBJECTIVE, 1024, 90, 6, 1)
 
 
 def test_evaluations_are_counted_to_the_first_that_meets_it():

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 from scipy import stats
 
 import repose.apparatus  # noqa: F401  (makes the responses known)
@@ -308,9 +309,7 @@ def test_work_that_is_not_said_is_asked_for(study):
 def test_drum_of_another_design_and_a_target_out_of_reach_are_refused(study, tmp_path):
     files, _ = study
     (tmp_path / "999.json").write_text(json.dumps({"apparatus": "drum", "sample": 999, "runs": []}))
-    with pytest.raises(InputError, match="999"):
-        further_runs.read(*files, TARGETS, "secant", [tmp_path])
+    input_error("999", further_runs.read, *files, TARGETS, "secant", [tmp_path])
     far = Targets.of([target("aor_deg", 80, 81), HEIGHT])
     data = responses_over_design.read(*files, far, "secant")
-    with pytest.raises(InputError, match="feasible points"):
-        second_responses.study(data, far, SPACE, SETTINGS)
+    input_error("feasible points", second_responses.study, data, far, SPACE, SETTINGS)

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shared
+from refusals import input_error
 
 from repose.apparatus.bench_test import Run
 from repose.config.study import Study
@@ -130,14 +131,12 @@ def test_an_invalid_variant_is_refused_by_name(config, section, changes, key):
 )
 def test_names_that_the_study_lacks_are_refused(config, key, value, allowed):
     config["shape_study"][key] = value
-    with pytest.raises(InputError, match=allowed):
-        shape_cells.check(config)
+    input_error(allowed, shape_cells.check, config)
 
 
 @pytest.mark.parametrize("name", ["published-egg-keep", "bulk-egg-keep-here", "fresh-egg-cut-here"])
 def test_an_unknown_cell_is_refused(config, name):
-    with pytest.raises(InputError, match="--cell"):
-        shape_cells.cell_settings(config, name)
+    input_error("--cell", shape_cells.cell_settings, config, name)
 
 
 def test_published_sets_end_with_the_representative_that_stands_for_the_physical_pile(config):
@@ -367,11 +366,9 @@ def test_targets_that_nobody_published_are_left_out(config):
     config["targets"] += [fourth("drum_slip_deg", 45.0) | {"apparatus": "drum"}]
     assert [target.name for target in shape_cells.compared_targets(config)] == ["aor_deg", "height_mm"]
     config["targets"] = config["targets"][1:2]
-    with pytest.raises(InputError, match="some target's predicted and simulated values"):
-        shape_cells.compared_targets(config)
+    input_error("some target's predicted and simulated values", shape_cells.compared_targets, config)
 
 
 def test_a_study_without_published_solutions_is_refused(config):
     config["validation"]["published"] = None
-    with pytest.raises(InputError, match=r"validation\.published"):
-        shape_cells.published_sets(config)
+    input_error(r"validation\.published", shape_cells.published_sets, config)

@@ -1,6 +1,6 @@
 import pytest
+from refusals import input_error
 
-from repose.core.errors import InputError
 from repose.core.files import write_text
 from research import snapshot
 
@@ -76,8 +76,7 @@ def test_a_folder_that_no_snapshot_made_is_left_as_it_is(tmp_path, where):
     (tmp_path / "thesis/chapter.tex").write_text("years of work")
     (tmp_path / "a_file").write_text("text")
     before = content(tmp_path)
-    with pytest.raises(InputError, match=r"expected a (new )?folder"):
-        snapshot.take(results, tmp_path / where)
+    input_error(r"expected a (new )?folder", snapshot.take, results, tmp_path / where)
     assert content(tmp_path) == before
 
 
@@ -87,8 +86,7 @@ def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_pat
     for name in ("notes.txt", "dataset.csv"):
         (out / name).write_text("mine")
         before = content(tmp_path)
-        with pytest.raises(InputError, match=f"content is '{name}'; expected a new folder"):
-            snapshot.take(results, out)
+        input_error(f"content is '{name}'; expected a new folder", snapshot.take, results, out)
         assert content(tmp_path) == before
         (out / name).unlink()
 
@@ -96,11 +94,9 @@ def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_pat
 def test_what_cannot_be_kept_is_refused(tmp_path, monkeypatch):
     results, out = study(tmp_path), tmp_path / "published"
     monkeypatch.setattr(snapshot, "LARGEST_FILE", 5)
-    with pytest.raises(InputError, match="at most 5 bytes"):
-        snapshot.take(results, out)
+    input_error("at most 5 bytes", snapshot.take, results, out)
     (results / "card.json").unlink()
-    with pytest.raises(InputError, match="a finished study"):
-        snapshot.take(results, out)
+    input_error("a finished study", snapshot.take, results, out)
     assert not out.exists()
 
 

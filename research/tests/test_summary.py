@@ -2,8 +2,8 @@
 
 import pandas as pd
 import pytest
+from refusals import input_error
 
-from repose.core.errors import InputError
 from repose.core.responses import derived
 from research.comparison import summary
 
@@ -49,8 +49,7 @@ def test_the_region_beside_the_searches_is_none(files, tmp_path):
 
 def test_a_table_without_its_column_is_named(files, tmp_path):
     pd.read_csv(files["whole"]).drop(columns="aor_off_deg_se").to_csv(files["whole"], index=False)
-    with pytest.raises(InputError, match=r"whole\.csv: column aor_off_deg_se"):
-        summary.run(files, tmp_path / "out")
+    input_error(r"whole\.csv: column aor_off_deg_se", summary.run, files, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

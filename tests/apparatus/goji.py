@@ -1,7 +1,9 @@
 """The grains and the configurations that the tests of the bench tests share."""
 
+from dataclasses import replace
 from pathlib import Path
 
+from repose.apparatus.settings import SceneSettings
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -13,7 +15,6 @@ BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "density_kg_m3": DENS
 
 
 def particle(axes_mm=AXES_MM, density_kg_m3=DENSITY_KG_M3):
-    """The ellipsoid of given axes."""
     return fit_particle(ellipsoid_mesh(axes_mm), density_kg_m3)
 
 
@@ -23,19 +24,22 @@ SPHERE = particle((10.0, 10.0, 10.0), BEAD["density_kg_m3"])
 
 
 def recommended(section, *over, **keys):
-    """The recommended configuration, and files over it, with some keys of a section changed."""
     whole = Study.load(ROOT / "config/config.yaml", *over).config
     whole[section].update(keys)
     return whole
 
 
 def example(name, time_step_s=1.5e-4, **keys):
-    """The configuration of a bench test of the examples with some keys of its section changed."""
     whole = recommended(name, ROOT / f"examples/bench_tests/{name}.yaml", **keys)
     whole["simulation"]["time_step_s"] = time_step_s
     return whole
 
 
+def check_statuses(test, config, good, cases, *more):
+    """Hold the statuses of changed runs, by the changes, against those expected."""
+    found = [test.status_of(replace(good, **changes), SceneSettings(config), *more)[0] for _, changes in cases]
+    assert found == [status for status, _ in cases]
+
+
 def named(values):
-    """Six numbers as the parameters of a run."""
     return dict(zip(PARAMETERS, values, strict=True))

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from goji import recommended
-from refusals import not_refused
+from goji import example, recommended
+from refusals import input_error, not_refused
 
 from repose.apparatus import Scene, bench, bench_tests, names, register
 from repose.apparatus.job import measure_job, pour_job
@@ -22,20 +22,25 @@ from repose.core.targets import Targets
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
 ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples/bench_tests"
 BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "long_mm": 21.1, "major_mm": 11.4, "minor_mm": 9.9}
 PARTICLE = fit_particle(ellipsoid_mesh([21.0, 11.4, 9.9]), 840.0)
 SET = dict(zip(PARAMETERS, (0.2, 0.6, 0.05, 0.2, 0.6, 0.2), strict=True))
 SECTION = {"berries": 5, "seeds": 2, "height_mm": 50.0, "duration_s": 0.6}
-TARGET = {"response": "spread_mm", "apparatus": "drop", "value": 30.0, "sd": 2.0, "repetitions": 5}
-TARGET["range"] = [25.0, 35.0]
+TARGET = {"response": "spread_mm", "apparatus": "drop", "value": 30.0, "sd": 2.0, "repetitions": 5, "range": [25, 35]}
+
+
+def loaded(name, path):
+    """The module of a file."""
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="module")
 def drop():
-    """The example's bench test, known as long as this module's tests run."""
-    spec = importlib.util.spec_from_file_location("bench_test", ROOT / "examples" / "bench_test.py")
-    example = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
+    loaded("bench_test", ROOT / "examples/bench_test.py")
     yield bench("drop")
     registry = importlib.import_module("repose.apparatus.bench_test")
     del registry._REGISTRY["drop"], responses._REGISTRY["spread_mm"]
@@ -44,10 +49,8 @@ def drop():
 @pytest.fixture
 def config(drop, monkeypatch):
     monkeypatch.chdir(ROOT)
-    config = copy.deepcopy(Study.load("config/quick.yaml").config)
-    config["drop"] = dict(SECTION)
-    config["targets"].append(dict(TARGET))
-    return config
+    quick = copy.deepcopy(Study.load("config/quick.yaml").config)
+    return quick | {"drop": dict(SECTION), "targets": [*quick["targets"], TARGET]}
 
 
 def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
@@ -55,13 +58,12 @@ def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
     assert names()[-1] == "drop"
     assert responses.response("spread_mm").apparatus == "drop"
     assert responses.responses_of("drop") == drop.responses
-    with pytest.raises(InputError, match=f"one of {', '.join(names())}"):
-        bench("shaker")
-
-
-def test_a_name_is_given_once(drop):
+    input_error(f"one of {', '.join(names())}", bench, "shaker")
     with pytest.raises(ValueError, match="registered already"):
         register("drop")(type(drop))
+    for test in bench_tests():
+        assert test.statuses[0] == "ok"
+        assert test.settings.model_fields["seeds"].is_required()
 
 
 def test_its_section_is_part_of_the_configuration(config):
@@ -72,13 +74,9 @@ def test_its_section_is_part_of_the_configuration(config):
         ("duration_s", 0.1, "the time of the fall"),
         ("hight_mm", 3.0, "did you mean height_mm"),
     ):
-        wrong = copy.deepcopy(config)
-        wrong["drop"][key] = value
-        with pytest.raises(InputError, match=rf"drop\.{key}.*{allowed}"):
-            Study.of(wrong)
+        input_error(rf"drop\.{key}.*{allowed}", Study.of, config | {"drop": SECTION | {key: value}})
     del config["drop"]
-    with pytest.raises(InputError, match=r"targets\.2\.apparatus is 'drop'; .*has a section"):
-        Study.of(config)
+    input_error(r"targets\.2\.apparatus is 'drop'; .*has a section", Study.of, config)
 
 
 IMPOSSIBLE = [
@@ -94,12 +92,29 @@ IMPOSSIBLE = [
     ("turning", "wall_thickness_mm", 100.0, "below half of turning.outer_diameter_mm, 200"),
     ("turning", "factory_height_mm", 96.0, "between -95 and 95"),
     ("turning", "record_s", 0.0, "0.001 to 10"),
+    ("drawdown", "open_from_s", 1.4, "above 1.4975, when the last berry appears"),
+    ("drawdown", "slot_mm", 260.0, "below drawdown.width_mm, 260"),
+    ("drawdown", "edge_radius_mm", 1.5, "at most a quarter of drawdown.floor_mm, 1"),
+    ("drawdown", "drop_mm", 4.0, "above drawdown.floor_mm, 4"),
+    ("drawdown", "lower_width_mm", 267.0, "at least 268, the upper chamber with its walls"),
+    ("drop_test", "height_mm", 2.0, r"at least 3\.07, or the fall takes fewer than 100"),
+    ("drop_test", "surface", "steel", "wall.*berry"),
+    ("drop_test", "orientation", "flat", "lying"),
+    ("inclined_plane", "surface", "glass", "wall.*berry.*glued"),
+    ("inclined_plane", "steepest_deg", 90.0, "1 to 89"),
 ]
+
+
+def configured(name, **keys):
+    """The configuration with a bench test, which may be an example."""
+    if not (EXAMPLES / f"{name}.yaml").exists() or name in ("cylinder", "discharge", "turning"):
+        return recommended(name, **keys)
+    return example(name, **({"time_step_s": 2.5e-4} if name == "drop_test" else {}) | keys)
 
 
 def test_a_bench_test_that_cannot_run_is_refused():
     cases = [((name, {key: value}), rf"{name}\.{key}.*{text}") for name, key, value, text in IMPOSSIBLE]
-    assert not not_refused(lambda case: Study.of(recommended(case[0], **case[1])), cases, InputError)
+    assert not not_refused(lambda case: Study.of(configured(case[0], **case[1])), cases, InputError)
 
 
 @pytest.mark.parametrize(
@@ -108,13 +123,15 @@ def test_a_bench_test_that_cannot_run_is_refused():
         ("cylinder", {"diameter_mm": 20.0}),
         ("discharge", {"outlet_diameter_mm": 9.0, "inlet_diameter_mm": 20.0}),
         ("turning", {"length_mm": 20.0, "factory_height_mm": 90.0}),
+        ("drawdown", {"slot_mm": 9.0, "depth_mm": 20.0}),
+        ("lifted_cylinder", {"diameter_mm": 20.0}),
     ],
 )
 def test_a_berry_has_to_fit(name, keys):
     axes_mm = (21.1, 11.4, 9.9)
-    too_small = [key for key, _ in bench(name).misfits(SceneSettings(recommended(name, **keys)), axes_mm)]
+    too_small = [key for key, _ in bench(name).misfits(SceneSettings(configured(name, **keys)), axes_mm)]
     assert too_small == [f"{name}.{key}" for key in keys]
-    assert not list(bench(name).misfits(SceneSettings(recommended(name)), axes_mm))
+    assert not list(bench(name).misfits(SceneSettings(configured(name)), axes_mm))
 
 
 def test_the_job_pours_and_measures_it(drop, config, tmp_path):
@@ -140,8 +157,7 @@ def test_a_job_that_is_no_run_of_its_bench_test_is_refused(drop, config, tmp_pat
         ("drop", "jammed", "status is 'jammed'; expected ok, unstable"),
     ):
         path.write_text(json.dumps({"apparatus": name, "pours": [{"seed": 1, "status": status}]}))
-        with pytest.raises(InputError, match=message):
-            measure_job(Scene.of(config, {}, BERRY, PARTICLE), path)
+        input_error(message, measure_job, Scene.of(config, {}, BERRY, PARTICLE), path)
 
 
 def test_seeds_are_stable_and_every_bench_test_and_purpose_has_its_own(drop):
@@ -164,23 +180,11 @@ def test_responses_name_keys_that_define_them_and_limits_that_fit(config, one):
         assert response.low < response.high
 
 
-def test_all_bench_tests_run_through_the_same_functions(drop):
-    for test in bench_tests():
-        assert test.statuses[0] == "ok"
-        assert test.settings.model_fields["seeds"].is_required()
-
-
-EXAMPLES = ROOT / "examples/bench_tests"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.yaml")))
 def test_the_example_of_a_bench_test_is_measured_drawn_and_filmed(name, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     monkeypatch.syspath_prepend(EXAMPLES)
-    spec = importlib.util.spec_from_file_location("run", EXAMPLES / "run.py")
-    example = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
-    measured = example.main(name, tmp_path, pictures=2, width=100)
+    measured = loaded("run", EXAMPLES / "run.py").main(name, tmp_path, pictures=2, width=100)
     assert measured["status"] == "ok"
     assert {path.name for path in tmp_path.glob(f"{name}.*")} >= {f"{name}.png", f"{name}.gif"}

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import yaml
 from goji import example, recommended
+from refusals import input_error
 
 from repose.apparatus import drawdown, photographs
 from repose.apparatus.drum import Drum
@@ -28,7 +29,6 @@ HOW = MeasureSettings(berry_height_mm=2.0)
 
 
 def noisy(picture):
-    """With light that falls off to a side, and a camera's noise."""
     light = np.linspace(1.0, 0.85, picture.shape[1])[None, :, None]
     noise = np.random.default_rng(1).normal(0.0, 4.0, picture.shape)
     return np.clip(picture * light + noise, 0, 255).astype(np.uint8)
@@ -138,8 +138,7 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
         ([0, 0, 10, 0, 0, 10], "at least 50 pixels apart"),
         ([*inside[:5], math.nan], "three points of the drum's inner rim"),
     ):
-        with pytest.raises(InputError, match=words):
-            photographs.measure_all([file], points, SceneSettings(config), "turning", HOW)
+        input_error(words, photographs.measure_all, [file], points, SceneSettings(config), "turning", HOW)
     with pytest.raises(InputError, match="left and of the right lower inner corner"):
         photographs.measure_all([file], [900, 0, 100, 0], SceneSettings(example("drawdown")), "drawdown", HOW)
 

@@ -15,6 +15,7 @@ from repose.dem import time_steps
 
 CONFIG = Study.load(ROOT / "config/quick.yaml").config
 BERRY = BERRY | dict(zip(("long_mm", "major_mm", "minor_mm"), AXES_MM, strict=True))
+CUBE = {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
 SET = dict.fromkeys(PARAMETERS, 0.3)
 SMALL = {
     "funnel": {"berries": 12, "duration_s": 3.0},
@@ -31,21 +32,18 @@ def config(step_s=2e-4):
     return whole
 
 
+def simulated(shape, step_s, capacity, **keywords):
+    laws = {("berry", "berry"): dem.Contact(0.3, 0.5, 0.1)}
+    materials = {"berry": dem.Material(4.3e4, 0.32)}
+    return dem.Simulation({"berry": shape}, materials, laws, step_s, capacity=capacity, **CUBE | keywords)
+
+
 def three_berries(**of_second):
     """A plane with three berries that lie apart, bounded for a fall of 0.1 m."""
     radius, mass = 5e-3, 5e-4
     ball = dem.Shape([[radius] * 3], mass, [0.4 * mass * radius**2] * 3, "berry")
-    contact = dem.Contact(0.3, 0.5, 0.1)
-    simulation = dem.Simulation(
-        {"berry": ball},
-        {"berry": dem.Material(4.3e4, 0.32)},
-        {("berry", "berry"): contact},
-        1e-4,
-        capacity=3,
-        lower=(-0.1, -0.1, 0.0),
-        upper=(0.1, 0.1, 0.1),
-        walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "berry")},
-    )
+    plate = {"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "berry")}
+    simulation = simulated(ball, 1e-4, 3, lower=(-0.1, -0.1, 0.0), walls=plate)
     simulation.add("berry", (0.0, 0.0, radius))
     simulation.add("berry", **({"position_m": (0.05, 0.0, radius)} | of_second))
     simulation.add("berry", (-0.05, 0.0, radius))
@@ -60,17 +58,13 @@ def test_what_a_fall_can_give_is_within_the_bounds():
     assert bounded.simulation.steps == 3 * EVERY
 
 
-def test_a_berry_that_is_too_fast_is_named_with_time_and_cure():
-    bounded = three_berries(velocity_m_s=(0.0, 0.0, 900.0))
+def test_a_berry_that_is_too_fast_or_without_a_place_is_named_with_time_and_cure():
+    fast, lost = three_berries(velocity_m_s=(0.0, 0.0, 900.0)), three_berries()
     with pytest.raises(Unstable, match=r"berry 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than"):
-        bounded.look()
-
-
-def test_a_berry_without_a_place_is_named():
-    bounded = three_berries()
-    bounded.simulation.positions[2] = np.nan
+        fast.look()
+    lost.simulation.positions[2] = np.nan
     with pytest.raises(Unstable, match="berry 2 has no finite position"):
-        bounded.look()
+        lost.look()
 
 
 def test_energy_beyond_what_was_given_is_reported():
@@ -81,33 +75,32 @@ def test_energy_beyond_what_was_given_is_reported():
         bounded.look()
 
 
+def check_overlaps(bounded, broken, words):
+    """Half of a ball's diameter, 10 mm, is the bound."""
+    if broken:
+        with pytest.raises(Unstable, match=words):
+            bounded._look_at_overlaps()
+    else:
+        bounded._look_at_overlaps()
+
+
 @pytest.mark.parametrize(("apart_mm", "broken"), [(5.5, False), (4.5, True)])
 def test_berries_that_pass_through_each_other_are_named(apart_mm, broken):
-    """Half of a ball's diameter, 10 mm, is the bound: centres 5 mm apart."""
     bounded = three_berries(position_m=(0.0, 1e-3 * apart_mm, 5e-3))
     bounded.simulation.run_steps(1)
     pairs, overlaps = bounded.simulation.overlaps()
     assert pairs.tolist() == [[0, 1]]
     between = np.linalg.norm(bounded.simulation.positions[1] - bounded.simulation.positions[0])
     assert overlaps[0] == pytest.approx(1e-2 - between, abs=1e-12)
-    if broken:
-        with pytest.raises(Unstable, match=r"berries 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa"):
-            bounded._look_at_overlaps()
-    else:
-        bounded._look_at_overlaps()
+    check_overlaps(bounded, broken, r"berries 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa")
 
 
 @pytest.mark.parametrize(("height_mm", "broken"), [(0.5, False), (-0.5, True)])
 def test_a_berry_that_passes_through_a_wall_is_named(height_mm, broken):
-    """Half of a ball's diameter, 10 mm, is the bound: its centre in the plane."""
     bounded = three_berries(position_m=(0.05, 0.0, 5e-4))
     bounded.simulation.run_steps(1)
     bounded.simulation.positions[1, 2] = 1e-3 * height_mm  # pressed on, in contact as before
-    if broken:
-        with pytest.raises(Unstable, match=r"berry 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s"):
-            bounded._look_at_overlaps()
-    else:
-        bounded._look_at_overlaps()
+    check_overlaps(bounded, broken, r"berry 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s")
 
 
 @pytest.mark.slow
@@ -115,17 +108,7 @@ def test_overlaps_of_clumps_are_those_of_their_spheres():
     mass = 1e-3
     spheres = [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]]
     pair = dem.Clump(spheres, mass, [mass * 1e-5] * 3, "berry")
-    simulation = dem.Simulation(
-        {"berry": pair},
-        {"berry": dem.Material(4.3e4, 0.32)},
-        {("berry", "berry"): dem.Contact(0.3, 0.5, 0.1)},
-        1e-5,
-        capacity=2,
-        lower=(-0.1, -0.1, -0.1),
-        upper=(0.1, 0.1, 0.1),
-        gravity_m_s2=(0.0, 0.0, 0.0),
-        largest_scale=1.5,
-    )
+    simulation = simulated(pair, 1e-5, 2, gravity_m_s2=(0.0, 0.0, 0.0), largest_scale=1.5)
     simulation.add("berry", (0.0, 0.0, 0.0))
     # the second is turned by a right angle and 1.5 times as large: its lower sphere, 4.5 mm, meets the right one
     simulation.add("berry", (4e-3, 0.0, 13e-3), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0), scale=1.5)

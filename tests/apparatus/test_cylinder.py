@@ -8,13 +8,13 @@ from functools import partial
 import numpy as np
 import pytest
 from goji import BERRY, PARTICLE, ROOT, named, recommended
+from refusals import input_error
 
 from repose.apparatus import Scene, bench, cylinder
 from repose.apparatus.bounds import Unstable
 from repose.apparatus.job import run_once
 from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
 TEST = cylinder.CylinderTest()
@@ -150,29 +150,21 @@ def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
     assert (record["status"], record["reason"]) == ("unstable", "a berry is too fast")
 
 
-def test_taps_take_their_time():
+def test_a_study_may_leave_out_taps_which_take_time_and_give_the_tapped_density():
     own, tapped = config(**SMALL), config(**SMALL, taps=100, tap_mm=20.0)
     longer = TEST.duration_s(SceneSettings(tapped)) - TEST.duration_s(SceneSettings(own))
     assert longer == pytest.approx(100 * (2 * math.sqrt(2 * 0.02 / 9.81) + 0.4))
-
-
-def test_a_tapped_density_needs_taps():
     own = config(**SMALL)
     own["targets"] = [own["targets"][0] | {"response": "tapped_density_kg_m3", "apparatus": "cylinder"}]
     assert dict(TEST.contradictions(SceneSettings(own))) == {
         "cylinder.taps": "1 or more, for tapped_density_kg_m3 is a target"
     }
-
-
-def test_a_study_may_leave_out_the_taps():
-    """They are left out of the definitions, and a study that needs them is refused."""
     over = [ROOT / "config/config.yaml", ROOT / "examples/bench_tests/cylinder.yaml"]
     study = Study.load(*over)
     assert "cylinder.taps" not in study.definitions["tapped_density_kg_m3"]
     assert study.definitions["bulk_density_kg_m3"]["cylinder.height_mm"] == 150.0
     study.config["targets"][0] |= {"response": "tapped_density_kg_m3", "range": None}
-    with pytest.raises(InputError, match=r"cylinder\.taps is null; expected 1 or more"):
-        Study.of(study.config)
+    input_error(r"cylinder\.taps is null; expected 1 or more", Study.of, study.config)
 
 
 def test_a_small_filling():

@@ -4,19 +4,16 @@ from functools import partial
 
 import numpy as np
 import pytest
-from goji import BERRY, PARTICLE, named, particle, recommended
+from goji import BERRY, PARTICLE, check_statuses, named, particle, recommended
 
 from repose.apparatus import Scene, bench, discharge
 from repose.apparatus.job import run_once
-from repose.apparatus.settings import SceneSettings
 
 TEST = discharge.DischargeTest()
-
 SPHERE_MM = 12.0
 SPHERE = particle((SPHERE_MM, SPHERE_MM, SPHERE_MM))
 SET = named((0.25, 0.5, 0.03, 0.3, 0.6, 0.2))
-# smooth enough not to jam
-SPHERES = named((0.3, 0.3, 0.01, 0.3, 0.3, 0.01))
+SPHERES = named((0.3, 0.3, 0.01, 0.3, 0.3, 0.01))  # smooth enough not to jam
 SMALL = {"berries": 40, "rate_per_s": 150.0, "open_from_s": 0.8, "longest_s": 2.0, "collar_mm": 60.0}
 
 
@@ -24,45 +21,31 @@ config = partial(recommended, "discharge")
 
 
 def measured(exit_s, scale):
-    """A run whose berries left at these times, measured."""
     arrays = {"exit_s": np.asarray(exit_s, float), "scale": np.asarray(scale, float)}
     return TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
 
 
-def test_an_even_flow_has_its_rate():
+def test_the_rate_is_that_of_the_middle_and_counts_mass_and_a_run_that_did_not_empty_has_none():
     times = 0.5 + np.arange(200) / 80.0  # 80 berries a second
     found = measured(np.random.default_rng(1).permutation(times), np.ones(200))
     assert found["emptying_s"] == pytest.approx(times[-1])
     assert found["flow_g_s"] == pytest.approx(80.0 * 1e3 * PARTICLE.mass_kg)
-
-
-def test_the_rate_is_that_of_the_middle_and_counts_mass():
     # a slow beginning and a slow end; in the middle large berries, 8 times as heavy
     times = np.concatenate([np.linspace(0, 10, 16), 10.0 + np.arange(1, 31) / 30.0, np.linspace(12, 40, 16)])
     scale = np.concatenate([np.ones(16), np.full(30, 2.0), np.ones(16)])
     assert measured(times, scale)["flow_g_s"] == pytest.approx(8.0 * 30.0 * 1e3 * PARTICLE.mass_kg)
-
-
-def test_a_run_that_did_not_empty_has_no_numbers():
     found = TEST.measure({"status": "jammed"}, {}, Scene.of(config(), {}, BERRY, PARTICLE))
     assert (found["emptying_s"], found["flow_g_s"]) == (None, None)
 
 
 def test_a_run_is_judged():
-    good = {"filled": 500, "rest_energy_j": 1e-12, "early": 0, "late": 500}
-
-    def status(**changes):
-        return TEST.status_of(discharge.Discharge(**(good | changes)), SceneSettings(config()))[0]
-
-    assert status() == "ok"
-    assert status(unstable="why") == "unstable"
-    assert status(filled=499) == "not_filled"
-    assert status(early=1) == "lost"
-    assert status(rest_energy_j=1e-6) == "not_at_rest"
-    assert status(late=480) == "jammed"
+    good = discharge.Discharge(filled=500, rest_energy_j=1e-12, early=0, late=500)
+    cases = [("ok", {}), ("unstable", {"unstable": "why"}), ("not_filled", {"filled": 499}), ("lost", {"early": 1})]
+    cases += [("not_at_rest", {"rest_energy_j": 1e-6}), ("jammed", {"late": 480})]
+    check_statuses(TEST, config(), good, cases)
 
 
-def test_what_is_filled_in_comes_out():
+def test_what_is_filled_in_comes_out_unless_the_outlet_jams():
     record, run = run_once(bench("discharge"), Scene.of(config(**SMALL), SET, BERRY, PARTICLE, 1))
     assert (record["status"], record["berries_out"]) == ("ok", 40)
     assert (run.arrays["exit_s"] > 0.0).all()  # nothing leaves the closed funnel
@@ -70,9 +53,6 @@ def test_what_is_filled_in_comes_out():
     assert record["emptying_s"] == run.arrays["exit_s"].max()
     # the last berry falls no faster than freely, from the top of the filling
     assert record["emptying_s"] > np.sqrt(2.0 * run.arrays["position"][:, 2].max() / 9.81)
-
-
-def test_a_narrow_outlet_jams():
     narrow = config(**SMALL | {"outlet_diameter_mm": 22.0, "longest_s": 1.0})
     record, _ = run_once(bench("discharge"), Scene.of(narrow, SET, BERRY, PARTICLE, 1))
     assert record["status"] == "jammed"
@@ -80,7 +60,6 @@ def test_a_narrow_outlet_jams():
 
 
 def flow_g_s(seed=1, **keys):
-    """Rate of spheres from a funnel with a flat cone."""
     own = {"berries": 700, "inlet_diameter_mm": 130.0, "cone_angle_deg": 20.0, "collar_mm": 200.0}
     own |= {"rate_per_s": 700.0, "open_from_s": 1.5, "longest_s": 4.0}
     record, _ = run_once(bench("discharge"), Scene.of(config(**own | keys), SPHERES, BERRY, SPHERE, seed))

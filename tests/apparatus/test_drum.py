@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from goji import BERRY, PARTICLE, named, recommended
 from PIL import Image
+from refusals import input_error, value_error
 
 from repose.apparatus import Scene, bench, drum, drum_tables
 from repose.apparatus.job import measure_job, pour_job
 from repose.apparatus.settings import SceneSettings
-from repose.core.errors import InputError
 from repose.measure import bed
 from repose.pictures import film
 
@@ -29,7 +29,6 @@ config = partial(recommended, "drum")
 
 
 def half_filled(angle_deg, count=1500, seed=4):
-    """Centres and random orientations of berries below a line of known angle through the middle of the drum."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(-1, 1, (12 * count, 3)) * (RADIUS_M, 0.15, RADIUS_M)
     slope = math.tan(math.radians(angle_deg))
@@ -39,13 +38,12 @@ def half_filled(angle_deg, count=1500, seed=4):
 
 
 def turned(centres, angle_rad):
-    """Centres carried along by a drum that turns by an angle: down goes to +x."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     x, y, z = centres.T
     return np.column_stack([cos * x - sin * z, y, sin * x + cos * z])
 
 
-def test_the_drum_has_the_dimensions_asked_for():
+def test_the_drum_has_the_dimensions_asked_for_and_berries_appear_clear_of_the_walls():
     whole = drum.Drum.of(TEST.section(SceneSettings(config())))
     assert (whole.radius_m, whole.length_m) == (pytest.approx(0.095), pytest.approx(0.34))
     walls = whole.walls("wall")
@@ -56,17 +54,13 @@ def test_the_drum_has_the_dimensions_asked_for():
     for name, sign in (("near_cap", -1), ("far_cap", 1)):
         assert walls[name].point_m == pytest.approx((0.0, 0.17 * sign, 0.0))
         assert walls[name].normal == pytest.approx((0.0, -sign, 0.0))
-
-
-def test_berries_appear_clear_of_the_walls():
     whole, radius = drum.Drum(0.095, 0.34), PARTICLE.bounding_radius_m
     strip = whole.factory(0.04, radius)
     assert math.hypot(strip.half_x_m, strip.height_m) == pytest.approx(0.095 - radius)
     places = strip.places(np.random.default_rng(0).random((200, 2)))
     assert (np.hypot(places[:, 0], places[:, 2]) <= 0.095 - radius + 1e-12).all()
     assert np.abs(places[:, 1]).max() <= 0.17 - radius
-    with pytest.raises(ValueError, match=r"height_m is 0\.09"):
-        whole.factory(0.09, radius)
+    value_error(r"height_m is 0\.09", whole.factory, 0.09, radius)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 25.0, 45.0])
@@ -85,8 +79,7 @@ def test_the_edge_of_one_berry_is_its_outline():
     inside = np.abs(x) < 0.8 * a
     expected = -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2)
     np.testing.assert_allclose(edge[inside, 1], expected, atol=1e-4)
-    with pytest.raises(ValueError, match="pixels wide"):
-        bed.measure_surface(np.zeros((0, 3)), np.zeros((0, 4)), PARTICLE, RADIUS_M, 0.1, 0.6)
+    value_error("pixels wide", bed.measure_surface, np.zeros((0, 3)), np.zeros((0, 4)), PARTICLE, RADIUS_M, 0.1, 0.6)
 
 
 def test_a_bed_that_is_carried_along_rests_in_the_drums_frame():
@@ -110,15 +103,15 @@ def test_a_slip_begins_at_the_highest_angle_and_ends_when_the_bed_is_calm():
     assert bed.find_slip(angle, energy, 5.0, 1e-9) is None
     assert bed.find_slip(angle, np.full(49, 1e-3), 1.0, 1e-9).ends == 48
     assert bed.find_slip([], [], 1.0, 1e-9) is None
+    nothing = np.full(3, np.nan)
+    assert bed.depth_profile(nothing, nothing, 0.005).shape == (0, 4)
 
 
 def test_the_motion_of_a_known_layer_is_found_by_depth():
     """A layer of 15 mm slides 20 mm down a surface of 30 degrees while the drum turns by 3."""
     slope, turn_rad = math.radians(30.0), math.radians(3.0)
-    down, inward = (
-        np.array([-math.cos(slope), 0.0, -math.sin(slope)]),
-        np.array([math.sin(slope), 0, -math.cos(slope)]),
-    )
+    down = np.array([-math.cos(slope), 0.0, -math.sin(slope)])
+    inward = np.array([math.sin(slope), 0, -math.cos(slope)])
     rng = np.random.default_rng(1)
     depth, reach = rng.uniform(0, 0.04, 400), rng.uniform(0.0, 0.05, 400)
     before = depth[:, None] * inward - reach[:, None] * down + rng.uniform(-0.1, 0.1, (400, 1)) * [0, 1, 0]
@@ -140,13 +133,7 @@ def small_rotation():
     return TEST.rotate(Scene.of(config(**SMALL), REPRESENTATIVE, BERRY, PARTICLE, 3))
 
 
-def test_a_slip_with_no_berry_under_the_surface_has_no_profile():
-    nothing = np.full(3, np.nan)
-    assert bed.depth_profile(nothing, nothing, 0.005).shape == (0, 4)
-
-
 def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
-    """Small berries under coarse pixels: the slip is found, its angles are not."""
     slipped = dataclasses.replace(small_rotation, slip=bed.Slip(0, 0, 1))
     assert TEST.status_of(slipped, SceneSettings(config(**SMALL))) == ("ok", "")
     monkeypatch.setattr(drum.DrumTest, "rotate", lambda *_: slipped)
@@ -161,7 +148,7 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
     assert "before_surface_deg" not in measured[1]
 
 
-def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_rotation):
+def test_a_small_bed_turns_with_the_drum_whose_walls_hold_every_point(small_rotation):
     record, whole = small_rotation.record, drum.Drum.of(TEST.section(SceneSettings(config(**SMALL))))
     assert TEST.status_of(small_rotation, SceneSettings(config(**SMALL)))[0] == "no_slip"
     assert small_rotation.rest_energy_j < 1e-9
@@ -173,9 +160,6 @@ def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_rotation):
     assert np.median(np.linalg.norm(last - small_rotation.centres_m[0], axis=1)) < 2e-4
     assert whole.holds(small_rotation.centres_m[-1]).all()
     assert small_rotation.held
-
-
-def test_shell_and_caps_hold_every_point_of_every_berry(small_rotation):
     from repose.dem.rotations import rotation_matrices
 
     rng = np.random.default_rng(0)
@@ -200,10 +184,8 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     job = measure_job(Scene.of(config(**keys), {}, BERRY, PARTICLE), pours)
     (measured,) = job["runs"]
     assert measured == run
-    assert (measured["drum_slip_deg"], measured["drum_rest_deg"]) == (
-        run["before_surface_deg"],
-        run["after_surface_deg"],
-    )
+    for name, state in (("slip", "before"), ("rest", "after")):
+        assert measured[f"drum_{name}_deg"] == run[f"{state}_surface_deg"]
     assert job["apparatus"] == "drum"
     assert job["summary"]["drum_slip_deg"] == measured["drum_slip_deg"]
     assert run["status"] == "ok", run["reason"]
@@ -220,13 +202,14 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
         for state in drum.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
     out = tmp_path / "drum.gif"
-    film.animate_drum(tmp_path / "drum_3.npz", PARTICLE, out, config(**keys)["drum"], frames=2, width=60)
+    film.animate_drum(
+        tmp_path / "drum_3.npz", PARTICLE, out, drum.DrumSettings(**config(**keys)["drum"]), frames=2, width=60
+    )
     with Image.open(out) as shown:
         assert (shown.n_frames, shown.size) == (2, (60, 60))
 
 
 def saved(folder, seed, angle_deg, **record):
-    """Files of a run that never slipped, whose surface has a known angle."""
     centres, quaternions = half_filled(angle_deg, 300, seed)
     frames = {"position": np.array([centres] * 2), "quaternion": np.array([quaternions] * 2)}
     states = {f"{key}_{state}": frames[key][0] for key in frames for state in ("start", "report")}
@@ -237,18 +220,13 @@ def saved(folder, seed, angle_deg, **record):
     return folder / f"drum_{seed}.json"
 
 
-def test_means_have_standard_errors(tmp_path):
+def test_means_have_errors_and_a_changed_definition_measures_the_kept_frames(tmp_path):
     paths = [saved(tmp_path, seed, 30.0, report_bed_deg=angle) for seed, angle in ((1, 40.0), (2, 44.0))]
     whole = config()
     row = drum_tables.run(paths, whole, PARTICLE, tmp_path)["summary"].set_index("key").loc["report_bed_deg"]
     assert (row["mean"], row["standard_error"], row["runs"]) == (42.0, 2.0, 2)
-    with pytest.raises(InputError, match="each seed once"):
-        drum_tables.run([paths[0], paths[0]], whole, PARTICLE, tmp_path)
-    with pytest.raises(InputError, match="repose stage drum"):
-        drum_tables.run([tmp_path / "nothing.json"], whole, PARTICLE, tmp_path)
-
-
-def test_a_changed_definition_measures_the_frames_that_were_kept(tmp_path):
+    input_error("each seed once", drum_tables.run, [paths[0], paths[0]], whole, PARTICLE, tmp_path)
+    input_error("repose stage drum", drum_tables.run, [tmp_path / "nothing.json"], whole, PARTICLE, tmp_path)
     path = saved(tmp_path, 1, 30.0)
     wide, narrow = (drum_tables.run([path], config(fit_share=share), PARTICLE, tmp_path) for share in (0.9, 0.5))
     for tables in (wide, narrow):

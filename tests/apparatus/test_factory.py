@@ -14,13 +14,11 @@ RADIUS = 0.01
 
 
 def crowd(rng, n):
-    """Berries about the factory, as much of a simulation as `free_place` sees."""
     places = rng.uniform((-0.05, -0.05, 0.17), (0.05, 0.05, 0.24), (n, 3))
     return SimpleNamespace(positions=places, present=rng.random(n) < 0.9, radius=RADIUS)
 
 
 def slow_place(rng, simulation, factory):
-    """The same, one place after another."""
     for _ in range(PLACES_TRIED):
         place = np.array(factory.place(*rng.random(2)))
         others = simulation.positions[simulation.present]

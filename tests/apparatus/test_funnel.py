@@ -46,10 +46,13 @@ KNOWN = {"centre": "8 pours give 21.75 degrees where 23.9 are given (5.2 standar
 def config(**keys):
     """The published experiment as the reference values were made, with some keys of its funnel changed."""
     whole = Study.load(ROOT / "config/paper.yaml").config
-    whole["funnel"].update(keys)
-    whole["simulation"]["time_step_s"] = 2e-4
-    whole["measure"]["views"] = 18
-    return whole
+    changed = {"funnel": keys, "simulation": {"time_step_s": 2e-4}, "measure": {"views": 18}}
+    return whole | {section: whole[section] | values for section, values in changed.items()}
+
+
+def of(whole, seed=5, values=CENTRE):
+    """A scene of the berry."""
+    return Scene.of(whole, named(values), BERRY, particle(), seed)
 
 
 class LimitedByAll(SimulationSettings):
@@ -61,7 +64,6 @@ class LimitedByAll(SimulationSettings):
 
 
 def one_run(task):
-    """One pour of a reference row (a top-level function, so that processes can take it)."""
     name, seed = task
     axes = np.full(3, np.prod(AXES_MM) ** (1.0 / 3.0)) if name == "spheres" else AXES_MM
     whole = config()
@@ -99,7 +101,6 @@ def test_ensembles_agree_with_the_reference_values(ensembles, name):
 
 
 def small(**keys):
-    """A pour of 60 berries in 3 s."""
     return config(**{"berries": 60, "rate_per_s": 60.0, "duration_s": 3.0, **keys})
 
 
@@ -109,7 +110,6 @@ def heap():
 
 
 def digest(poured):
-    """Hash of every bit of the final state."""
     return hashlib.sha256(poured.centres_m.tobytes() + poured.quaternions.tobytes()).hexdigest()
 
 
@@ -123,7 +123,6 @@ print(len(advance.stats.cache_misses))
 
 
 def in_a_new_process(**environment):
-    """The digest of a small pour, and how often the kernel of a time step was compiled."""
     command = [sys.executable, "-c", SCRIPT.format(tests=str(ROOT / "tests"))]
     done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=True)
     found, compiled = done.stdout.split()
@@ -139,7 +138,7 @@ def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypat
         return advance(*arguments)
 
     monkeypatch.setattr(engine, "advance", noting)
-    here = digest(TEST.pour(Scene.of(small(), named(CENTRE), BERRY, particle(), 5)))
+    here = digest(TEST.pour(of(small())))
     assert in_a_new_process() == (here, 0)
     # this process has compiled the kernel itself where its cache was empty
     if not signatures <= set(advance.stats.cache_misses):
@@ -150,31 +149,29 @@ def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypat
 def test_a_study_may_choose_the_linear_spring():
     whole = small()
     whole["simulation"]["contact_law"] = "linear_spring"
-    poured = TEST.pour(Scene.of(whole, named(CENTRE), BERRY, particle(), 5))
+    poured = TEST.pour(of(whole))
     assert not poured.unstable
     assert poured.on_plate.sum() == 60
     assert poured.kinetic_energy_j / 60 < 1e-12
-    assert digest(poured) != digest(TEST.pour(Scene.of(small(), named(CENTRE), BERRY, particle(), 5)))
+    assert digest(poured) != digest(TEST.pour(of(small())))
 
 
 @pytest.fixture(scope="module")
 def plain():
-    """A small pour, which leaves its configuration as it was."""
     whole = small()
-    poured = TEST.pour(Scene.of(whole, named(CENTRE), BERRY, particle(), 5))
+    poured = TEST.pour(of(whole))
     assert whole == small()
     return poured
 
 
 @pytest.fixture(scope="module")
 def filmed():
-    """The same, with its frames."""
-    return TEST.pour(Scene.of(small(), named(CENTRE), BERRY, particle(), 5), interval_s=0.01)
+    return TEST.pour(of(small()), interval_s=0.01)
 
 
 def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(plain, filmed):
     assert digest(plain) == digest(filmed)
-    assert digest(plain) != digest(TEST.pour(Scene.of(small(), named(CENTRE), BERRY, particle(), 6)))
+    assert digest(plain) != digest(TEST.pour(of(small(), 6)))
     assert 100 < len(filmed.frames["time_s"]) <= 300  # a pour ends when its pile rests
     assert np.allclose(np.diff(filmed.frames["time_s"]), 0.01)
     assert np.isnan(filmed.frames["position"][0]).any()
@@ -190,8 +187,7 @@ def test_frames_may_be_a_time_step_apart():
 
 
 def test_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
-    scene = Scene.of(small(), named(CENTRE), BERRY, particle(), 5)
-    went_on = TEST.pour(scene, interval_s=0.01, until_rest=False)
+    went_on = TEST.pour(of(small()), interval_s=0.01, until_rest=False)
     assert len(filmed.frames["time_s"]) < len(went_on.frames["time_s"]) == 300
     assert np.abs(filmed.centres_m - went_on.centres_m).max() < 2e-5
     assert filmed.largest_motion_m <= 1e-3 * small()["funnel"]["rest_motion_mm"]
@@ -203,20 +199,14 @@ def test_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
         ({"outlet_diameter_mm": 14.0}, "jammed", "berries in the funnel"),
         ({"plate_diameter_mm": 40.0}, "left_plate", "left the plate"),
         ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a berry"),
+        ({"berries": 4}, "no_flank", " "),
     ],
 )
 def test_a_run_without_a_pile_has_a_status_and_a_reason(keys, status, reason):
-    record, _ = run_once(bench("funnel"), Scene.of(small(**keys), named(CENTRE), BERRY, particle(), 5))
+    record, _ = run_once(bench("funnel"), of(small(**keys)))
     assert record["status"] == status
     assert reason in record["reason"]
-    assert record["aor_deg"] is None
-    assert record["height_mm"] is None
-
-
-def test_a_pile_without_a_flank_says_so():
-    record, _ = run_once(bench("funnel"), Scene.of(small(berries=4), named(CENTRE), BERRY, particle(), 5))
-    assert record["status"] == "no_flank"
-    assert record["reason"]
+    assert (record["aor_deg"], record["height_mm"]) == (None, None)
 
 
 def of_last_positions(heights_m, exits_s, radius_m=0.005):
@@ -241,9 +231,7 @@ def test_a_pour_is_judged_by_its_last_positions():
     assert (poured.in_funnel, poured.off_plate) == (2, 1)
     assert poured.on_plate.tolist() == [True, True, False, False, False]
     assert poured.discharge_s == 3.0
-
-
-def test_a_tenth_of_the_grains_may_leave_the_plate():
+    # a tenth of the grains may leave the plate
     for lost, status in ((6, "ok"), (7, "left_plate")):
         poured = of_last_positions([0.01] * (60 - lost) + [-1.0] * lost, [1.0] * 60)
         assert TEST.status_of(poured, SceneSettings(small()))[0] == status, lost
@@ -258,7 +246,7 @@ def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
 
 
 def test_a_job_writes_what_it_returns(tmp_path):
-    pours = pour_job(bench("funnel"), Scene.of(small(), named(CENTRE), BERRY, particle()), "007", [5, 6], tmp_path)
+    pours = pour_job(bench("funnel"), of(small()), "007", [5, 6], tmp_path)
     result = measure_job(Scene.of(small(), {}, BERRY, particle()), pours)
     assert result["sample"] == 7
     assert [run["seed"] for run in result["runs"]] == [5, 6]
@@ -276,7 +264,7 @@ def test_largest_cluster_is_found():
 
 
 def test_the_pile_is_at_rest_and_on_the_plate_and_measured_by_the_pile_module():
-    record, run = run_once(bench("funnel"), Scene.of(heap(), named(CENTRE), BERRY, particle(), 5))
+    record, run = run_once(bench("funnel"), of(heap()))
     assert (record["status"], record["reason"]) == ("ok", "")
     assert record["kinetic_energy_J"] / record["berries_in_pile"] < 1e-12
     assert record["berries_on_plate"] == 120

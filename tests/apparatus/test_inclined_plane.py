@@ -6,40 +6,34 @@ from functools import partial
 import numpy as np
 import pytest
 from goji import BEAD, PARTICLE, SPHERE, example, named
-from refusals import not_refused
+from refusals import input_error
+from shared import target
 
 from repose.apparatus import Scene, bench, inclined_plane
 from repose.apparatus.job import run_once
 from repose.config.study import Study
-from repose.core.errors import InputError
 
 TEST = inclined_plane.InclinedPlaneTest()
-
-ROLLS = {
-    "response": "roll_deg",
-    "apparatus": "inclined_plane",
-    "value": 10.0,
-    "sd": 1.0,
-    "repetitions": 5,
-    "range": [9.0, 11.0],
-}
-
-
+ROLLS = target("roll_deg", 10.0, 1.0, 9.0, 11.0)
 config = partial(example, "inclined_plane", steepest_deg=45.0)
 
 
-def on_plane(friction, rolling, particle=SPHERE, own=None):
+def on_plane(friction, rolling, particle=SPHERE, own=None, wall=None):
     """A sled and a body on a wall with these coefficients, or on a plate of their own material."""
-    values = named((0.3, friction, rolling, 0.3, friction, rolling))
+    values = named((0.3, friction, rolling, 0.3, *(wall or (friction, rolling))))
     return run_once(bench("inclined_plane"), Scene.of(own or config(), values, BEAD, particle, 1))[0]
+
+
+def check_angles(found, friction, rolling, within=0.01):
+    angles = np.degrees(np.arctan([friction, rolling]))
+    assert [found["slip_deg"], found["roll_deg"]] == pytest.approx(angles, abs=within)
 
 
 @pytest.mark.parametrize(("friction", "rolling"), [(0.2, 0.05), (0.5, 0.2), (0.8, 0.4)])
 def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(friction, rolling):
     found = on_plane(friction, rolling)
     assert found["status"] == "ok"
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(friction)), abs=0.01)
-    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(rolling)), abs=0.01)
+    check_angles(found, friction, rolling)
 
 
 @pytest.mark.slow
@@ -65,11 +59,8 @@ def test_a_sphere_that_cannot_roll_slides_or_stays():
 
 
 def test_the_other_surface_is_of_the_berries_own_material():
-    values = named((0.3, 0.3, 0.1, 0.3, 0.6, 0.3))
     own = config(surface="berry", tilting_deg_s=2.0)
-    found = run_once(bench("inclined_plane"), Scene.of(own, values, BEAD, SPHERE, 1))[0]
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.3)), abs=0.1)
-    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.1)), abs=0.1)
+    check_angles(on_plane(0.3, 0.1, own=own, wall=(0.6, 0.3)), 0.3, 0.1, 0.1)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
@@ -102,15 +93,22 @@ def test_a_glued_layer_touches_and_does_not_overlap():
 def test_the_resistance_against_the_other_body_rolls_at_the_same_angle():
     own = config()
     own["simulation"]["rolling_law"] = "epsd"
-    found = on_plane(0.5, 0.2, own=own)
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.5)), abs=0.01)
-    assert found["roll_deg"] == pytest.approx(math.degrees(math.atan(0.2)), abs=0.01)
+    check_angles(on_plane(0.5, 0.2, own=own), 0.5, 0.2)
 
 
-def test_the_beginning_is_where_the_root_of_the_speed_meets_zero():
+def test_the_beginning_is_where_the_root_of_the_speed_meets_zero_inside_the_bounds():
     angle = np.arange(0.0, 22.0, 0.01)
     speed = 3.0 * np.maximum(angle - 20.0, 0.0) ** 2 + 1e-9
     assert inclined_plane.beginning_deg(angle, speed) == pytest.approx(20.0, abs=1e-3)
+    angle = np.linspace(0.0, 20.0, 200)
+    columns = {"angle_deg": angle, "speed_m_s": (angle + 5.0) ** 2, "slide_m_s": 0.0 * angle}
+    bodies = (inclined_plane.SLED, inclined_plane.SINGLE)
+    arrays = {f"{what}_{name}": values for what in bodies for name, values in columns.items()}
+    record = {"seed": 1, "status": "ok", "reason": ""}
+    found = TEST.result(record, arrays, Scene.of(config(), {}, BEAD, SPHERE))
+    assert found["status"] == "out_of_bounds"
+    assert found["reason"] == "angle of slip is -5, outside 0 to 89 deg"
+    assert found["status"] in TEST.statuses
 
 
 @pytest.mark.parametrize(
@@ -136,19 +134,6 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
     assert found["slip_deg"] == pytest.approx(10.0, abs=0.01)
 
 
-def test_a_result_outside_its_bounds_is_no_result():
-    """A sled that creeps: the line through its speeds meets zero at a negative angle."""
-    angle = np.linspace(0.0, 20.0, 200)
-    arrays = {f"{what}_angle_deg": angle for what in (inclined_plane.SLED, inclined_plane.SINGLE)}
-    for what in (inclined_plane.SLED, inclined_plane.SINGLE):
-        arrays |= {f"{what}_speed_m_s": (angle + 5.0) ** 2, f"{what}_slide_m_s": 0.0 * angle}
-    record = {"seed": 1, "status": "ok", "reason": ""}
-    found = TEST.result(record, arrays, Scene.of(config(), {}, BEAD, SPHERE))
-    assert found["status"] == "out_of_bounds"
-    assert found["reason"] == "angle of slip is -5, outside 0 to 89 deg"
-    assert found["status"] in TEST.statuses
-
-
 def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
     values = named((0.3, 0.5, 0.3, 0.3, 0.5, 0.3))
     own = config(tilting_deg_s=10.0, steepest_deg=45.0)
@@ -161,15 +146,9 @@ def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
     assert frames["tilt_deg"][-1] > 16.0
 
 
-def test_a_plane_that_tilts_too_fast_is_refused():
-    cases = [
-        ({"tilting_deg_s": 20.0, "steepest_deg": 5.0}, r"tilting_deg_s.*at most 10"),
-        ({"surface": "glass"}, r"surface.*wall.*berry.*glued"),
-        ({"steepest_deg": 90.0}, r"steepest_deg.*1 to 89"),
-    ]
+def test_a_plane_that_tilts_too_fast_or_creeps_is_refused():
+    for keys, allowed in (({"tilting_deg_s": 20.0, "steepest_deg": 5.0}, r"tilting_deg_s.*at most 10"),):
+        input_error(rf"inclined_plane\.{allowed}", Study.of, config(**keys))
     creeping = config()
     creeping["simulation"]["rolling_law"] = "constant_torque"
-    with pytest.raises(InputError, match=r"simulation\.rolling_law.*lets it creep"):
-        Study.of(creeping)
-    wrong = [(keys, rf"inclined_plane\.{allowed}") for keys, allowed in cases]
-    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
+    input_error(r"simulation\.rolling_law.*lets it creep", Study.of, creeping)

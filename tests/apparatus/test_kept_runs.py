@@ -27,8 +27,6 @@ class Stopped(Exception):
 
 @pytest.fixture
 def pours():
-    """A function that pours with a bench test of no cost, and returns the seeds that it ran."""
-
     def pour(folder, seeds, config=CONFIG, parameters=SET, keeps_runs=True, stops=None):
         ran = []
 
@@ -55,7 +53,7 @@ def pours():
     return pour
 
 
-def test_a_further_seed_runs_that_seed_only_and_gives_the_same_bytes(pours, tmp_path):
+def test_a_further_seed_runs_that_seed_only_and_fewer_lose_none(pours, tmp_path):
     assert pours(tmp_path / "grown", [1, 2]) == [1, 2]
     assert pours(tmp_path / "grown", [1, 2, 3]) == [3]
     assert pours(tmp_path / "grown", [1, 2, 3]) == []
@@ -63,9 +61,6 @@ def test_a_further_seed_runs_that_seed_only_and_gives_the_same_bytes(pours, tmp_
     for name in ("001.pours.json", "001.npz"):
         assert (tmp_path / "grown" / name).read_bytes() == (tmp_path / "fresh" / name).read_bytes()
     assert not (tmp_path / "fresh" / "runs").exists()
-
-
-def test_fewer_seeds_lose_none_of_the_kept_runs(pours, tmp_path):
     assert pours(tmp_path, [1, 2, 3]) == [1, 2, 3]
     assert pours(tmp_path, [1]) == []
     assert pours(tmp_path, [1, 2, 3, 4]) == [4]
@@ -118,7 +113,6 @@ def test_a_damaged_run_never_reaches_a_result(pours, tmp_path, kept):
 
 
 def test_a_run_that_somebody_changed_or_copied_is_made_again(pours, tmp_path):
-    """With its record, by which it would be the same run."""
     pours(tmp_path, [1, 2], stops=2)
     first, second, result = (tmp_path / name for name in ("runs/001_1.npz", "runs/001_2.npz", "001.npz"))
     second.write_bytes(first.read_bytes())

@@ -32,7 +32,6 @@ def particle_of(name):
 
 
 def sized(particle, factor):
-    """The particle at another size."""
     record = particle.record()
     for key, power in {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3}.items():
         record[key] = (np.array(record[key]) * factor**power).tolist()
@@ -41,7 +40,6 @@ def sized(particle, factor):
 
 
 def case(rng, particles):
-    """Configuration, berry, particle and lowest restitutions of a random study."""
     config = copy.deepcopy(CONFIG)
     name = str(rng.choice(list(particles)))
     factor = 10 ** rng.uniform(np.log10(0.5), np.log10(50.0)) / AXES_MM["long_mm"]
@@ -61,7 +59,6 @@ def refused_by_check(config, particle, berry):
 
 
 def refused_by_pours(config, parameters, particle, berry):
-    """Whether all bench tests refuse; they have to agree with each other."""
     refused = set()
     for name in names():
         if name in config:

@@ -22,7 +22,6 @@ WHOLE = {"response": "whole"}
 
 
 def grain(axes_mm=reach.GRAIN_MM, volume_m3=BERRY_M3):
-    """An ellipsoid of these axes, with a volume of its own."""
     half = np.array([axes_mm]) * 5e-4
     return Particle("ellipsoid", half, 840.47, volume_m3, 1e-3, np.ones(3), float(half.max()), 0.0, 0.0)
 
@@ -33,7 +32,6 @@ def config():
 
 
 def judged(config, line, dataset_csv=None, particle=None):
-    """The reach of the one angle of a configuration with a line."""
     config["measure"] |= line
     (found,) = reach.of(config, particle or grain(), dataset_csv).values()
     return found
@@ -49,8 +47,7 @@ def test_the_cone_of_a_height_and_a_volume_in_closed_form():
     assert 1e6 * math.pi * 0.06557**3 / (3 * math.tan(math.radians(32.87)) ** 2) == pytest.approx(707, abs=0.5)
 
 
-def test_no_side_that_flattens_outwards_has_a_steeper_whole_line_than_its_cone():
-    """Sums of cones of one Height flatten outwards, and are all that does; their volumes by Pappus's rule."""
+def test_no_side_and_no_sample_is_steeper_than_the_cone_of_its_mass(config):
     rng = np.random.default_rng(1)
     r = (np.arange(4000) + 0.5) / 4000
     for _ in range(200):
@@ -59,6 +56,9 @@ def test_no_side_that_flattens_outwards_has_a_steeper_whole_line_than_its_cone()
         side = (shares[:, None] * np.maximum(1 - r / feet[:, None], 0)).sum(axis=0)
         volume = 2 * math.pi * (side * r).mean()
         assert -np.polyfit(r, side, 1)[0] <= math.sqrt(math.pi / (3 * volume)) * (1 + 1e-4)
+    row, exact = reach.nearest_row(config["measure"] | WHOLE, "whole", 0.2)
+    assert exact
+    assert row["largest"] < math.sqrt(reach.DENSEST / funnel.PACKING)
 
 
 def test_the_articles_pair_is_no_whole_side_but_may_be_the_straight_part(config):
@@ -91,12 +91,6 @@ def test_every_line_has_a_band(config, definition, rule):
     mean, sd, largest, source = found.band
     assert 20 < mean < mean + sd < largest < 60
     assert ("by the nearest line measured" in source) is (definition in ("flank", "steepest"))
-
-
-def test_no_measured_sample_is_steeper_than_mass_allows(config):
-    row, exact = reach.nearest_row(config["measure"] | WHOLE, "whole", 0.2)
-    assert exact
-    assert row["largest"] < math.sqrt(reach.DENSEST / funnel.PACKING)
 
 
 def test_samples_of_the_study_stand_in_for_the_table_each_carried_at_its_volume(config, tmp_path):
@@ -149,16 +143,13 @@ def test_the_band_holds_for_grains_that_the_table_has_not(crop):
         assert ", not of this grain" in found.band.source
 
 
-def test_nothing_is_said_without_angle_and_height_of_a_pile(config):
+def test_nothing_is_said_without_angle_and_height_and_an_own_definition_by_its_line(config):
     angle, height = config["targets"]
     drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
     for targets in ([angle], [height], [drum], [drum, height], []):
         assert list(reach.said(config | {"targets": targets}, grain(), None)) == []
     (line,) = reach.said(config, grain(), None)
     assert line.startswith("reach: ")
-
-
-def test_an_angle_by_a_definition_of_its_own_is_judged_by_that_line(config):
     config["targets"][0]["response"] = "aor_secant_deg"
     config["measure"] |= WHOLE
     assert list(reach.of(config, grain())) == ["aor_secant_deg"]

@@ -19,13 +19,11 @@ def config():
 
 
 def with_grains(config, grains, response="secant"):
-    """The configuration with another number of grains and another angle."""
     measure = config["measure"] | {"response": response}
     return {**config, "funnel": config["funnel"] | {"berries": grains}, "measure": measure}
 
 
-def test_a_change_is_that_of_the_table():
-    """Between two numbers of the table the mean over its crops; there and back it vanishes."""
+def test_a_change_is_that_of_the_table_and_fewer_grains_are_enough_where_the_angle_stays(config):
     own = pd.read_csv(scene_size.TABLE).set_index(["grains", "label"])
     for name in ("whole", "secant"):
         found = scene_size.change(500, 125, name)
@@ -36,6 +34,12 @@ def test_a_change_is_that_of_the_table():
     heights = own["height_scaled_mm"]
     assert found.height == pytest.approx((heights[125] / heights[500]).mean())
     assert scene_size.change(300, 300, "flank") == (0.0, 1.0)
+    for name in ("whole", "flank", "secant", "steepest"):
+        found = scene_size.enough(1000, name)
+        between = [n for n in scene_size.numbers() if found is not None and found <= n < 1000]
+        assert all(abs(scene_size.change(1000, n, name).angle_deg) <= 1 for n in between)
+        below = [n for n in scene_size.numbers() if n < (found or 1000)]
+        assert not below or abs(scene_size.change(1000, max(below), name).angle_deg) > 1
 
 
 def test_a_scaled_scene_keeps_its_proportions_and_lets_grains_through(config):
@@ -50,17 +54,7 @@ def test_a_scaled_scene_keeps_its_proportions_and_lets_grains_through(config):
     assert scene_size.scaled(own, own["berries"], 13.34) == own | dict.fromkeys(scene_size.COMPUTED, "auto")
 
 
-def test_fewer_grains_are_enough_where_the_angle_stays(config):
-    """And never a number below one whose angle is more than a degree off."""
-    for name in ("whole", "flank", "secant", "steepest"):
-        found = scene_size.enough(1000, name)
-        between = [n for n in scene_size.numbers() if found is not None and found <= n < 1000]
-        assert all(abs(scene_size.change(1000, n, name).angle_deg) <= 1 for n in between)
-        below = [n for n in scene_size.numbers() if n < (found or 1000)]
-        assert not below or abs(scene_size.change(1000, max(below), name).angle_deg) > 1
-
-
-def test_a_large_scene_gets_a_smaller_one_as_keys_that_a_study_takes(config):
+def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     small = list(scene_size.advice(with_grains(config, 500), 13.34, 65.0))
     assert len(small) == 1
     assert small[0].startswith("grains: the pile is 4.9 grains high.")
@@ -80,9 +74,6 @@ def test_a_large_scene_gets_a_smaller_one_as_keys_that_a_study_takes(config):
         config["funnel"]["inlet_diameter_mm"] * (keys["berries"] / 1000) ** (1 / 3), rel=1e-3
     )
     Study.of({**config, "funnel": config["funnel"] | keys})
-
-
-def test_beyond_the_table_nothing_is_promised(config):
     largest = max(scene_size.numbers())
     _, smaller, *_ = scene_size.advice(with_grains(config, 25 * largest), 13.34, 65.0)
     assert "have not been compared" in smaller
@@ -118,7 +109,6 @@ def seeds(tmp_path):
 
 
 def lines_of(study, path):
-    """What `repose check` says of the grain of a study."""
     path.write_text(yaml.safe_dump(study))
     loaded = Study.load(path, inputs=True)
     return list(checking._about(loaded))
@@ -155,7 +145,6 @@ def test_a_pile_that_reaches_the_outlet_is_told(seeds, tmp_path):
 
 
 def test_a_process_that_pours_and_measures_does_not_wait_for_what_it_does_not_use():
-    """A study starts hundreds of them; pandas or scipy's distances take a third of a second."""
     used = "repose.cli, repose.apparatus.job, repose.config.study, repose.config.stands_on, repose.measure.pile"
     slow = {"pandas", "scipy.spatial", "scipy.sparse", "scipy.stats", "yaml", "matplotlib", "repose.surrogate"}
     code = f"import sys, {used}; print(*({slow} & set(sys.modules)))"

@@ -25,7 +25,6 @@ config = partial(recommended, "turning")
 
 
 def bed(angle_deg, count=400):
-    """Centres and orientations of berries below a line of known angle through the axis."""
     rng = np.random.default_rng(4)
     places = rng.uniform(-0.08, 0.08, (8 * count, 3))
     below = places[:, 2] < np.tan(np.radians(angle_deg)) * places[:, 0]
@@ -108,7 +107,7 @@ def test_each_speed_has_its_time_its_angle_and_its_profile():
     assert {lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")} == {None}
 
 
-def test_speeds_and_times_belong_together():
+def test_speeds_and_times_belong_together_and_a_run_is_judged():
     one = config(measure_from_s=2.5)
     assert turning.speeds(TEST.section(SceneSettings(one))) == [(0.8, 2.5, 8.5)]
     two = config(angular_velocity_rad_s=[0.8, 1.6], measure_from_s=[2.0, 1.0], measure_until_s=3.0)
@@ -116,10 +115,12 @@ def test_speeds_and_times_belong_together():
     assert bench("turning").duration_s(SceneSettings(two)) == pytest.approx(2.5 + 6.0)
     three = config(measure_from_s=[1.0, 2.0, 3.0])
     assert [key for key, _ in TEST.contradictions(SceneSettings(three))] == ["turning.measure_from_s"]
+    assert turning.status_of(True) == ("ok", "")
+    assert turning.status_of(True, "why") == ("unstable", "why")
+    assert turning.status_of(False)[0] == "lost"
 
 
 def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
-    """The first speed gives the same bits as it does alone."""
     short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
     once, twice = (
         TEST.run(Scene.of(config(**short, **more), ROUGH, BERRY, PARTICLE, 1))
@@ -131,12 +132,6 @@ def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
     np.testing.assert_array_equal(twice.arrays["position"][: len(once.arrays["time_s"])], once.arrays["position"])
     faster = np.abs(np.diff(twice.arrays["position"], axis=0)).mean(axis=(1, 2))
     assert faster[-1] > 1.5 * faster[0]
-
-
-def test_a_run_is_judged():
-    assert turning.status_of(True) == ("ok", "")
-    assert turning.status_of(True, "why") == ("unstable", "why")
-    assert turning.status_of(False)[0] == "lost"
 
 
 def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():

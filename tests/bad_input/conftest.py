@@ -7,11 +7,11 @@ import pytest
 
 from repose import cli
 
+SENTENCE = r"repose: error: (.+: .+ is .+; expected .+|.+\[Errno \d+\] .+|unknown .+: expected .+)"
 one_parser = functools.cache(cli.parser)  # making it takes longer than most refusals
 
 
 def content(folder):
-    """Every path below a folder, with the bytes of the files."""
     return {path: path.read_bytes() if path.is_file() else None for path in sorted(folder.rglob("*"))}
 
 
@@ -37,11 +37,7 @@ def refused(tmp_path, monkeypatch, capsys):
         if not output.startswith("usage: "):  # argparse shows the usage before its sentence
             assert len(lines) == len(output.splitlines()), output
             for line in lines:
-                assert re.match(
-                    r"repose: error: (.+: .+ is .+; expected .+|.+\[Errno \d+\] .+|unknown .+: expected .+)",
-                    line,
-                    re.DOTALL,
-                ), line
+                assert re.match(SENTENCE, line, re.DOTALL), line
         assert content(tmp_path) == before, "something was written"
         return output
 

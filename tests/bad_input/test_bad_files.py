@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import input_error
 from shared import check_all
 
 from repose.config import reading
@@ -44,17 +45,11 @@ def test_every_cell_of_a_table_is_a_number(tmp_path):
 
     places = [(berry_files.read_sizes, SIZES, row, column) for row, column in ((1, 0), (2, 1), (1, 2))]
     places += [(berry_files.read_compression, TESTS, 2, column) for column in range(7)]
-    check_all(
-        check,
-        [
-            (f"{read.__name__} row {row} column {column} {value!r}", read, text, row, column, value)
-            for read, text, row, column in places
-            for value in NO_NUMBERS
-        ],
-    )
+    cases = [(*place, value) for place in places for value in NO_NUMBERS]
+    check_all(check, [(f"{case[0].__name__} {case[2:]}", *case) for case in cases])
 
 
-def test_sizes_in_another_unit_are_blamed_on_their_table(tmp_path):
+def test_tables_in_another_unit_are_blamed_on_themselves(tmp_path):
     header, *rows = SIZES.split()
 
     def fault(sizes):
@@ -63,16 +58,12 @@ def test_sizes_in_another_unit_are_blamed_on_their_table(tmp_path):
     in_m = ["0.021,0.011,0.01", "0.022,0.012,0.011"]
     assert "long_mm is 0.0215; expected a median from 0.5 to 2000" in fault(in_m)
     assert "row 4: long_mm is 0.021; expected within a factor of 5 of the median" in fault([*rows, rows[0], in_m[0]])
-
-
-def test_a_compression_test_in_another_unit_is_blamed_on_its_table(tmp_path):
     sizes, tests = tmp_path / "a.csv", tmp_path / "tests.csv"
     sizes.write_text(SIZES)
     tests.write_text(TESTS)
     berry.of_files(sizes, tests, None, 840.0)
     tests.write_text(TESTS.replace("10,9,11", "0.01,0.009,0.011"))
-    with pytest.raises(InputError, match=r"tests\.csv: width_1_mm is .* near that of minor_mm"):
-        berry.of_files(sizes, tests, None, 840.0)
+    input_error(r"tests\.csv: width_1_mm is .* near that of minor_mm", berry.of_files, sizes, tests, None, 840.0)
 
 
 TABLES = {
@@ -105,15 +96,12 @@ def test_a_file_that_is_no_table(tmp_path):
     check_all(check, [(f"{read.__name__} {wrong}", read, text, wrong) for read, text, wrong in cases])
 
 
-def test_another_encoding_is_reported(tmp_path):
+def test_another_encoding_is_reported_and_a_mark_of_the_byte_order_is_fine(tmp_path):
     for encoding in ("utf-32", "utf-16-le"):
         table = SIZES.encode(encoding)
         raises(berry_files.read_sizes, tmp_path / "a.csv", table)
         for read in (files.read_table, tables.sheet, files.read_json):
             raises(read, tmp_path / "a.csv", table, ("long_mm",))
-
-
-def test_a_mark_of_the_byte_order_is_fine_everywhere(tmp_path):
     path = tmp_path / "a"
     path.write_bytes(b"\xef\xbb\xbf" + SIZES.encode())
     assert len(berry_files.read_sizes(path)) == len(files.read_table(path, ("long_mm",))) == 2
@@ -145,23 +133,15 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
 
     keys = (*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa")
     berry = [(berry_files.read_berry, BERRY | {key: value}, key) for key in keys for value in BAD]
-    berry += [
-        (berry_files.read_berry, BERRY | {key: value}, key)
-        for key in berry_files.FROM_ZERO
-        for value in BAD
-        if value != 0
-    ]
+    others = [(key, value) for key in berry_files.FROM_ZERO for value in BAD if value != 0]
+    berry += [(berry_files.read_berry, BERRY | {key: value}, key) for key, value in others]
     numbers = [key for key in PARTICLE if key not in ("kind", "stl")]
     bad = ("text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True)
     particle = [(Particle.load, PARTICLE | {key: value}, key) for key in numbers for value in bad]
     without = [(Particle.load, {name: PARTICLE[name] for name in PARTICLE if name != key}, key) for key in PARTICLE]
-    check_all(
-        check,
-        [
-            (f"{read.__name__} {key} {record.get(key, 'missing')!r}", read, record, key)
-            for read, record, key in berry + particle + without
-        ],
-    )
+    cases = berry + particle + without
+    named = [(f"{case[0].__name__} {case[2]} {case[1].get(case[2], 'missing')!r}", *case) for case in cases]
+    check_all(check, named)
 
 
 @pytest.mark.parametrize("key", berry_files.MODULI)
@@ -194,14 +174,12 @@ def test_a_file_that_was_cut(tmp_path):
 
 
 def _cube():
-    """A closed mesh as binary STL."""
     import trimesh
 
     return trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl")
 
 
 def answer(read, path):
-    """What a reader says of a file: the sentence of its fault, or the file's name."""
     try:
         read(path)
     except InputError as error:

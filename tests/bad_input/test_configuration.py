@@ -5,7 +5,8 @@ import copy
 import math
 
 import pytest
-from shared import check_all, every_bench_test
+from refusals import input_error
+from shared import at, check_all, every_bench_test, put
 
 from repose.config import faults
 from repose.config.computed import COMPUTED
@@ -18,7 +19,6 @@ NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
 
 
 def good():
-    """A configuration with every section, to be changed."""
     return copy.deepcopy(every_bench_test()) | {"figures": {"format": ["png", "pdf"], "dpi": 300}}
 
 
@@ -58,7 +58,6 @@ def leaves(schema, prefix=""):
 
 
 def sections(schema, prefix=""):
-    """Dotted names of all sections."""
     for key, child in schema["properties"].items():
         if is_section(resolved(child)):
             yield f"{prefix}{key}"
@@ -94,16 +93,7 @@ def bad_values(schema):
             yield from (("infinite", math.inf), ("texts", ["a", "b"]), ("pairs of nothing", [None, None]))
 
 
-def holder(config, key):
-    """The section of a key, and its last part."""
-    *path, last = key.split(".")
-    for step in path:
-        config = config[int(step) if isinstance(config, list) else step]
-    return config, last
-
-
 def faults_of(config):
-    """Faults that a check reports, by key."""
     with pytest.raises(InputError) as caught:
         Study.of(config, "mine.yaml")
     found = getattr(caught.value, "faults", [caught.value])
@@ -112,21 +102,14 @@ def faults_of(config):
 
 
 def with_value(key, value):
-    """A good configuration with another value of one key."""
-    config = good()
-    section, last = holder(config, key)
-    section[last] = value
-    return config
+    return put(good(), key, value)
 
 
 def test_every_key_refuses_what_it_cannot_take():
-    """All keys get a value that is wrong in the same way; the message has each of them."""
-
     def check_reported(keys):
         config = good()
         for key, value in keys.items():
-            section, last = holder(config, key)
-            section[last] = value
+            put(config, key, value)
         faults = faults_of(config)
         missed = [key for key in keys if not any(f"{fault}.".startswith(f"{key}.") for fault in faults)]
         assert not missed
@@ -153,8 +136,8 @@ OPTIONAL = (
 def test_every_missing_key_is_reported():
     def missing(key):
         config = good()
-        section, last = holder(config, key)
-        del section[last]
+        section, _, last = key.rpartition(".")
+        del (at(config, section) if section else config)[last]
         assert "the key is missing" in faults_of(config)[key].allowed
 
     schema = faults.schema()
@@ -167,8 +150,7 @@ def test_an_unknown_key_is_reported_in_every_section():
     def unknown(section, extra):
         key = f"{section}.{extra}" if section else str(extra)
         config = good()
-        place, _ = holder(config, f"{section}.x" if section else "x")
-        place[extra] = 1
+        (at(config, section) if section else config)[extra] = 1
         assert "a known key" in faults_of(config)[key].allowed
 
     places = ("", *sections(faults.schema()), "targets.0")
@@ -184,17 +166,13 @@ def test_every_section_is_a_mapping():
     check_all(refused, [(f"{section} {value!r}", section, value) for section, value in cases])
 
 
-def test_all_faults_are_reported_at_once():
+def test_all_faults_and_contradictions_are_reported_at_once():
     config = good()
     keys = ("funnel.seeds", "simulation.gravity_m_s2", "label", "miga.islands", "targets.0.sd", "drum.no_such_key")
     for key in keys:
-        section, last = holder(config, key)
-        section[last] = -1
+        put(config, key, -1)
     del config["sensitivity"]["seed"]
     assert {*keys, "sensitivity.seed"} == set(faults_of(config))
-
-
-def test_all_contradictions_are_reported_at_once():
     config = good()
     config["funnel"] |= {"outlet_diameter_mm": 150.0, "rest_window_s": 18.0}
     config["miga"]["tournament"] = 900
@@ -244,19 +222,15 @@ def aliases(levels):
 @pytest.mark.parametrize("text", [b"null: 3\n", b"~: 3\n", b"1.5: 3\n", b"funnel: {null: 3}\n", b"funnel: {1.5: 3}\n"])
 def test_a_key_that_is_no_text_is_answered(text, tmp_path):
     (tmp_path / "odd.yaml").write_bytes(text)
-    with pytest.raises(InputError, match=r"odd\.yaml: (funnel\.)?(None|1\.5) is 3; expected a known key"):
-        Study.load(tmp_path / "odd.yaml")
+    input_error(r"odd\.yaml: (funnel\.)?(None|1\.5) is 3; expected a known key", Study.load, tmp_path / "odd.yaml")
 
 
-def test_aliases_that_multiply_end_in_a_short_message_at_once(refused, tmp_path):
+def test_aliases_that_multiply_end_in_a_short_message_at_once_and_plain_ones_are_fine(refused, tmp_path):
     for levels in (4, 5, 6, 9, 60):
         (tmp_path / "mine.yaml").write_text(aliases(levels))
         message = refused("check", "--config", "mine.yaml")
         assert len(message) < 10_000, levels
         assert ("every alias is replaced" in message) == (levels > 5), levels
-
-
-def test_an_alias_of_plain_size_is_fine():
     assert parse("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == [{"b": [1, 2]}] * 2
 
 
@@ -268,13 +242,10 @@ def nested(levels):
     return value
 
 
-def test_a_message_shows_a_large_value_in_part():
+def test_a_message_shows_a_large_value_in_part_and_a_small_one_as_it_is():
     for value in (nested(40), ["x" * 9] * 10**5, {"a": nested(40)}, "x" * 10**6, 10**4000):
         for kind in (InputError, YamlError):
             assert len(str(kind("mine.yaml", "key", value, "a number"))) < 600
-
-
-def test_a_message_shows_a_small_value_as_it_is():
     for value in ("text", 1.5, None, [31, 34], {"b": [1, 2], "a": 2.5}, [[1, 2], [3, 4]]):
         message = str(InputError("mine.yaml", "key", value, "a number"))
         shown = message.removeprefix("mine.yaml: key is ").removesuffix("; expected a number")

@@ -7,10 +7,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from refusals import input_error
 
 from repose import strategies
 from repose.chain import answer
-from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
@@ -42,7 +42,6 @@ def study(folder, simulated, feasible=True):
 
 
 def read(config):
-    """The answer in the folder of results."""
     names = ("miga/summary.json", "validation/representative.csv", "miga/feasible.csv")
     return answer.read(config, *(f"{config['results_dir']}/{name}" for name in names))
 
@@ -107,7 +106,6 @@ def test_a_small_run_says_so_first(tmp_path):
 
 
 def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
-    """An answer with two targets."""
     checks = (
         answer.Check("aor_deg", "deg", angle, None, 9, status, 32.0, 2.0, 31.0, 34.0, predicted=32.5),
         answer.Check("my_mm", "mm", height, 0.5, 9, status, 66.0, 2.0, 64.0, 68.0),
@@ -197,5 +195,4 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
 
 
 def test_a_study_that_has_not_run_is_reported(tmp_path):
-    with pytest.raises(InputError, match=r"summary\.json"):
-        read({"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})
+    input_error(r"summary\.json", read, {"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shared
-from refusals import not_refused
+from refusals import input_error, not_refused
 
 from repose.chain import answer, card, card_text
 from repose.chain.card import described
@@ -54,7 +54,6 @@ def solutions():
 
 
 def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5, values=MappingProxyType({}), **known):
-    """The card of a study with an answer of its own."""
     checks = tuple(
         answer.Check(
             *(target["response"], "mm", simulated, 0.4, runs, "ok"),
@@ -71,7 +70,6 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5,
 
 
 def record_of_an_ellipsoid():
-    """A body of 4 x 2 x 1 mm half axes."""
     half = np.array([4.0, 2.0, 1.0]) * 1e-3
     volume = 4 / 3 * np.pi * half.prod()
     mass = 1000.0 * volume
@@ -81,7 +79,7 @@ def record_of_an_ellipsoid():
     return Particle("ellipsoid", half[None], 1000.0, volume, mass, inertia, half.max(), 0.0, 0.0).record()
 
 
-def test_intervals_and_correlations_are_those_of_the_sets(config, solutions):
+def test_a_card_has_intervals_and_correlations_of_the_sets_and_the_simulated_body(config, solutions):
     made_card = made(config, solutions)
     card.check(made_card, "card")
     parameters = made_card["parameters"]
@@ -90,9 +88,6 @@ def test_intervals_and_correlations_are_those_of_the_sets(config, solutions):
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == -1.0
     assert abs(made_card["correlations"]["e_gg"]["mus_gp"]) < 0.1
     assert made_card["interval"] == card.RANGE
-
-
-def test_a_fixed_parameter_has_no_interval_and_no_correlation(config, solutions):
     made_card = made(config, solutions)
     assert made_card["parameters"]["e_gp"] | {"meaning": ""} == {
         "meaning": "",
@@ -102,6 +97,10 @@ def test_a_fixed_parameter_has_no_interval_and_no_correlation(config, solutions)
         "given": "fixed",
     }
     assert "e_gp" not in made_card["correlations"]
+    grain = made(config, solutions)["grain"]
+    assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]
+    assert grain["volume_mm3"] == pytest.approx(4 / 3 * np.pi * 8, rel=1e-5)
+    assert grain["spheres_mm"] == []
 
 
 def test_the_posterior_replaces_the_range_of_the_sets(config, solutions):
@@ -215,13 +214,6 @@ def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, capsys):
     assert main(["card", "check", *2 * [str(CARDS[0])]]) == 2
 
 
-def test_the_grain_is_the_simulated_body(config, solutions):
-    grain = made(config, solutions)["grain"]
-    assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]
-    assert grain["volume_mm3"] == pytest.approx(4 / 3 * np.pi * 8, rel=1e-5)
-    assert grain["spheres_mm"] == []
-
-
 def test_a_card_describes_the_laws_of_the_study(config):
     result = card.laws(config)
     assert result["normal"].startswith("Hertz")
@@ -300,8 +292,6 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     assert "grain.density_kg_m3 is -1" in str(caught.value)
     assert "laws is None; expected a material card: the key is missing" in str(caught.value)
 
-
-def test_numbers_that_no_material_has_are_refused(config, solutions):
     def check(change):
         card.check(made(config, solutions) | change, "mine.json")
 
@@ -314,9 +304,6 @@ def test_numbers_that_no_material_has_are_refused(config, solutions):
     bad += [(of("mus_gg", low=0.5, high=high), "low and high, or null for both") for high in (None, 0.4)]
     bad += [({"correlations": {"mus_gg": {}, "mur_gg": {}}}, "correlations.mus_gg")]
     assert not_refused(check, bad, InputError) == []
-
-
-def test_a_card_states_its_probabilities_if_its_runs_give_them(config, solutions):
     card.check(made(config, solutions, runs=1, within=None), "card")
     with pytest.raises(InputError, match=r"mine: within\.2 % is None; expected .* as each test has 2 runs"):
         card.check(made(config, solutions, runs=2, within=None), "mine")
@@ -340,7 +327,6 @@ def test_the_published_schema_is_that_of_the_model():
 
 
 def test_a_check_of_before_the_probabilities_is_refused(monkeypatch, tmp_path, capsys):
-    """It once made a published card that knew nothing, beside a report that knew it."""
     monkeypatch.chdir(ROOT)
     table = pd.read_csv(STUDY / "validation/representative.csv")
     table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)
@@ -386,7 +372,6 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, cap
 
 
 def test_the_verb_writes_a_card_that_can_be_read(monkeypatch, tmp_path):
-    """From the tables of a study that is kept in the repository."""
     monkeypatch.chdir(ROOT)
     study, out = STUDY, tmp_path / "card.json"
     particle = tmp_path / "particle.json"
@@ -415,5 +400,4 @@ def test_a_card_holds_the_parameters_of_every_contact_law(config, solutions):
         assert tuple(result["parameters"]) == (*PARAMETERS, *names)
         assert all(LABELS[name] in card_text.describe(result) for name in names)
     result["parameters"]["surface_gg"] = result["parameters"]["e_gg"]
-    with pytest.raises(InputError, match="surface_gg"):
-        card.check(result, "card")
+    input_error("surface_gg", card.check, result, "card")

@@ -47,8 +47,7 @@ def test_there_are_four_of_different_shape_and_size():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
-    """No section of the goji berry lies under it, and its README gives the source of each number."""
+def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch):
     monkeypatch.chdir(CROPS / name)
     config = Study.load(inputs=True).config
     Study.of(config, name)
@@ -61,12 +60,6 @@ def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
     for value in (config["berry"]["density_kg_m3"], config["berry"]["poisson_ratio"], target["value"]):
         assert f"{value:g}" in text or f"{value:.2f}" in text
     assert "assumed" in text
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_its_card_is_that_of_its_configuration(name, monkeypatch):
-    monkeypatch.chdir(CROPS / name)
-    config = Study.load(inputs=True).config
     shown = card.read(CROPS / "cards" / f"{name}.json")
     assert shown["material"] == name
     assert [test["measured"] for test in shown["tests"]] == [target["value"] for target in config["targets"]]

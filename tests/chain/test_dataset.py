@@ -1,13 +1,19 @@
+"""Tables of samples and runs: made, read, and refused where they are damaged."""
+
 import json
 import math
+import shutil
+from pathlib import Path
 
 import pandas as pd
 import pytest
 import shared
+from refusals import input_error
 from shared import one_run
 
 from repose.apparatus import bench
 from repose.chain import dataset
+from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
 from repose.core.parameter_sets import job_files
 from repose.core.parameters import PARAMETERS
@@ -41,17 +47,13 @@ def write(samples, paths, out):
     return dataset.run(samples, paths, TARGETS, DEFINITIONS, out)
 
 
-def test_the_summary_says_the_line_of_the_angle_in_words(study):
+def test_run_writes_tables_counts_and_the_line_of_the_angle(study):
     folder, paths = study
     angle = {"measure.response": "flank", "measure.flank": "levels", "measure.fit_from": 0.3}
     for definitions in ({"aor_deg": angle | {"measure.fit_to": 0.7, "measure.views": 6}}, {"height_mm": {}}):
         summary = dataset.run(folder / "samples.csv", paths, TARGETS, definitions, folder / "out")
         line = "flank, 30 to 70 % of the height, levels" if "aor_deg" in definitions else None
         assert summary.get("line") == line
-
-
-def test_run_writes_tables_and_counts(study):
-    folder, paths = study
     summary = write(folder / "samples.csv", paths[::-1], folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
     assert list(table.columns) == ["sample", *PARAMETERS, *RECORDED.summary]
@@ -99,30 +101,23 @@ def edit(path, change):
 def test_a_bad_heap_job_is_named(study, change, message):
     folder, paths = study
     edit(paths[1], change)
-    with pytest.raises(InputError, match=message):
-        write(folder / "samples.csv", paths, folder)
+    input_error(message, write, folder / "samples.csv", paths, folder)
 
 
-def test_missing_and_corrupt_files_are_named(study):
-    folder, paths = study
-    with pytest.raises(InputError, match=r"samples without a file is \[2\]"):
-        write(folder / "samples.csv", [paths[0], paths[2]], folder)
-    with pytest.raises(InputError, match=r"absent.json"):
-        write(folder / "samples.csv", [folder / "absent.json"], folder)
-    paths[0].write_text(paths[0].read_text()[:50])
-    with pytest.raises(InputError, match=r"001.json"):
-        write(folder / "samples.csv", paths, folder)
-
-
-def test_bad_tables_of_samples_are_named(study):
+def test_missing_corrupt_and_bad_tables_are_named(study):
     folder, paths = study
     samples = pd.read_csv(folder / "samples.csv")
     samples.drop(columns="mur_gp").to_csv(folder / "short.csv", index=False)
-    with pytest.raises(InputError, match=r"short.csv: column mur_gp"):
-        write(folder / "short.csv", paths, folder)
+    input_error(r"short.csv: column mur_gp", write, folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
-    with pytest.raises(InputError, match=r"twice.csv, row 4: sample is 1; expected each sample once; row 1 has"):
-        write(folder / "twice.csv", paths, folder)
+    input_error(
+        r"twice.csv, row 4: sample is 1; expected each sample once; row 1", write, folder / "twice.csv", paths, folder
+    )
+    folder, paths = study
+    input_error(r"samples without a file is \[2\]", write, folder / "samples.csv", [paths[0], paths[2]], folder)
+    input_error(r"absent.json", write, folder / "samples.csv", [folder / "absent.json"], folder)
+    paths[0].write_text(paths[0].read_text()[:50])
+    input_error(r"001.json", write, folder / "samples.csv", paths, folder)
 
 
 def several(study):
@@ -139,11 +134,10 @@ def several(study):
         more[-1].write_text(json.dumps(job))
     for path in paths:
         edit(path, lambda job: job.update(apparatus="funnel"))
-    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
-    return folder, paths + more, Targets.of([slip | {"range": [20.0, 40.0]}, *shared.TARGETS])
+    return folder, paths + more, Targets.of([shared.SLIP, *shared.TARGETS])
 
 
-def test_bench_tests_of_one_sample_are_merged(study):
+def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice_is_named(study):
     folder, paths, targets = several(study)
     dataset.run(folder / "samples.csv", paths, targets, {}, folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
@@ -160,10 +154,6 @@ def test_bench_tests_of_one_sample_are_merged(study):
     assert runs["apparatus"].tolist() == 3 * (2 * ["drum"] + 3 * ["funnel"])
     assert runs.loc[runs["apparatus"] == "drum", "aor_deg"].isna().all()
     assert runs.loc[(runs["apparatus"] == "drum"), "drum_slip_deg"].notna().all()
-
-
-def test_a_job_that_is_missing_twice_or_of_another_bench_test_is_named(study):
-    folder, paths, targets = several(study)
     arguments = (targets, {}, folder / "out")
     with pytest.raises(InputError, match=r"jobs of the drum: samples without a file is \[3\]"):
         dataset.run(folder / "samples.csv", paths[:-1], *arguments)
@@ -180,3 +170,77 @@ def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
     names = [str(path) for path in job_files(words, tmp_path / "samples.csv")]
     assert names == [f"{tmp_path}/heaps/001.json", f"{tmp_path}/heaps/10000.json", "other/001.json"]
     assert [str(path) for path in job_files(["a.json"], "no/table.csv")] == ["a.json"]
+
+
+STUDY = Path(__file__).parents[2] / "results/published/recommended"
+
+
+@pytest.fixture
+def tables(tmp_path):
+    for name in ("dataset.csv", "runs.csv", "dataset_summary.json"):
+        shutil.copy(STUDY / name, tmp_path)
+    return tmp_path
+
+
+def read(tables):
+    dataset = read_dataset(tables / "dataset.csv", TARGETS)
+    return dataset, read_runs(tables / "runs.csv", TARGETS, dataset, tables / "dataset.csv")
+
+
+def test_a_whole_study_is_read(tables):
+    dataset, runs = read(tables)
+    assert (len(dataset), len(runs)) == (150, 900)
+
+
+@pytest.mark.parametrize(("name", "rows"), [("dataset.csv", 150), ("runs.csv", 900)])
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.51, 0.8])
+def test_a_table_cut_anywhere_is_refused(tables, name, rows, share):
+    content = (tables / name).read_bytes()
+    (tables / name).write_bytes(content[: int(share * len(content))])
+    input_error(rf"{name}.*(cells is|rows is \d+; expected {rows})", read, tables)
+
+
+def changed(tables, name, row, column, value):
+    table = pd.read_csv(tables / name, dtype=object, keep_default_na=False)
+    table.loc[row, column] = value
+    table.to_csv(tables / name, index=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "value", "message"),
+    [
+        ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is inf; expected a finite number"),
+        ("dataset.csv", "aor_deg", "nan", "row 3: aor_deg is nan; expected a number from 1 to 89"),
+        ("dataset.csv", "aor_deg", "", "row 3: aor_deg is nan; expected a number from 1 to 89"),
+        ("dataset.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0; expected a number from 1 to 89"),
+        ("dataset.csv", "aor_deg", "steep", "row 3: aor_deg is 'steep'; expected a finite number"),
+        ("dataset.csv", "aor_deg", "31.0", "mean of aor_deg is .*; expected 31, its mean in"),
+        ("dataset.csv", "aor_se_deg", "", "standard error of aor_deg is .*; expected nan, its standard error in"),
+        ("dataset.csv", "aor_se_deg", "-0.5", "standard error of aor_deg is .*; expected -0.5, its"),
+        ("dataset.csv", "e_gg", "", "row 3: e_gg is nan; expected 0.01 to 1"),
+        ("dataset.csv", "e_gg", "-0.2", "row 3: e_gg is -0.2"),
+        ("dataset.csv", "sample", "2", "row 3: sample is .2.; expected each once"),
+        ("runs.csv", "sample", "2", "sample and seed|sample 1: ok runs is 5; expected 6"),
+        ("runs.csv", "sample", "151", "sample is 151"),
+        ("runs.csv", "aor_deg", "-inf", "row 3: aor_deg is -inf; expected a finite number"),
+        ("runs.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0"),
+        ("runs.csv", "aor_deg", "30.5", "sample 1: mean of aor_deg is"),
+        ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; expected 6"),
+    ],
+)
+def test_a_damaged_cell_is_reported(tables, name, column, value, message):
+    changed(tables, name, 2, column, value)
+    input_error(message, read, tables)
+
+
+def test_runs_twice_lost_or_of_another_study_are_refused(tables):
+    lines = (tables / "runs.csv").read_text().splitlines(keepends=True)
+    (tables / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
+    input_error(r"row 2: sample and seed is \[.*\]; expected each once", read, tables)
+    (tables / "runs.csv").write_text("".join([lines[0], *lines[2:]]))
+    input_error("rows is 899; expected 900", read, tables)
+    shutil.copy(STUDY.parent / "paper/runs.csv", tables)
+    input_error(r"runs\.csv: rows is 150; expected 900", read, tables)
+    summary = json.loads((tables / "dataset_summary.json").read_text())
+    (tables / "dataset_summary.json").write_text(json.dumps(summary | {"runs": 150}))
+    input_error(r"sample 1: ok runs is 1; expected 6", read, tables)

@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error, value_error
 from shared import RANGES
 
 from repose.chain import design, exchange_search
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 
@@ -22,10 +22,12 @@ def slow_minimum_distance(points):
     return min(sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5 for a, b in pairs)
 
 
-def test_random_and_best_of_20_are_latin_hypercubes():
+def test_all_designs_are_latin_hypercubes():
     rng = np.random.default_rng(1)
     assert strata_are_filled_once(design.random_lhs(150, 6, rng))
     assert strata_are_filled_once(design.lhsdesign(150, 6, rng=rng))
+    for n, d in ((2, 1), (2, 6), (3, 2), (7, 1)):
+        assert strata_are_filled_once(design.optimal_lhs(n, d, seed=1))
 
 
 @pytest.mark.slow
@@ -39,25 +41,21 @@ def test_optimal_is_a_latin_hypercube_far_better_than_best_of_20():
     assert design.phi_p(optimal) < design.phi_p(best_of_20)
 
 
-def test_best_of_20_is_the_best_of_its_20():
+def test_best_of_20_and_criteria_are_those_of_slow_twins():
     rng = np.random.default_rng(5)
     distances = [slow_minimum_distance(design.random_lhs(30, 3, rng)) for _ in range(20)]
     chosen = design.lhsdesign(30, 3, iterations=20, rng=np.random.default_rng(5))
     assert slow_minimum_distance(chosen) == pytest.approx(max(distances))
+    points = design.random_lhs(12, 3, np.random.default_rng(2))
+    assert design.minimum_distance(points) == pytest.approx(slow_minimum_distance(points))
+    pairs = [(a, b) for i, a in enumerate(points) for b in points[:i]]
+    by_hand = sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16)
+    assert design.phi_p(points) == pytest.approx(by_hand)
 
 
-def test_optimum_of_five_points_in_the_square_is_found():
-    """Known maximin Latin hypercube of 5 points in 2 columns: a knight's move apart, sqrt(5) strata."""
+def test_the_known_optimum_of_five_points_is_found_and_a_seed_gives_one_design():
     levels = np.floor(design.optimal_lhs(5, 2, seed=3) * 5)
     assert slow_minimum_distance(levels) == pytest.approx(np.sqrt(5))
-
-
-def test_small_designs_work():
-    for n, d in ((2, 1), (2, 6), (3, 2), (7, 1)):
-        assert strata_are_filled_once(design.optimal_lhs(n, d, seed=1))
-
-
-def test_a_seed_gives_one_design():
     first, again, other = (design.optimal_lhs(8, 3, seed=seed) for seed in (7, 7, 8))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
@@ -86,14 +84,6 @@ def test_gain_of_an_exchange_against_recomputation():
         after = total(points)
         assert gain == pytest.approx(after - before, rel=1e-6, abs=1e-9 * max(before, after))
         assert pairs.total() == pytest.approx(after)
-
-
-def test_criteria_against_slow_twins():
-    points = design.random_lhs(12, 3, np.random.default_rng(2))
-    assert design.minimum_distance(points) == pytest.approx(slow_minimum_distance(points))
-    pairs = [(a, b) for i, a in enumerate(points) for b in points[:i]]
-    by_hand = sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16)
-    assert design.phi_p(points) == pytest.approx(by_hand)
 
 
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
@@ -130,12 +120,9 @@ def test_a_fixed_parameter_is_a_column_and_a_prior_leaves_its_range_filled():
     ],
 )
 def test_bad_settings_are_refused(tmp_path, samples, method, seed, key):
-    with pytest.raises(InputError, match=f"{key} is"):
-        design.run(ParameterSpace.of(RANGES), samples, method, seed, tmp_path)
+    input_error(f"{key} is", design.run, ParameterSpace.of(RANGES), samples, method, seed, tmp_path)
 
 
 def test_sizes_without_a_design_are_refused():
-    with pytest.raises(ValueError, match="at least 2"):
-        design.optimal_lhs(1, 3, seed=1)
-    with pytest.raises(ValueError, match="at least 1"):
-        design.lhsdesign(5, 0)
+    value_error("at least 2", design.optimal_lhs, 1, 3, seed=1)
+    value_error("at least 1", design.lhsdesign, 5, 0)

@@ -6,27 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 import shared
+from refusals import input_error
 
 from repose.chain import invert
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
+from repose.search.settings import MigaSettings
 from repose.surrogate.support import Support
 
-SETTINGS = {
-    "islands": 5,
-    "population": 40,
-    "rounds": 40,
-    "generations": 10,
-    "tournament": 3,
-    "mutation_probability": 0.05,
-    "mutation_amplitude": 0.1,
-    "solutions": 30,
-    "distance": 0.05,
-    "answer": "least_expected_loss",
-    "seed": 2026,
-}
+SETTINGS = MigaSettings(**shared.MIGA)
 SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
 
 
@@ -74,7 +64,7 @@ def outcome(request, tmp_path_factory):
     return request.param == 2.0, summary, folder / "out"
 
 
-def test_run_says_whether_the_box_was_reached_and_is_deterministic(outcome, tmp_path):
+def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_the_published(outcome, tmp_path):
     reachable, summary, out = outcome
     network_json, table3 = write_inputs(tmp_path, 2.0 if reachable else 0.2)
     invert.run(network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
@@ -95,11 +85,6 @@ def test_run_says_whether_the_box_was_reached_and_is_deterministic(outcome, tmp_
         assert summary["target_distance"]["aor_deg"] == pytest.approx(2.1 + 0.2 / 6, abs=1e-3)
         assert summary["message"].startswith("All later stages use the nearest solutions: the answer is predicted ")
         assert "0.63 deg and 0.00 mm outside the ranges" in summary["message"]
-
-
-def test_run_solutions_are_sorted_distinct_and_inside_the_ranges(outcome):
-    reachable, _, out = outcome
-    solutions = pd.read_csv(out / "feasible.csv")
     X = solutions[list(PARAMETERS)].to_numpy()
     assert ((X >= 0) & (X <= 2)).all()
     assert (np.diff(solutions["objective"]) >= 0).all()
@@ -108,11 +93,7 @@ def test_run_solutions_are_sorted_distinct_and_inside_the_ranges(outcome):
         np.testing.assert_allclose(solutions["objective"], F, atol=1e-12)
     gaps = np.linalg.norm(X[:, None] - X, axis=2) + 9 * np.eye(len(X))  # ranges of width 2: already normalised
     assert gaps.min() >= 0.05 - 1e-12
-
-
-def test_run_tables_beside_the_published(outcome):
-    _, _, out = outcome
-    solutions, intervals = pd.read_csv(out / "feasible.csv"), pd.read_csv(out / "intervals.csv")
+    intervals = pd.read_csv(out / "intervals.csv")
     assert intervals["variable"].tolist() == list(PARAMETERS)
     width = solutions["mus_gp"].max() - solutions["mus_gp"].min()
     row = intervals.set_index("variable").loc["mus_gp"]
@@ -159,7 +140,7 @@ class Sure:
 
 @pytest.mark.parametrize("answer", ["least_expected_loss", "least_objective"])
 def test_the_answer_is_the_set_of_least_expected_loss_or_of_least_objective(answer):
-    settings = SETTINGS | {"answer": answer, "rounds": 10}
+    settings = SETTINGS.model_copy(update={"answer": answer, "rounds": 10})
     table = invert.invert(Sure(), SPACE, targets(29.0, (28.5, 29.5)), settings).solutions
     assert table["representative"].tolist() == [True] + [False] * 29
     assert (abs(table["e_gg"][0] - 0.5) < 0.01) == (answer == "least_expected_loss")
@@ -182,7 +163,7 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
     """Out of reach: every solution sits in a corner, with samples in the middle of the ranges alone."""
     network_json, table3 = write_inputs(tmp_path, 0.2)
     support = Support(np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)), np.zeros(6), np.full(6, 2.0))
-    brief = SETTINGS | {"rounds": 5}
+    brief = SETTINGS.model_copy(update={"rounds": 5})
     summary = invert.run(network_json, SPACE, TARGETS, brief, table3, tmp_path, support)
     table = pd.read_csv(tmp_path / "feasible.csv")
     assert table.columns[-1] == "warning"
@@ -191,16 +172,12 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
     assert summary["message"].endswith(f"Beyond the samples: {table['warning'].iloc[0]}.")
 
 
-def test_a_target_outside_its_box_and_a_bad_table_are_named(tmp_path):
+def test_bad_targets_tables_definitions_and_responses_are_refused(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
     with pytest.raises(InputError, match=r"aor_deg is 40.*\[29.0, 32.0\]"):
         invert.run(network_json, SPACE, targets(40), SETTINGS, table3, tmp_path)
     table3.write_text("variable,low\n")
-    with pytest.raises(InputError, match=r"table3.csv: column parameter"):
-        invert.run(network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
-
-
-def test_another_definition_or_other_responses_are_refused(tmp_path):
+    input_error(r"table3.csv: column parameter", invert.run, network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
     network_json, table3 = write_inputs(tmp_path, 2.0)
     content = json.loads(network_json.read_text())
     flank = {"aor_deg": {"measure.response": "flank"}}

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import shared
 from known_responses import known_function
+from refusals import input_error
 
 from repose.chain import train
 from repose.core.errors import InputError
@@ -15,8 +16,15 @@ from repose.core.responses import response
 from repose.core.targets import Targets
 from repose.surrogate import load
 from repose.surrogate.accuracy import r2
+from repose.surrogate.settings import NetworkSettings
 
-SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
+SETTINGS = NetworkSettings.of({"hidden": 6, "epochs": 200, "starts": 3})
+
+
+def but(**keys):
+    return SETTINGS.model_copy(update=keys)
+
+
 TARGETS = Targets.of(shared.TARGETS)
 
 
@@ -83,13 +91,13 @@ def test_run_writes_what_it_returns(tmp_path):
 
 def test_a_run_with_replicates_knows_their_noise(tmp_path):
     paths = write_tables(tmp_path)
-    metrics = train.run(*paths, TARGETS, SETTINGS | {"replicates": True, "prior": "inputs"}, tmp_path / "out")
+    metrics = train.run(*paths, TARGETS, but(replicates=True, prior="inputs"), tmp_path / "out")
     assert metrics["noise_freedom"] == 3 * metrics["n_train"]
     sd = np.sqrt(np.diagonal(metrics["noise_covariance"]))
     known = np.concatenate([load(tmp_path / "out/network.json").noise_std_]) / sd
     assert known == pytest.approx(1.0, abs=0.1)
     # of one seed there is none to correct for
-    once = train.run(*write_tables(tmp_path, seeds=1), TARGETS, SETTINGS | {"replicates": True}, tmp_path / "once")
+    once = train.run(*write_tables(tmp_path, seeds=1), TARGETS, but(replicates=True), tmp_path / "once")
     ways = once["r2_three_ways"]["aor_deg"]
     assert ways["noise_corrected"] is None
     assert ways["single_runs"] == pytest.approx(ways["sample_means"])
@@ -110,19 +118,18 @@ def single_pours(signal):
 
 
 NOISE = np.array([[1.0, 1.8], [1.8, 4.0]])
-SINGLE = SETTINGS | {"hidden": 12, "starts": 2, "epochs": 300, "prior": "one", "replicates": False, "seed": 2}
+SINGLE = but(hidden=12, starts=2, epochs=300, seed=2)
 
 
 def of_single_pours(signal, **settings):
     """The training, and the spread and the error of predictions at unseen points, both in sd of the noise."""
-    training = train.train(*single_pours(signal), TARGETS, SINGLE | settings)
+    training = train.train(*single_pours(signal), TARGETS, SINGLE.model_copy(update=settings))
     U = np.random.default_rng(13).uniform(-1, 1, (500, 6))
     P, sd = training.model.predict(0.5 + 0.4 * U), np.sqrt(np.diagonal(NOISE))
     return training, P.std(axis=0) / sd, np.sqrt(np.mean((P - signal * known_function(U)) ** 2, axis=0)) / sd
 
 
 def test_noise_that_single_runs_share_is_no_signal_once_the_validation_samples_show_it():
-    """Without a signal the network learns the noise by heart; with the validation samples it is flat."""
     _, learned, _ = of_single_pours(0.0, starts=1)
     training, flat, _ = of_single_pours(0.0, starts=1, validation_noise=True)
     assert learned.min() > 2
@@ -144,8 +151,7 @@ def test_a_signal_of_single_runs_is_found_with_the_noise_of_the_validation_sampl
 
 def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_bench_tests():
     errors = np.random.default_rng(14).normal(size=(5, 3)) @ [[1, 0.5, 0.2], [0, 1, 0.3], [0, 0, 1]]
-    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
-    three = Targets.of([*shared.TARGETS, slip | {"range": [30.0, 32.0]}])
+    three = Targets.of([*shared.TARGETS, shared.SLIP])
     covariance = train.error_covariance(errors, three, "my.csv")
     for i, j in np.ndindex(3, 3):
         apart = i != j and 2 in (i, j)
@@ -157,17 +163,15 @@ def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_benc
 
 def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     paths = write_tables(tmp_path, samples=12)
-    with pytest.raises(InputError, match=r"usable samples is 11; expected at least 12"):
-        train.run(*paths, TARGETS, SETTINGS, tmp_path)
+    input_error(r"usable samples is 11; expected at least 12", train.run, *paths, TARGETS, SETTINGS, tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
-    with pytest.raises(InputError, match=r"dataset.csv: column mus_gp"):
-        train.run(*paths, TARGETS, SETTINGS, tmp_path)
+    input_error(r"dataset.csv: column mus_gp", train.run, *paths, TARGETS, SETTINGS, tmp_path)
 
 
 def test_definitions_are_kept_and_others_are_refused(tmp_path):
     dataset_csv, runs_csv = write_tables(tmp_path)
     flank, secant = ({"aor_deg": {"measure.response": kind}} for kind in ("flank", "secant"))
-    arguments = (dataset_csv, runs_csv, TARGETS, SETTINGS | {"starts": 1}, tmp_path / "out")
+    arguments = (dataset_csv, runs_csv, TARGETS, but(starts=1), tmp_path / "out")
     train.run(*arguments, flank, "my.yaml")
     assert load(tmp_path / "out/network.json").definitions == flank
     files = (tmp_path / "out/network.json", tmp_path / "out/predictions.csv", dataset_csv)
@@ -175,8 +179,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
     (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
     with pytest.raises(InputError, match=r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"):
         train.run(*arguments, flank, "my.yaml")
-    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json"):
-        train.restore(*files)
+    input_error(r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json", train.restore, *files)
     train.run(*arguments)
     assert load(tmp_path / "out/network.json").definitions == secant
 
@@ -185,7 +188,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
 def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     out = tmp_path / "out"
-    metrics = train.run(dataset_csv, runs_csv, TARGETS, SETTINGS | {"surrogate": name, "starts": 1}, out)
+    metrics = train.run(dataset_csv, runs_csv, TARGETS, but(starts=1), out, surrogate=name)
     saved, table = load(out / "network.json"), pd.read_csv(out / "predictions.csv")
     test = table[table["split"] == "test"]
     error = np.sqrt(np.mean((test["height_mm"] - test["height_predicted_mm"]) ** 2))
@@ -199,15 +202,14 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
     train.restore(*files)
     column = "height_predicted_mm" if name == "network" else "height_final_mm"
     table.assign(**{column: table[column] + 1}).to_csv(out / "predictions.csv", index=False)
-    with pytest.raises(InputError, match=r"predictions is 'others'; expected those of .*network\.json"):
-        train.restore(*files)
+    input_error(r"predictions is 'others'; expected those of .*network\.json", train.restore, *files)
 
 
 @pytest.mark.parametrize("name", ["aor_deg", "height_mm"])
 def test_one_target_is_trained_alone(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     one = Targets([target for target in TARGETS if target.name == name])
-    metrics = train.run(dataset_csv, runs_csv, one, SETTINGS | {"replicates": True}, tmp_path / "out")
+    metrics = train.run(dataset_csv, runs_csv, one, but(replicates=True), tmp_path / "out")
     assert set(metrics["test"]) == set(metrics["r2_three_ways"]) == {name}
     assert np.shape(metrics["noise_covariance"]) == (1, 1)
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
@@ -224,8 +226,7 @@ def test_a_parameter_of_the_contact_law_is_an_input_like_the_six(tmp_path):
     assert model.inputs == (*PARAMETERS, "gamma_gg")
     assert train.restore(*(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv")))
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
-    with pytest.raises(InputError, match=r"gamma_gg is -0\.1"):
-        train.run(dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
+    input_error(r"gamma_gg is -0\.1", train.run, dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
 
 
 def test_noise_of_different_bench_tests_is_independent_and_counts_by_their_runs():
@@ -236,9 +237,7 @@ def test_noise_of_different_bench_tests_is_independent_and_counts_by_their_runs(
     pours[["aor_deg", "height_mm"]] = random.multivariate_normal([30, 60], [[1, 1], [1, 4]], size=1600)
     turns = pd.DataFrame({"sample": samples.repeat(2), "apparatus": "drum", "status": "ok"})
     turns["drum_slip_deg"] = random.normal(40, 3.0, size=800)
-    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
-    first, second = shared.TARGETS
-    targets = Targets.of([first, slip | {"range": [20.0, 40.0]}, second])
+    targets = Targets.of([shared.TARGETS[0], shared.SLIP, shared.TARGETS[1]])
     found = train.Replicates.of(pd.concat([pours, turns]), samples, targets)
     covariance = found.covariance
     assert found.runs.tolist() == [4.0] * 400

@@ -7,32 +7,23 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from shared import RANGES, every_bench_test
+import shared
+from shared import RANGES, every_bench_test, target
 
 from repose.chain import dataset, design, invert, train, validate
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.core.responses import response
 from repose.core.targets import Targets
+from repose.search.settings import MigaSettings
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import Support
 
 pytestmark = pytest.mark.slow
 
 MEASURE = every_bench_test()["measure"]
-NETWORK = {"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1, "split": [0.7, 0.15, 0.15]}
-MIGA = {
-    "islands": 3,
-    "population": 30,
-    "rounds": 20,
-    "generations": 10,
-    "tournament": 3,
-    "mutation_probability": 0.1,
-    "mutation_amplitude": 0.1,
-    "solutions": 10,
-    "distance": 0.02,
-    "answer": "least_expected_loss",
-    "seed": 1,
-}
+NETWORK = NetworkSettings.of({"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1})
+SMALL = {"islands": 3, "population": 30, "rounds": 20, "mutation_probability": 0.1, "solutions": 10, "distance": 0.02}
+MIGA = MigaSettings(**(shared.MIGA | SMALL | {"seed": 1}))
 PRIORS = {"e_gp": {"fixed": 0.3}, "mus_gp": {"prior": {"mean": 0.5, "sd": 0.02}, "range": [0.4, 0.8]}}
 # Each response: its value where all parameters are in the middle, what rolling and wall friction add, a run's scatter.
 LAW = {
@@ -46,31 +37,17 @@ WANTED = {"mur_gg": 0.055, "mus_gp": 0.55}  # what gives the targets
 
 
 def means(parameters):
-    """Responses of the made-up simulator."""
     rolling = (parameters["mur_gg"] - 0.045) / 0.05
     wall = (parameters["mus_gp"] - 0.6) / 0.4
     return {name: at + a * rolling + b * wall for name, (at, a, b, _) in LAW.items()}
 
 
 def targets_of(*names):
-    wanted = means(WANTED)
-    return Targets.of(
-        [
-            {
-                "response": name,
-                "apparatus": response(name).apparatus,
-                "value": wanted[name],
-                "sd": 1.0,
-                "repetitions": 5,
-                "range": [wanted[name] - 1.5, wanted[name] + 1.5],
-            }
-            for name in names
-        ]
-    )
+    wanted = {name: means(WANTED)[name] for name in names}
+    return Targets.of([target(name, value, 1.0, value - 1.5, value + 1.5, 5) for name, value in wanted.items()])
 
 
 def pour(table, targets, folder, seeds=4):
-    """A job of every parameter set and bench test of the targets."""
     paths = []
     for row in table.to_dict("records"):
         for name in targets.apparatus:
@@ -88,7 +65,6 @@ def pour(table, targets, folder, seeds=4):
 
 
 def whole_chain(out: Path, targets, space, network=NETWORK):
-    """Every stage on the files of the one before; what they return."""
     definitions = {name: {"measure.views": 6} for name in targets.names}
     samples, _ = design.run(space, 40, "lhsdesign", 1, out / "design")
     dataset.run(out / "design/samples.csv", pour(samples, targets, out / "jobs"), targets, definitions, out)

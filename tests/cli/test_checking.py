@@ -1,13 +1,19 @@
-"""What `repose check` says of a time step, of numbers that it computed, and while the engine is compiled."""
+"""Verbs: check, measure, stages and their texts."""
 
+import ast
+import re
 import sys
 import time
+from argparse import Namespace
 from types import SimpleNamespace
 
 import pytest
+from refusals import input_error
 
-from repose.cli import checking
+from repose.cli import VERBS, checking, docs, main, parser, stages
+from repose.cli.measuring import _settings
 from repose.config import computed, cost
+from repose.core import places
 from repose.dem.time_steps import Limit
 
 
@@ -44,15 +50,15 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
     grains = cost.FEWEST_TIMED
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
-    config = {
-        "simulation": {"time_step_s": 1e-5, "gravity_m_s2": 9.81, "tension": "release", "rest_energy_j": 1e-9},
-        "funnel": {"berries": grains},
-        "parameters": ranges,
-    }
+    simulation = {"time_step_s": 1e-5, "gravity_m_s2": 9.81, "tension": "release", "rest_energy_j": 1e-9}
+    config = {"simulation": simulation, "funnel": {"berries": grains}, "parameters": ranges}
     assert cost.measured_berry_step_s(config, {}, None) == pytest.approx(50e-6 / grains, rel=0.05)
 
 
-def test_a_terminal_shows_the_seconds_of_the_compilation(monkeypatch, capsys):
+def test_a_terminal_shows_the_seconds_of_the_compilation_and_a_log_gets_one_line(capsys, monkeypatch):
+    with checking.elapsed_seconds_shown("compiling"):
+        pass
+    assert capsys.readouterr().err == "compiling\n"
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(checking, "TICK_S", 0.01)
     with checking.elapsed_seconds_shown("compiling"):
@@ -60,7 +66,77 @@ def test_a_terminal_shows_the_seconds_of_the_compilation(monkeypatch, capsys):
     assert "\rcompiling; 0 s" in capsys.readouterr().err
 
 
-def test_a_log_gets_one_line(capsys):
-    with checking.elapsed_seconds_shown("compiling"):
-        pass
-    assert capsys.readouterr().err == "compiling\n"
+NOTHING_GIVEN = Namespace(grain_mm=None, config=None)
+
+
+def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert _settings(NOTHING_GIVEN).berry_height_mm is None
+    (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n")  # means 8, 4, 2
+    assert _settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(4.0)
+    assert _settings(NOTHING_GIVEN).response == "whole"
+    assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
+    (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n")
+    input_error(r"sizes\.csv: rows is 0; expected at least 2 berries", _settings, NOTHING_GIVEN)
+    assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
+
+
+def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path):
+    for name in ("a.csv", "b=1.json", "dataset.csv"):
+        (tmp_path / name).write_text("")
+    words = [
+        ["figure", "figure05", f"--input=heap={tmp_path / 'a.csv'}", f"--out={tmp_path / 'b=1.json'}"],
+        ["sensitivity", f"--network={tmp_path / 'b=1.json'}"],
+        ["stage", "propose", "refined", str(tmp_path)],
+    ]
+    named = [[path.name for path in stages.files_of(parser().parse_args(given))] for given in words]
+    assert named == [["a.csv"], ["b=1.json"], ["dataset.csv"]]
+    # the samples of the next step, from an earlier run, were once an input of the step that writes them
+    (tmp_path / "samples.csv").write_text("")
+    words = ["stage", "propose", "sequential", f"--out={tmp_path}"]
+    assert not list(stages.files_of(parser().parse_args(words)))
+
+
+@pytest.mark.parametrize("name", ["config", "out"])
+def test_no_verb_takes_its_folder_or_its_configuration_for_an_input(name):
+    found = [option for verb in VERBS.values() for option in verb.options if option.attribute == name]
+    assert len(found) > 5
+    assert not any(option.recorded for option in found)
+
+
+@pytest.mark.parametrize(("side", "status"), [(5, 0), (25, 0), (4.9, 2), (25.5, 2)])
+def test_a_sheet_has_squares_of_5_to_25_mm(tmp_path, side, status):
+    assert main(["marker", "--square-mm", str(side), "--out", str(tmp_path / "sheet.pdf")]) == status
+
+
+def messages():
+    """Every text of the program that is no docstring, with its file."""
+    for path in places.PACKAGE.rglob("*.py"):
+        tree = ast.parse(path.read_text())
+        alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone:
+                yield path.relative_to(places.PACKAGE), node.value
+
+
+def test_the_pages_are_listed_printed_and_guessed(capsys):
+    assert main(["docs"]) == 0
+    listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert listed["photographs"] == "Photographs of piles"
+    assert {"configuration", "library", "own_crop", "crops", "start"} <= set(listed)
+    for name, title in listed.items():
+        assert main(["docs", name]) == 0
+        assert f"# {title}\n" in capsys.readouterr().out
+    assert main(["docs", "fotographs"]) == 2
+    said = "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
+    assert said in capsys.readouterr().err
+
+
+def test_messages_name_pages_that_a_wheel_has():
+    files = [*(places.PACKAGE / "config" / "new_crop").rglob("*.*")]
+    files += [path for folder in ("config", "profiles") for path in (places.root() / folder).rglob("*.yaml")]
+    texts = [*messages(), *((path.name, path.read_text()) for path in files)]
+    named = {name for _, text in texts for name in re.findall(r"`repose docs (\w+)`", text)}
+    assert {"photographs", "sequential", "own_simulator", "configuration"} <= named <= set(docs.pages())
+    elsewhere = re.compile(r"(?<!research/)\b(docs|config|tests)/[\w/]+\.md\b")
+    assert [path for path, text in texts if elsewhere.search(text)] == []

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 import yaml
+from refusals import input_error
 
 from repose.cli import main
 from repose.config.reading import read
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import InputError
 
 SIZES = "6.4,3.1,2.8\n6.0,3.0,2.7\n6.8,3.3,2.9\n"
 # A null of the template and what a user with wheat would write.
@@ -36,7 +36,6 @@ FILLED = {
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, capsys):
-    """A new folder, and inside it."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "wheat"]) == 0
     assert "README.md" in capsys.readouterr().out
@@ -45,7 +44,6 @@ def folder(tmp_path, monkeypatch, capsys):
 
 
 def filled(folder):
-    """The folder with everything that a user measures."""
     text = (folder / "config.yaml").read_text()
     for old, new in FILLED.items():
         assert text.count(old) == 1
@@ -54,10 +52,16 @@ def filled(folder):
     (folder / "sizes.csv").write_text((folder / "sizes.csv").read_text() + SIZES)
 
 
-def test_it_holds_what_a_user_needs(folder):
+def test_it_holds_what_a_user_needs_and_lists_studies_before_it_is_complete(folder, capsys):
     found = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     assert found == {"README.md", "config.yaml", "sizes.csv", "photographs/README.md"}
     assert not any("NAME" in path.read_text() for path in folder.rglob("*.*") if path.is_file())
+    assert main(["run", "--list"]) == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    assert "once config.yaml is complete" in output.out
+    named = {line.split()[0] for line in output.out.splitlines() if line.startswith("  ") and line[2] != " "}
+    assert {"calibration", "sequential", "uncertainty"} <= named
 
 
 def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
@@ -84,7 +88,6 @@ def test_a_modulus_that_is_left_out_is_missing_in_the_users_file(folder, capsys,
 
 
 def test_a_time_step_is_judged_while_other_keys_are_missing(folder, capsys):
-    """It needs the grain and the walls, not the funnel."""
     filled(folder)
     text = (folder / "config.yaml").read_text().replace("berries: 400", "berries: null")
     (folder / "config.yaml").write_text(text + "\nsimulation: {time_step_s: 1.0e-3}\n")
@@ -104,13 +107,10 @@ def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):
 
 def test_inlet_and_outlet_the_other_way_round_are_named(folder):
     filled(folder)
-    text = (folder / "config.yaml").read_text()
-    text = text.replace("inlet_diameter_mm: 80.0", "inlet_diameter_mm: 25.0").replace(
-        "outlet_diameter_mm: 25.0", "outlet_diameter_mm: 80.0"
-    )
+    text = (folder / "config.yaml").read_text().replace("inlet_diameter_mm: 80.0", "inlet_diameter_mm: 25.0")
+    text = text.replace("outlet_diameter_mm: 25.0", "outlet_diameter_mm: 80.0")
     (folder / "config.yaml").write_text(text)
-    with pytest.raises(InputError, match=r"outlet_diameter_mm is 80\.0; expected .*below funnel\.inlet_diameter_mm"):
-        Study.load("config.yaml")
+    input_error(r"outlet_diameter_mm is 80\.0; expected .*below funnel\.inlet_diameter_mm", Study.load, "config.yaml")
 
 
 @pytest.mark.parametrize("name", ["12", "null", "yes", "1e5", "MY_NAME", "2024-13-45"])
@@ -120,7 +120,7 @@ def test_a_name_that_yaml_takes_for_something_else_stays_a_name(tmp_path, monkey
     assert read(tmp_path / name / "config.yaml")["label"] == name
 
 
-def test_its_configuration_is_one_of_wheat_alone(folder):
+def test_its_configuration_is_one_of_wheat_alone_with_known_and_explained_keys(folder):
     filled(folder)
     config = Study.load("config.yaml").config
     assert (config["label"], config["berry"]["sizes"]) == ("wheat", "sizes.csv")
@@ -129,26 +129,12 @@ def test_its_configuration_is_one_of_wheat_alone(folder):
     assert not {"drum", "cylinder"} & set(config)
     assert [target["response"] for target in config["targets"]] == ["height_mm"]
     assert (config["design"]["samples"], config["network"]["split"]) == (30, [0.85, 0.0, 0.15])
-
-
-def test_the_list_of_studies_needs_no_complete_configuration(folder, capsys):
-    assert main(["run", "--list"]) == 0
-    output = capsys.readouterr()
-    assert output.err == ""
-    assert "once config.yaml is complete" in output.out
-    named = {line.split()[0] for line in output.out.splitlines() if line.startswith("  ") and line[2] != " "}
-    assert {"calibration", "sequential", "uncertainty"} <= named
-
-
-def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
-    filled(folder)
     text = (folder / "config.yaml").read_text()
     assert len([line for line in text.splitlines() if re.match(r"\s*[^#\s]", line)]) <= 31
     known = Study.load(places.root() / places.DEFAULT_CONFIG).config
     assert set(yaml.safe_load(text)) <= set(known)
     (folder / "more.yaml").write_text("funnel: {speed: 1}")
-    with pytest.raises(InputError, match="a known key"):
-        Study.load("config.yaml", "more.yaml")
+    input_error("a known key", Study.load, "config.yaml", "more.yaml")
 
 
 @pytest.mark.essential

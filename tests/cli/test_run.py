@@ -11,13 +11,12 @@ from repose.cli import main, run
 from repose.core import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
-ALL = ["--cores", "all"]
+ALL, WRONG = ["--cores", "all"], "command line: --config is"
 QUICK, SLURM = (str(places.root() / name) for name in ("config/quick.yaml", "profiles/slurm"))
 
 
 @pytest.fixture
 def given(monkeypatch):
-    """The words that snakemake is given, instead of its work."""
     words = []
     monkeypatch.setattr("snakemake.cli.main", words.extend)
     return words
@@ -55,7 +54,6 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
 
 
 def test_a_closed_terminal_that_is_ignored_stays_so():
-    """As nohup does."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with run._as_interrupts([]):
@@ -70,13 +68,6 @@ def test_without_snakemake_the_message_says_what_to_install(monkeypatch, capsys)
     monkeypatch.setitem(sys.modules, "snakemake.cli", None)
     assert main(["run"]) == 2
     assert "repose-dem[workflow]" in capsys.readouterr().err
-
-
-def test_other_verbs_refuse_words_that_they_do_not_know(capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["check", "--speed", "3"])
-    assert end.value.code == 2
-    assert "unrecognized arguments: --speed 3" in capsys.readouterr().err
 
 
 def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on(monkeypatch, capsys):
@@ -106,7 +97,7 @@ def test_a_run_that_ends_by_itself_keeps_its_status(monkeypatch, capsys):
     assert "Stopped" not in capsys.readouterr().err
 
 
-def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
+def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(capsys, monkeypatch):
     assert main(["run", "--list", "--configfile", "config/quick.yaml"]) == 0
     out = capsys.readouterr().out
     rules = "".join(path.read_text() for path in (places.root() / "workflow").rglob("*.smk"))
@@ -116,10 +107,6 @@ def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
     assert all(f"rule {name}:" in rules or name in of_strategies for name in named)
     assert "Studies of quick" in out
     assert {"response_surface", "sequential", "uncertainty"} <= set(named)
-
-
-def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatch, capsys):
-    """A crop with two free parameters has too few for a Box-Behnken design."""
     monkeypatch.chdir(places.root() / "crops/wheat")
     assert main(["run", "--list"]) == 0
     assert "not with this configuration: response_surface.surface; expected " in capsys.readouterr().out
@@ -130,11 +117,8 @@ def test_the_list_names_a_strategy_that_the_configuration_cannot_take(monkeypatc
     [
         (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
         (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
-        (["--config", "label"], "command line: --config is 'label'; expected KEY=VALUE"),
-        (
-            ["--config", "label=a", "uncertainty"],
-            "command line: --config is 'uncertainty'; expected KEY=VALUE; a target goes before",
-        ),
+        (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
+        (["--config", "label=a", "uncertainty"], f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before"),
     ],
 )
 def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(words, message, tmp_path, monkeypatch, capsys):
@@ -145,11 +129,15 @@ def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(words, m
     assert f"repose: error: {message}" in capsys.readouterr().err
 
 
-def test_help_shows_the_options(capsys):
+def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_know(capsys):
     with pytest.raises(SystemExit):
         main(["run", "--help"])
     shown = capsys.readouterr().out
     assert all(option in shown for option in ("--configfile", "--config", "--cores", "--list"))
+    with pytest.raises(SystemExit) as end:
+        main(["check", "--speed", "3"])
+    assert end.value.code == 2
+    assert "unrecognized arguments: --speed 3" in capsys.readouterr().err
 
 
 def test_a_target_that_nothing_makes_is_bad_input(tmp_path):

@@ -28,14 +28,8 @@ def emitted(message=None, level=logging.INFO, **extra):
 
 
 def job_info(number, rule, output, log=()):
-    return emitted(
-        event=LogEvent.JOB_INFO,
-        jobid=number,
-        rule_name=rule,
-        rule_msg=f"Doing {rule} {number}",
-        output=output,
-        log=list(log),
-    )
+    words = {"jobid": number, "rule_name": rule, "rule_msg": f"Doing {rule} {number}", "log": list(log)}
+    return emitted(event=LogEvent.JOB_INFO, output=output, **words)
 
 
 def planned():
@@ -118,11 +112,16 @@ def test_plain_snakemake_says_too_that_the_same_command_goes_on(pythons_ctrl_c, 
     assert capsys.readouterr().err == "Stopped. What is finished stays; the same command goes on.\n"
 
 
-def test_no_time_is_awaited_where_nothing_pours(handler, capsys):
+def test_no_time_is_awaited_where_nothing_pours_errors_are_said_and_targets_are_no_stage(handler, capsys):
     handler.emit(emitted("Job stats", event=LogEvent.RUN_INFO, stats={"design": 2, "total": 2}))
     handler.emit(job_info(1, "design", ["samples.csv"]))
     handler.emit(emitted(event=LogEvent.JOB_FINISHED, job_id=1))
     assert capsys.readouterr().err.splitlines()[-1] == "design 1 of 2, all 1 of 2 jobs"
+    handler.emit(emitted("no such rule", logging.ERROR, event=LogEvent.ERROR, exception="MissingRuleException"))
+    assert "no such rule" in capsys.readouterr().err
+    handler.emit(planned())
+    handler.emit(job_info(7, "all", []))
+    assert "Doing all" not in capsys.readouterr().err
 
 
 def test_an_empty_log_on_a_full_disk_says_so(tmp_path, monkeypatch):
@@ -131,11 +130,6 @@ def test_an_empty_log_on_a_full_disk_says_so(tmp_path, monkeypatch):
     assert run_display.last_lines(log) == ["(it is empty)"]
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
     assert run_display.last_lines(log) == ["(it is empty: the disk is full)"]
-
-
-def test_errors_without_a_job_are_said(handler, capsys):
-    handler.emit(emitted("no such rule", logging.ERROR, event=LogEvent.ERROR, exception="MissingRuleException"))
-    assert "no such rule" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("option", ["dryrun", "quiet", "verbose", "printshellcmds", "debug_dag"])
@@ -151,12 +145,6 @@ def test_snakemake_finds_the_display_by_the_name_of_its_package():
     from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
 
     assert LoggerPluginRegistry().get_plugin("repose").log_handler is run_display.LogHandler
-
-
-def test_a_target_without_output_is_no_stage(handler, capsys):
-    handler.emit(planned())
-    handler.emit(job_info(7, "all", []))
-    assert "Doing all" not in capsys.readouterr().err
 
 
 WORKFLOW = """
@@ -188,7 +176,6 @@ class Terminal:
             os.execv(sys.executable, program)
 
     def until(self, pattern, limit_s=120):
-        """Read on until the pattern is shown."""
         end = time.monotonic() + limit_s
         while not re.search(pattern, self.shown):
             assert time.monotonic() < end, self.shown

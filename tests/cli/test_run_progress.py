@@ -71,20 +71,17 @@ def test_a_complete_job_counts_the_runs_that_it_has_timed(planned, tmp_path):
     assert planned.pours_done == 2
 
 
-def test_jobs_that_a_checkpoint_adds_are_planned_when_they_begin(planned, tmp_path):
-    for number in range(5):
-        planned.start(number, pour(number, tmp_path))
-        planned.finish(number, BEGAN_S + 10)
-    assert planned.planned["pour"] == 5
-
-
-def test_a_failed_job_is_known_until_it_begins_again(planned, tmp_path):
+def test_jobs_of_a_checkpoint_are_planned_and_a_failed_one_known_until_they_begin(planned, tmp_path):
     planned.start(0, pour(0, tmp_path))
     assert planned.fail(0).rule == "pour"
     assert planned.fail(0) is None
     assert list(planned.failed) == [0]
     planned.start(0, pour(0, tmp_path))
     assert not planned.failed
+    for number in range(5):
+        planned.start(number, pour(number, tmp_path))
+        planned.finish(number, BEGAN_S + 10)
+    assert planned.planned["pour"] == 5
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,6 @@ def slurm_s(lines):
 
 
 def benchmarks_s(folder):
-    """Times of the workflow's jobs that were cluster jobs."""
     paths = (Path(folder) / "results" / "benchmarks").rglob("*.tsv")
     return [float(path.read_text().splitlines()[1].split()[0]) for path in paths if path.stem not in LOCAL]
 

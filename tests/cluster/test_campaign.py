@@ -29,7 +29,6 @@ def test_times_of_a_sample_are_those_of_its_two_jobs(tmp_path):
 
 
 def test_rules_that_stay_off_the_cluster_are_those_of_the_workflow():
-    """Those of a study without a drum, and the drum's."""
     listed = re.findall(r"^ *localrules:\n((?: +\w+,\n)+)", SNAKEFILE.read_text(), re.MULTILINE)
     assert len(listed) == 2
     assert set(re.findall(r"\w+", "".join(listed))) == overhead.LOCAL

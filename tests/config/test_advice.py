@@ -1,30 +1,25 @@
-"""Advice before a study pours, against answers that are known."""
+"""Advice before a study pours, and what it needs, against answers that are known."""
 
-import copy
 import math
 from types import SimpleNamespace
 
 import pytest
+import shared
 
-from repose.config import advice
-from repose.config.study import Study
-from repose.core import places
+from repose.config import advice, cost
+from repose.strategies import cost as strategies
 
 SPHERE = {"long_mm": 4.0, "major_mm": 4.0, "minor_mm": 4.0, "density_kg_m3": 1300.0, "poisson_ratio": 0.25}
 GRAIN_M3 = math.pi / 6 * 4e-3**3
 
 
 @pytest.fixture
-def config():
-    found = copy.deepcopy(Study.load(places.root() / "config/config.yaml").config)
-    found["targets"] = [target("height_mm", 30.0), target("aor_deg", 30.0)]
-    return found
+def config(config):
+    return config | {"targets": [target("height_mm", 30.0), target("aor_deg", 30.0)]}
 
 
 def target(response, value):
-    """A target of the funnel."""
-    shared = {"sd": 1.0, "repetitions": 10, "range": [value - 1, value + 1], "apparatus": "funnel"}
-    return {"response": response, "value": value} | shared
+    return shared.target(response, value, 1.0, value - 1, value + 1)
 
 
 def column(modulus_pa, height_m, gravity, layers):
@@ -36,27 +31,26 @@ def column(modulus_pa, height_m, gravity, layers):
     return sum(overlaps) / layers / d
 
 
-def test_the_sinking_is_that_of_a_column_added_contact_by_contact(config):
+def test_the_sinking_is_that_of_a_column_and_the_softest_grain_has_the_largest(config):
     found = advice.softening(config, SPHERE | {"shear_modulus_pa": 1e6})
     assert found.sinking == pytest.approx(column(1e6, 0.03, 9.81, 2000), rel=1e-4)
-
-
-def test_a_pile_of_the_softest_grain_sinks_by_what_is_allowed(config):
     softest = advice.softening(config, SPHERE | {"shear_modulus_pa": 7.7e7}).softest_pa
     assert softest < 7.7e7
     again = advice.softening(config, SPHERE | {"shear_modulus_pa": softest})
     assert again.sinking == pytest.approx(advice.LARGEST_SINKING)
 
 
-def test_without_a_height_the_pile_is_the_cone_of_the_angle(config):
+def test_without_a_height_the_pile_is_the_cone_of_the_angle_and_other_targets_say_nothing(config):
     config["targets"] = [target("aor_deg", 30.0)]
     height = advice.height_m(config, SPHERE)
     assert f"a cone of 30 deg and {1e3 * height:.3g} mm Height" in advice.filling(config, GRAIN_M3)[0]
     config["targets"] = [target("aor_deg", 45.0)]
     assert advice.height_m(config, SPHERE) == pytest.approx(height * 3 ** (1 / 3))
+    config["targets"] = []
+    assert advice.filling(config, GRAIN_M3)[1]
 
 
-def test_grains_of_the_cones_volume_fill_it(config):
+def test_grains_of_the_cones_volume_fill_it_and_a_height_alone_asks_for_a_slope(config):
     cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
     config["funnel"]["berries"] = round(0.6 * cone / GRAIN_M3)
     assert advice.filling(config, GRAIN_M3)[1]
@@ -66,9 +60,6 @@ def test_grains_of_the_cones_volume_fill_it(config):
         assert not fits
         assert sentence.endswith(f"30 mm Height holds {1e6 * cone:.3g} ml")
         assert advice.needed_grains(config, GRAIN_M3) == math.ceil(0.6 * cone / GRAIN_M3)
-
-
-def test_a_height_alone_asks_for_a_slope(config):
     config["targets"] = config["targets"][:1]
     slope = math.radians(25)
     config["funnel"]["berries"] = round(0.6 * math.pi * 0.03**3 / (3 * math.tan(slope) ** 2) / GRAIN_M3)
@@ -80,13 +71,6 @@ def test_a_height_alone_asks_for_a_slope(config):
     assert not fits
     assert sentence.startswith("WARNING: 50 grains hold")
     assert sentence.endswith("; poured grains take 15 to 45 deg")
-
-
-def test_an_angle_alone_gives_the_height_and_other_targets_nothing(config):
-    config["targets"] = config["targets"][1:]
-    assert "a cone of 30 deg" in advice.filling(config, GRAIN_M3)[0]
-    config["targets"] = []
-    assert advice.filling(config, GRAIN_M3)[1]
 
 
 def test_sentences_tell_what_a_softer_grain_brings(config):
@@ -106,3 +90,52 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
     assert volume.startswith("volume: ")
     assert grains.startswith("grains: the pile is 7.5 grains high.")
     assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller
+
+
+def test_each_strategy_has_its_own_pours(config):
+    config["response_surface"] |= {"screening_runs": 12, "steps": 5, "most_factors": 3, "centres": 5, "checks": 8}
+    config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
+    assert strategies.pours(config) is None
+    config["strategy"] = "response_surface"
+    pours = strategies.pours(config)
+    # 12 runs and 5 centres; 12 edges of the cube and 5 centres
+    assert pours == (("screening", 17, 3), ("ascent", 6, 3), ("surface", 17, 3), ("check", 8, 3))
+    work = cost.work(config, 1e-7, pours)
+    assert work["total_s"] == pytest.approx(48 * cost.JOB_START_S + 144 * work["pour_s"])
+    config["strategy"] = "sequential"
+    config["sequential"] |= {"most_pours": 120, "seeds": 3}
+    assert strategies.pours(config) == (("at most", 40, 3),)
+
+
+def test_a_study_takes_its_runs_and_a_rest(config):
+    del config["drum"]
+    config["design"]["samples"], config["funnel"]["seeds"] = 30, 4
+    config["validation"] |= {"published": None, "solutions": 1, "seeds": 8, "representative_seeds": 16}
+    work = cost.work(config, 1e-7)
+    assert work["total_s"] == pytest.approx(cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"])
+
+
+def test_the_time_is_that_of_the_slowest_bench_test_and_goes_with_what_was_measured(config):
+    config["refine"]["seeds"] = 100
+    slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))
+    assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 100 * slowest)
+    config["validation"]["representative_seeds"] = 200
+    assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 200 * slowest)
+    config["funnel"] |= {"berries": 100, "rate_per_s": 10.0, "duration_s": 10.0}
+    config["simulation"]["time_step_s"] = 1e-4
+    assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
+    assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
+
+
+def test_work_counts_every_pour(config):
+    config["simulation"]["time_step_s"] = 2.5e-4
+    work = cost.work(config)
+    solutions = (("representative", 1, 32), ("validation", 5, 12))
+    assert work["pours"] == (("design", 150, 6), *solutions)
+    config["simulation"]["time_step_s"] /= 2
+    assert cost.costs(config)["published_sets"].startswith("84 pours")  # seven sets
+    assert cost.work(config)["total_s"] > 1.65 * work["total_s"]
+    config["simulation"]["time_step_s"] *= 2
+    config["targets"].append(shared.target("drum_slip_deg", 40, 1, 35, 45))
+    runs = (150 + 1 + 5) * config["drum"]["seeds"]
+    assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(config, "drum")

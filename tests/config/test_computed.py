@@ -4,7 +4,7 @@ import copy
 import json
 
 import pytest
-from shared import check_all
+from shared import at, check_all, put
 
 from repose.config import computed
 from repose.config.study import Study
@@ -15,14 +15,8 @@ CROPS = places.root() / "crops"
 KEYS = [setting.key for setting in computed.COMPUTED]
 
 
-def put(config, key, value):
-    section, name = key.split(".")
-    config[section][name] = value
-
-
 @pytest.fixture(scope="module")
 def by_hand():
-    """A worked crop with numbers that its author chose."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(CROPS / "soybean")
         return Study.load("config.yaml").config
@@ -30,11 +24,9 @@ def by_hand():
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, by_hand):
-    """The folder of the same crop without them."""
     config = copy.deepcopy(by_hand)
     config["validation"]["published"] = None
-    for key in KEYS:
-        section, name = key.split(".")
+    for section, name in map(str.split, KEYS, len(KEYS) * ["."]):
         del config[section][name]
     (tmp_path / "config.yaml").write_text(json.dumps(config))
     (tmp_path / "sizes.csv").write_bytes((CROPS / "soybean/sizes.csv").read_bytes())
@@ -44,17 +36,15 @@ def folder(tmp_path, monkeypatch, by_hand):
 
 def test_what_is_left_out_is_near_what_an_author_chose(folder, by_hand):
     config = Study.load(inputs=True).config
-    assert config == Study.load("config.yaml").config
+    assert config == Study.load("config.yaml").config == json.loads(json.dumps(config))
     assert config["network"]["split"] == by_hand["network"]["split"]
-    for key in KEYS[1:]:
-        section, name = key.split(".")
-        assert config[section][name] == pytest.approx(by_hand[section][name], rel=0.35), key
-    assert json.loads(json.dumps(config)) == config
+    assert {key: at(config, key) for key in KEYS[1:]} == pytest.approx(
+        {key: at(by_hand, key) for key in KEYS[1:]}, 0.35
+    )
     assert not computed.to_compute(config)
 
 
 def test_the_time_step_is_eight_tenths_of_the_longest(folder):
-    """Known answer: the longest one of the refusal, two digits."""
     step = Study.load("config.yaml").config["simulation"]["time_step_s"]
     (folder / "more.yaml").write_text("simulation: {time_step_s: 1.0e-2}")
     with pytest.raises(InputError, match=r"simulation\.time_step_s is 0\.01") as caught:
@@ -90,10 +80,8 @@ def test_numbers_that_are_given_stay(folder):
 
 def test_another_word_or_number_is_refused(by_hand):
     def refused(key, value):
-        config = copy.deepcopy(by_hand)
-        put(config, key, value)
         with pytest.raises(InputError) as caught:
-            Study.of(config, "mine.yaml")
+            Study.of(put(copy.deepcopy(by_hand), key, value), "mine.yaml")
         assert caught.value.key == key
         assert caught.value.allowed.startswith("auto, or ")
 
@@ -104,10 +92,8 @@ def test_another_word_or_number_is_refused(by_hand):
 def test_a_study_has_numbers(by_hand, monkeypatch):
     monkeypatch.chdir(CROPS / "soybean")
     for key in KEYS:
-        config = copy.deepcopy(by_hand)
-        put(config, key, "auto")
-        section, name = key.split(".")
-        assert Study.of(config).config[section][name] == pytest.approx(by_hand[section][name], rel=0.35), key
+        config = put(copy.deepcopy(by_hand), key, "auto")
+        assert at(Study.of(config).config, key) == pytest.approx(at(by_hand, key), rel=0.35), key
 
 
 def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder, capsys):

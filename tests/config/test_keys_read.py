@@ -6,15 +6,18 @@ import numpy as np
 import pandas as pd
 import pytest
 from goji import PARTICLE
+from pydantic import BaseModel
 from synthetic import responses, write_poured
 from test_drum import saved
 from test_simulated_piles import cone_of_berries
 
 from repose.cli import TYPED, VERBS, parser
-from repose.config import loader, stands_on, study
+from repose.config import loader, models, stands_on, study
+from repose.core import section
 from repose.core.parameters import PARAMETERS
 from repose.core.published import beside
 from repose.core.responses import Response
+from repose.core.section import Section
 from repose.strategies import strategy
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
@@ -65,6 +68,28 @@ class Noted(dict):
         return other | dict(self.items())
 
 
+def note_attributes(patch, keys):
+    """Note also the keys that are read as attributes of typed sections, wherever these were made."""
+    plain, whole = BaseModel.__getattribute__, models.settings_type()
+    kinds = {name: field.annotation for name, field in whole.model_fields.items()}
+    sections = {
+        kind: f"{name}." for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Section)
+    }
+
+    def noting(section, name):
+        value, kind = plain(section, name), type(section)
+        # `dict` of a section, and its copies, read `__dict__`
+        read = kind.model_fields if name == "__dict__" else (name,) if name in kind.model_fields else ()
+        if kind is whole:
+            keys.update(key for key in read if kinds[key] not in sections)
+        elif kind in sections:
+            keys.update(f"{sections[kind]}{key}" for key in read)
+        return value
+
+    patch.setattr(Section, "__getattribute__", noting)
+    patch.setattr(section, "refuse", lambda _: None)  # a check of all keys is no use of them
+
+
 def entry_of(key, listed):
     """The entry that lists a dotted key: it or its section; without one the key."""
     entries = (key, key.partition(".")[0], stands_on.RESPONSES if key == "targets" else key)
@@ -73,7 +98,6 @@ def entry_of(key, listed):
 
 @pytest.fixture(scope="module")
 def keys_read(tmp_path_factory):
-    """Keys that each stage read in a small study, by the stage's name."""
     folder, patch = tmp_path_factory.mktemp("keys"), pytest.MonkeyPatch()
     config = study.Study.load("config/config.yaml", "config/quick.yaml", overrides=SMALL).config
     config["results_dir"] = str(folder)
@@ -84,6 +108,7 @@ def keys_read(tmp_path_factory):
         """Run a stage as its rule does, without its record of provenance, which reads the listed keys."""
         keys = found.setdefault(words[0] if verb == "propose" else verb, set())
         patch.setattr(study, "read_json", lambda path, what: Noted(config, keys))
+        note_attributes(patch, keys)
         # no result depends on these: files of other definitions are refused, and a rule has its tables as inputs
         patch.setattr(Response, "settings", lambda response, _: settings(response, config))
         # the hash of the scene stands for its keys
@@ -96,7 +121,6 @@ def keys_read(tmp_path_factory):
         VERBS[verb](parser().parse_args([*name, *map(str, words), *given]))
 
     def poured(samples_csv, out, seeds=2):
-        """Made-up runs of a table of samples."""
         write_poured(out, pd.read_csv(samples_csv), 2.0, len(str(out)), seeds)
 
     try:
@@ -109,7 +133,6 @@ def keys_read(tmp_path_factory):
 
 
 def measured(table, folder):
-    """Measured jobs of two runs for each sample of a table; their paths."""
     folder.mkdir(parents=True)
     paths, values = [], np.stack([responses(table, 2.0, seed) for seed in range(2)], axis=1).tolist()
     for row, of_sample in zip(table.to_dict("records"), values, strict=True):
@@ -124,7 +147,6 @@ def measured(table, folder):
 
 
 def chain(run, at):
-    """The method, and the studies beside it."""
     run("berry", out=at / "berry")
     run("shape", berry=at / "berry/berry.json", out=at / "berry")
     run("design", out=at / "design")
@@ -149,7 +171,6 @@ def chain(run, at):
 
 
 def strategies(run, poured, at):
-    """The strategies with several batches, each to its answer."""
     for name in SEVERAL:
         folders = [at] if name == "refined" else []
         while not (folders and is_answer(folders[-1])):
@@ -166,13 +187,11 @@ def strategies(run, poured, at):
 
 
 def is_answer(folder):
-    """Whether a folder holds the answer of a strategy."""
     path = folder / "proposal.json"
     return path.exists() and json.loads(path.read_text())["answer"]
 
 
 def pictures(run, at):
-    """The measurements of a pile and of a drum."""
     centres, turned = cone_of_berries(30.0, np.random.default_rng(1), 200)
     np.savez(at / "001.npz", position_1=centres, quaternion_1=turned, in_pile_1=np.full(200, True))
     PARTICLE.save(at / "particle.json")

@@ -1,11 +1,11 @@
 """The parameters that a contact law adds: in the configuration, the design, the tables and the simulation."""
 
 import copy
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 
 from repose.apparatus.scene import _contacts
 from repose.apparatus.settings import SimulationSettings
@@ -19,13 +19,14 @@ from repose.core.parameters import LABELS, PARAMETERS, named, of_law
 from repose.core.provenance import hash_of
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
-ROOT = Path(__file__).parents[2]
+GRAINS = {"gamma_gg": [0.0, 0.1]}
 COHESION = {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.02}}
+OF_SJKR = {"k_gg": [0.0, 1e4], "k_gp": {"fixed": 0.0}}
 
 
-def study(contact_law, **parameters):
-    overrides = {"simulation": {"contact_law": contact_law}, "parameters": parameters}
-    return Study.load(ROOT / "config/config.yaml", overrides=overrides)
+def study(contact_law, rolling_law="budget", **parameters):
+    laws = {"contact_law": contact_law, "rolling_law": rolling_law}
+    return Study.load("config/config.yaml", overrides={"simulation": laws, "parameters": parameters})
 
 
 def test_the_configuration_knows_the_laws_of_the_engine():
@@ -39,7 +40,7 @@ def test_the_configuration_knows_the_laws_of_the_engine():
         assert getattr(SimulationSettings.of(config), key) == default
 
 
-def test_a_law_adds_its_parameters_to_the_six(tmp_path):
+def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp_path):
     space = study("jkr", **COHESION).parameters
     assert space.names == (*PARAMETERS, "gamma_gg", "gamma_gp")
     assert space.free == (*PARAMETERS, "gamma_gg")
@@ -54,6 +55,9 @@ def test_a_law_adds_its_parameters_to_the_six(tmp_path):
     assert contacts["berry", "berry"].constants == {"surface_energy_j_m2": 0.05}
     assert contacts["berry", "wall"].constants == {"surface_energy_j_m2": 0.02}
     assert LABELS["gamma_gp"] == "surface energy (J/m2), grain-wall"
+    assert named(pd.DataFrame(columns=["sample", *PARAMETERS, "aor_deg"])) == PARAMETERS
+    assert of_law("hertz_mindlin_rescaled") == ()
+    assert study("hertz_mindlin").parameters.names == PARAMETERS
 
 
 def test_the_card_names_the_convention_of_the_surface_energy():
@@ -63,7 +67,7 @@ def test_the_card_names_the_convention_of_the_surface_energy():
     for direction in ("tangential", "rolling"):
         assert "times the sum of the damped normal force and twice the pull-off force" in words[direction]
     assert "by more than the pull-off force" in words["end of an impact"]
-    words = described_laws(study("sjkr", k_gg=[0.0, 1e4], k_gp={"fixed": 0.0}).config)
+    words = described_laws(study("sjkr", **OF_SJKR).config)
     assert "mu_s times the size of the damped normal force without cohesion" in words["tangential"]
     assert words["end of an impact"].startswith("the force without cohesion never pulls")
 
@@ -72,32 +76,24 @@ def test_the_card_names_the_convention_of_the_surface_energy():
     ("law", "parameters", "message"),
     [
         ("jkr", {}, r"contact_law is 'jkr'; expected jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
-        ("jkr", {"gamma_gg": [0.0, 0.1]}, r"expected jkr with parameters.gamma_gp \(surface energy"),
+        ("jkr", GRAINS, r"expected jkr with parameters.gamma_gp \(surface energy"),
         ("sjkr", COHESION, r"expected sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
-        (
-            "hertz_mindlin",
-            {"gamma_gg": [0.0, 0.1]},
-            "gamma_gg is .*; expected absent: it belongs to .* jkr or eepa, not hertz",
-        ),
+        ("hertz_mindlin", GRAINS, "gamma_gg is .*; expected absent: it belongs to .* jkr or eepa, not hertz"),
         ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; expected a pair .* from 0 to"),
     ],
 )
 def test_parameters_and_law_belong_together(law, parameters, message):
-    with pytest.raises(InputError, match=message):
-        study(law, **parameters)
+    input_error(message, study, law, **parameters)
 
 
 @pytest.mark.parametrize("rolling", ["constant_torque", "epsd", "epsd2"])
 def test_cohesion_goes_with_every_rolling_law(rolling):
-    for law, parameters in (("jkr", COHESION), ("sjkr", {"k_gg": [0.0, 1e4], "k_gp": {"fixed": 0.0}})):
-        simulation = {"rolling_law": rolling, "contact_law": law}
-        overrides = {"simulation": simulation, "parameters": parameters}
-        assert Study.load(ROOT / "config/config.yaml", overrides=overrides).parameters.free
+    for law, parameters in (("jkr", COHESION), ("sjkr", OF_SJKR)):
+        assert study(law, rolling, **parameters).parameters.free
 
 
 def test_twisting_friction_is_a_parameter_of_the_laws_that_resist_it():
-    overrides = {"simulation": {"rolling_law": "epsd"}, "parameters": {"mut_gp": [0.0, 0.5]}}
-    space = Study.load(ROOT / "config/config.yaml", overrides=overrides).parameters
+    space = study("hertz_mindlin", "epsd", mut_gp=[0.0, 0.5]).parameters
     assert space.free == (*PARAMETERS, "mut_gp")
     contacts = _contacts(space.centre)
     assert contacts["berry", "berry"].twisting_friction is None
@@ -105,9 +101,3 @@ def test_twisting_friction_is_a_parameter_of_the_laws_that_resist_it():
     assert LABELS["mut_gp"] == "twisting friction, grain-wall"
     with pytest.raises(InputError, match=r"mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"):
         study("hertz_mindlin", mut_gp=[0.0, 0.5])
-
-
-def test_tables_of_the_six_stay_as_they_were():
-    assert named(pd.DataFrame(columns=["sample", *PARAMETERS, "aor_deg"])) == PARAMETERS
-    assert of_law("hertz_mindlin_rescaled") == ()
-    assert study("hertz_mindlin").parameters.names == PARAMETERS

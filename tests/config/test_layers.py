@@ -1,10 +1,15 @@
-"""Configuration files: how one is read, and which of several counts."""
+"""Configuration files: how one is read, which of several counts, and the study that they make."""
 
+import dataclasses
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from pydantic import ValidationError
+from refusals import input_error
 
+import repose
 from repose.config import loader, reading
 from repose.config.loader import own_crop_under
 from repose.config.making import Making
@@ -13,11 +18,6 @@ from repose.core import places
 from repose.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(autouse=True)
-def _in_the_project(monkeypatch):
-    monkeypatch.chdir(ROOT)
 
 
 @pytest.mark.parametrize("text", ["2e-4", "2.0e-4", "2E-4", "+2e-04", "0.0002", ".2e-3"])
@@ -41,27 +41,32 @@ def test_numbers_may_be_written_in_any_way(tmp_path, text):
         ('a: "one\ntwo words"\nb: [\n', "valid YAML"),
         ("? a\n: 1\nhttp://x: 1\nb: [\n", "valid YAML"),
         ("- 3\n", "keys with values"),
+        (None, "file is 'No such file"),
     ],
 )
 def test_files_that_are_no_configuration(tmp_path, text, message):
     path = tmp_path / "my.yaml"
-    path.write_text(text)
-    with pytest.raises(InputError, match=message) as caught:
-        reading.read(path)
-    assert "my.yaml" in str(caught.value)
+    if text is not None:
+        path.write_text(text)
+    input_error(f"my.yaml(.|\n)*{message}", reading.read, path)
 
 
-def test_a_file_that_is_not_there():
-    with pytest.raises(InputError, match=r"nowhere\.yaml: file is 'No such file"):
-        reading.read("nowhere.yaml")
-
-
-def test_files_and_command_line_lie_over_each_other(tmp_path):
+def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n")
     config = Study.load(str(mine), overrides={"funnel": {"seeds": "6"}}, inputs=True).config
     assert (config["label"], config["funnel"]["seeds"], config["funnel"]["duration_s"]) == ("mine", 6, 20)
     assert config["funnel"]["berries"] == 500
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
+    assert Study.load(mine).config == Study.load(mine, inputs=True).config
+    with pytest.raises(InputError) as caught:
+        Study.load(mine, tmp_path / "nowhere.yaml")
+    assert "nowhere.yaml" in str(caught.value)
+    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    first.write_text("parameters: {e_gg: {fixed: 0.3}}\n")
+    second.write_text("parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n")
+    assert Study.load(first, second).config["parameters"]["e_gg"] == {"prior": {"mean": 0.3, "sd": 0.01}}
 
 
 def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
@@ -74,24 +79,7 @@ def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
         Study.load(inputs=True)
 
 
-def test_a_verb_reads_a_partial_file_as_the_workflow_does(tmp_path):
-    mine = tmp_path / "mine.yaml"
-    mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
-    assert Study.load(mine).config == Study.load(mine, inputs=True).config
-    with pytest.raises(InputError) as caught:
-        Study.load(mine, tmp_path / "nowhere.yaml")
-    assert "nowhere.yaml" in str(caught.value)
-
-
-def test_a_parameter_of_a_later_file_replaces_that_of_an_earlier_one_as_a_whole(tmp_path):
-    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
-    first.write_text("parameters: {e_gg: {fixed: 0.3}}\n")
-    second.write_text("parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n")
-    assert Study.load(first, second).config["parameters"]["e_gg"] == {"prior": {"mean": 0.3, "sd": 0.01}}
-
-
 def test_a_complete_file_does_not_read_the_folders_own(tmp_path, monkeypatch):
-    """An edit of config.yaml during a run does not reach the run's jobs."""
     path = tmp_path / "results" / "config.json"
     config = Study.load(inputs=True).config
     loader.write_resolved(config, path)
@@ -102,22 +90,20 @@ def test_a_complete_file_does_not_read_the_folders_own(tmp_path, monkeypatch):
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):
     mine = tmp_path / "mine.yaml"
-    mine.write_text("funnel: {seeds: 0}\n")
-    with pytest.raises(InputError) as caught:
-        Study.load(str(mine), inputs=True)
-    assert caught.value.source == str(mine)
-    with pytest.raises(InputError) as caught:
-        Study.load(overrides={"funnel": {"seeds": "0"}}, inputs=True)
-    assert caught.value.source == loader.COMMAND_LINE
-    mine.write_text("targets: [{response: height_mm, value: null}]\n")
-    with pytest.raises(InputError) as caught:
-        Study.load(str(mine), inputs=True)
-    assert all(fault.source == str(mine) for fault in caught.value.faults)
+    for text, overrides in (
+        ("funnel: {seeds: 0}\n", {}),
+        ("label: mine\n", {"funnel": {"seeds": "0"}}),
+        ("targets: [{response: height_mm, value: null}]\n", {}),
+    ):
+        mine.write_text(text)
+        with pytest.raises(InputError) as caught:
+            Study.load(str(mine), overrides=overrides, inputs=True)
+        source = loader.COMMAND_LINE if overrides else str(mine)
+        assert {fault.source for fault in getattr(caught.value, "faults", [caught.value])} == {source}
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "examples/bench_tests").glob("*.yaml")), ids=lambda path: path.stem)
 def test_an_example_of_a_bench_test_goes_over_the_default(path):
-    """With the files that it names: the goji berry's shape study has no responses of other bench tests."""
     assert Study.load(ROOT / "config/config.yaml", path).particle is not None
 
 
@@ -134,3 +120,51 @@ def test_a_key_of_a_section_with_a_fault_is_not_used():
     assert not Making._may_use(of_section, "funnel.seeds")
     assert not Making._may_use(of_key, "funnel.seeds")
     assert Making._may_use(of_key, "funnel.berries")
+
+
+def test_it_stands_beside_the_package_and_nothing_in_it_is_exchanged(quick):
+    assert repose.Study is Study
+    assert quick.settings.funnel.seeds == quick.config["funnel"]["seeds"] == 2
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        quick.config = {}
+    with pytest.raises(ValidationError, match="frozen"):
+        quick.settings.funnel.seeds = 3
+    config = quick.config | {"network": {**quick.config["network"]}}
+    del config["network"]["split"]
+    assert Study.of(config).config["network"]["split"] == [0.70, 0.15, 0.15]
+
+
+def test_it_has_parameters_targets_folder_and_one_line_and_makes_its_grain_once(quick):
+    assert quick.parameters.dimensions == 6
+    assert quick.targets.names == ("aor_deg", "height_mm")
+    assert quick.folder.as_posix() == "results/quick"
+    words = "e_gg, mus_gg, mur_gg, e_gp, mus_gp, mur_gp by aor_deg, height_mm, strategy published"
+    assert repr(quick) == f"<Study quick: {words}>"
+    assert quick.grain is quick.grain
+    assert quick.particle is quick.particle
+    assert quick.grain["density_kg_m3"] == 840.47
+
+
+def test_a_job_reads_what_was_checked_and_checks_it_only_if_somebody_changed_it(quick, tmp_path):
+    path = tmp_path / "config.json"
+    wrong = quick.config | {"surrogate": "cubic"}
+    loader.write_resolved(wrong, path)  # no study writes that: it shows that nothing is checked
+    assert Study.load(path).config == wrong
+    path.write_text(json.dumps(wrong))
+    input_error(r"config\.json: surrogate is 'cubic'", Study.load, path)
+
+
+def test_what_stands_on_a_fault_is_not_reported_beside_it(quick):
+    """Each rule and file is checked where the sections that it reads are good."""
+    config = quick.config | {
+        "funnel": quick.config["funnel"] | {"outlet_diameter_mm": 150.0, "seeds": 0},
+        "berry": quick.config["berry"] | {"sizes": "nowhere.csv", "stl": "nowhere.stl"},
+        "validation": quick.config["validation"] | {"published": "nowhere.csv"},
+        "simulation": quick.config["simulation"] | {"time_step_s": "auto"},
+        "miga": quick.config["miga"] | {"tournament": 900},
+    }
+    with pytest.raises(InputError) as caught:
+        Study.of(config, "mine.yaml", inputs=True)
+    found = {fault.key for fault in caught.value.faults}
+    named = {"berry.sizes", "berry.stl", "validation.published"}
+    assert found == {"funnel.seeds", "miga.tournament", *named}

@@ -1,20 +1,16 @@
 """Profiles among the targets: a file of heights becomes a target for each score, or is refused with its fault."""
 
-import copy
-from pathlib import Path
-
 import numpy as np
 import pytest
+from refusals import input_error
 
 import repose
 from repose.chain.answer import Check
 from repose.config import stands_on
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameter_space import ParameterSpace
 from repose.strategies.sequential.goal import Goal
 
-ROOT = Path(__file__).parents[2]
 TABLE = """# read off a picture
 x_mm,low_mm,z_mm,sd_mm
 -30,,24.5,1
@@ -39,18 +35,8 @@ def entry(table):
     return profile | {"sd": 1.2, "repetitions": 4, "functions": 3, "within": 0.9, "covered": 0.2}
 
 
-@pytest.fixture(scope="module")
-def quick():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return Study.load("config/quick.yaml").config
-
-
-def study_of(quick, entry, **turning):
-    config = copy.deepcopy(quick)
-    config["turning"] |= turning
-    config["targets"].append(entry)
-    return Study.of(config)
+def study_of(quick, entry):
+    return Study.of(quick.config | {"targets": [*quick.config["targets"], entry]})
 
 
 def test_a_profile_becomes_a_target_for_each_score(quick, entry):
@@ -67,16 +53,15 @@ def test_a_profile_becomes_a_target_for_each_score(quick, entry):
     assert {target.whole for target in own} == {profile.whole}
 
 
-def test_a_profile_has_five_functions_unless_it_says_otherwise(quick, entry):
+def test_an_entry_has_five_functions_errors_of_a_column_and_a_file(quick, entry):
     own = {key: value for key, value in entry.items() if key != "functions"}
-    with pytest.raises(InputError, match="rows is 5; expected more than functions, 5"):
-        study_of(quick, own)
-
-
-def test_the_errors_of_the_heights_may_be_a_column(quick, entry):
+    input_error("rows is 5; expected more than functions, 5", study_of, quick, own)
     own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]
     assert own.sd == pytest.approx(1 / np.sqrt(3))
     assert own.profile.x == (-20, -10, 0, 10, 20)
+    number = {"response": "turning_profile_1_mm", "apparatus": "turning", "value": 1.0, "sd": 1.0}
+    with pytest.raises(InputError, match="turning_profile_mm with the file of its measured heights"):
+        study_of(quick, number | {"repetitions": 1, "range": [0.0, 2.0]})
 
 
 def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(quick, entry, table):
@@ -105,8 +90,7 @@ def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(q
     ],
 )
 def test_a_wrong_entry_is_refused(quick, entry, change, words):
-    with pytest.raises(InputError, match=words):
-        study_of(quick, entry | change)
+    input_error(words, study_of, quick, entry | change)
 
 
 @pytest.mark.parametrize(
@@ -120,14 +104,7 @@ def test_a_wrong_entry_is_refused(quick, entry, change, words):
 )
 def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
     table.write_text(TABLE.replace(old, new))
-    with pytest.raises(InputError, match=words):
-        study_of(quick, entry)
-
-
-def test_a_score_without_a_file_is_refused(quick, entry):
-    number = {"response": "turning_profile_1_mm", "apparatus": "turning", "value": 1.0, "sd": 1.0}
-    with pytest.raises(InputError, match="turning_profile_mm with the file of its measured heights"):
-        study_of(quick, number | {"repetitions": 1, "range": [0.0, 2.0]})
+    input_error(words, study_of, quick, entry)
 
 
 def test_percents_of_a_score_are_of_the_height(quick, entry):
@@ -137,14 +114,13 @@ def test_percents_of_a_score_are_of_the_height(quick, entry):
     assert target.off_percent(target.value + 0.02 * target.whole) == pytest.approx(2.0)
     check = Check.of(target, target.value + 0.02 * target.whole, None, 4, "ok")
     assert check.distance.startswith("turning_profile_3_mm +2.0 %")
-    goal = Goal.of(study_of(quick, entry).targets, 2.0, ParameterSpace.of(quick["parameters"]))
+    goal = Goal.of(study_of(quick, entry).targets, 2.0, quick.parameters)
     np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)
 
 
 @pytest.mark.essential
 @pytest.mark.slow
 def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, tmp_path):
-    """A tilted line, whose slope and height are the parameters."""
     given = {"file": str(table), "sd": 0.2, "repetitions": 1, "functions": 3, "unit": "mm", "noise_sd": 0.1}
     options = {"seed": 3, "file": tmp_path / "runs.csv", "posterior": {"walkers": 32, "steps": 200}}
     section = {"start_samples": 8, "seeds": 1, "batch": 2, "most_runs": 16, "tolerance_percent": 3.0}

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from refusals import input_error
 from shared import check_all
 
 from repose.config import results_folder
@@ -13,15 +14,9 @@ from repose.core.files import write_json, write_text
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture
-def config():
-    return Study.load(ROOT / "config/quick.yaml").config
-
-
 def test_the_wildcards_of_outputs_stand_for_what_rules_write():
-    ours = results_folder.pattern_of(
-        ["r/{runs}/{sample}.json", r"r/{strategy,a|b}/batch_{batch,\d{1,4}}/a.csv"]
-    ).fullmatch
+    outputs = ["r/{runs}/{sample}.json", r"r/{strategy,a|b}/batch_{batch,\d{1,4}}/a.csv"]
+    ours = results_folder.pattern_of(outputs).fullmatch
     assert all(map(ours, ("r/heaps/001.json", "r/drum_runs/012.json", "r/refined/batch_1/a.csv")))
     assert not any(map(ours, ("r/heaps/a.json", "r/network/001.json", "r/published/batch_1/a.csv", "s/heaps/001.json")))
 
@@ -38,8 +33,7 @@ NOT_A_STUDYS = (
 def test_a_folder_that_is_not_a_studys_own_is_refused(config):
     def refused(folder):
         config["results_dir"] = folder
-        with pytest.raises(InputError, match=r"results_dir is .*; expected a folder"):
-            Study.of(config)
+        input_error(r"results_dir is .*; expected a folder", Study.of, config)
 
     check_all(refused, [(repr(folder), folder) for folder in NOT_A_STUDYS])
 
@@ -49,8 +43,7 @@ def test_the_folder_around_the_working_folder_is_refused(config, tmp_path, monke
     monkeypatch.chdir(tmp_path / "work")
     for folder in (tmp_path, tmp_path / "work", tmp_path / "work/resources"):
         config["results_dir"] = str(folder)
-        with pytest.raises(InputError, match="results_dir"):
-            Study.of(config)
+        input_error("results_dir", Study.of, config)
     config["results_dir"] = str(tmp_path / "results")
     Study.of(config)
 
@@ -67,8 +60,7 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, 
         folder = config["results_dir"]
         results_folder.check_no_foreign_files(folder, [f"{folder}/figures/{{name}}.svg"])
 
-    with pytest.raises(InputError, match="there is figures, which no study of repose wrote"):
-        check()
+    input_error("there is figures, which no study of repose wrote", check)
     write_json(tmp_path / "data/config.json", config)
     check()
     (tmp_path / "link").symlink_to(tmp_path / "nothing")

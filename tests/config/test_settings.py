@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared import check_all
+from refusals import input_error
+from shared import check_all, put
 
 from repose import surrogate
 from repose.apparatus import names
@@ -19,16 +20,9 @@ ROOT = Path(__file__).parents[2]
 SHIPPED = ("config", "paper", "quick")
 
 
-@pytest.fixture(autouse=True)
-def _in_the_project(monkeypatch):
-    monkeypatch.chdir(ROOT)
-
-
 @pytest.fixture(scope="module")
 def matched():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return Study.load("config/matched.yaml", inputs=True).config
+    return Study.load(ROOT / "config/matched.yaml", inputs=True).config
 
 
 @pytest.fixture
@@ -36,18 +30,22 @@ def config(matched):
     return copy.deepcopy(matched) | {"figures": {}}
 
 
-def put(config, key, value):
-    *sections, last = key.split(".")
-    for section in sections:
-        config = config[int(section) if isinstance(config, list) else section]
-    config[last] = value
+def fault_of(call):
+    with pytest.raises(InputError) as caught:
+        call()
+    return caught.value
 
 
-def test_shipped_configurations_pass_every_check_and_write_to_folders_of_their_own():
+def test_shipped_configurations_pass_every_check_and_the_paper_has_the_published_settings():
     studies = [Study.load(f"config/{name}.yaml") for name in SHIPPED]
     for study in studies:
         study.check_inputs()
     assert len({study.config["results_dir"] for study in studies}) == len(SHIPPED)
+    config = Study.load("config/paper.yaml").config
+    assert config["simulation"]["time_step_s"] == 2.9256e-5
+    assert config["funnel"]["duration_s"] == 18
+    assert (config["design"]["method"], config["design"]["samples"], config["funnel"]["seeds"]) == ("lhsdesign", 150, 1)
+    assert [target["aim"] for target in config["targets"]] == [32.5, 66.5]
 
 
 def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
@@ -57,26 +55,14 @@ def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
     assert (slip["apparatus"], slip["range"]) == ("drum", [39.0, 41.0])  # a standard error to each side
     assert (height["apparatus"], height["range"]) == ("funnel", [39.6, 40.4])  # at least 1 %
     config["targets"] = [{"response": "weight_g"} | short]
-    with pytest.raises(InputError, match="responses of funnel"):
-        Study.of(config)
+    input_error("responses of funnel", Study.of, config)
 
 
-def test_paper_has_the_published_settings():
-    config = Study.load("config/paper.yaml").config
-    assert config["simulation"]["time_step_s"] == 2.9256e-5
-    assert config["funnel"]["duration_s"] == 18
-    assert (config["design"]["method"], config["design"]["samples"], config["funnel"]["seeds"]) == ("lhsdesign", 150, 1)
-    assert [target["aim"] for target in config["targets"]] == [32.5, 66.5]
-
-
-def test_every_key_is_explained():
+def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
     explained = (ROOT / "config" / "README.md").read_text()
     for name in Study.load().config:
         assert f"`{name}`" in explained
         assert all(f"`{key}`" in explained for key in faults.subschema([name]).get("properties", ())), name
-
-
-def test_no_section_allows_an_unknown_key_or_forgets_one():
     schema = faults.schema()
     others = {*names(), "joint_targets", "shape_study"} - {"funnel"}
     computed = {setting.key.partition(".")[2] for setting in COMPUTED}
@@ -87,10 +73,6 @@ def test_no_section_allows_an_unknown_key_or_forgets_one():
             figures = {"figures", "format", "dpi", "tilt_deg", "taps", "tap_mm"}
             filled = {"berries", "filling_height_mm"}  # one of the two
             assert optional <= {"contact_law", "rolling_law", *figures, *filled, *FURTHER, *computed, *others}
-
-
-def test_the_models_know_what_is_computed():
-    """A key may be `auto` where a formula gives its number, and only there."""
     found = {
         f"{name}.{key}"
         for name in faults.schema()["properties"]
@@ -160,13 +142,8 @@ BAD_VALUES = (
 
 def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config):
     def check_message(key, value, allowed):
-        changed = copy.deepcopy(config)
-        put(changed, key, value)
-        with pytest.raises(InputError) as caught:
-            Study.of(changed, "my.yaml")
-        fault = caught.value
-        assert (fault.source, fault.key) == ("my.yaml", key)
-        assert fault.value == value
+        fault = fault_of(lambda: Study.of(put(copy.deepcopy(config), key, value), "my.yaml"))
+        assert (fault.source, fault.key, fault.value) == ("my.yaml", key, value)
         assert allowed in fault.allowed
 
     check_all(check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES])
@@ -186,72 +163,61 @@ KNOWN = (
 @pytest.mark.parametrize(("given", "key", "allowed"), KNOWN)
 def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(config, given, key, allowed):
     config["parameters"]["e_gg"] = given
-    with pytest.raises(InputError) as caught:
-        Study.of(config, "my.yaml")
-    assert (caught.value.key, caught.value.value) == (f"parameters.e_gg.{key}", given[key])
-    assert allowed in caught.value.allowed
+    fault = fault_of(lambda: Study.of(config, "my.yaml"))
+    assert (fault.key, fault.value) == (f"parameters.e_gg.{key}", given[key])
+    assert allowed in fault.allowed
 
 
-def test_a_prior_may_be_narrow_and_of_numpy(config):
+def test_a_prior_may_be_narrow_ends_at_the_largest_friction_and_meets_its_range(config):
     for sd in (0.005, np.float64(0.05)):
         config["parameters"]["e_gg"] = {"prior": {"mean": np.float64(0.5), "sd": sd}}
         assert Study.of(config).parameters.prior["e_gg"] == (0.5, sd)
-
-
-def test_a_range_that_follows_from_a_wrong_number_is_reported_by_that_number(config):
-    def check_key(key, value, allowed):
-        (target, *others) = copy.deepcopy(config["targets"])
-        del target["range"]
-        with pytest.raises(InputError) as caught:
-            Study.of(config | {"targets": [target | {key: value}, *others]}, "my.yaml")
-        assert caught.value.key == f"targets.0.{key}"
-        assert allowed in caught.value.allowed
-
-    check_all(
-        check_key,
-        [
-            ("value in other units", "value", 240.0, "from 1 to 89"),
-            ("a number of many digits", "value", 10**400, "a number from"),
-            ("a large scatter", "sd", 900.0, "so small that the mean with its standard error"),
-        ],
-    )
-    (target, *others) = config["targets"]
-    near_the_end = {key: target[key] for key in target if key != "range"} | {"value": 88.9, "sd": 0.1}
-    with pytest.raises(
-        InputError, match=r"targets\.0\.range is \[88\.0.*, 89\.7.*\]; expected a pair \[low, high\] from 1"
-    ):
-        Study.of(config | {"targets": [near_the_end, *others]}, "my.yaml")
-
-
-def test_a_prior_ends_at_the_largest_friction(config):
     config["parameters"] |= {"mus_gg": {"prior": {"mean": 0.3, "sd": 3.0}}}
     config["parameters"] |= {"mur_gg": {"prior": {"mean": 0.5, "sd": 0.5}}}
     space = Study.of(config).parameters
     ends = dict(zip(space.free, space.high, strict=True))
     assert (ends["mus_gg"], ends["mur_gg"]) == (5.0, 1.0)
+    known = config["parameters"]["mus_gg"] = {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.52, 0.9]}
+    assert Study.of(config).parameters.prior["mus_gg"] == (0.5, 0.01)
+    known["range"] = [0.57, 0.9]
+    input_error(r"parameters\.mus_gg is .*; expected a range that meets 0\.47 to 0\.53", Study.of, config)
+
+
+def test_a_range_that_follows_from_a_wrong_number_is_reported_by_that_number(config):
+    first, *others = ({key: value for key, value in target.items() if key != "range"} for target in config["targets"])
+
+    def check_key(key, value, allowed):
+        fault = fault_of(lambda: Study.of(config | {"targets": [first | {key: value}, *others]}, "my.yaml"))
+        assert fault.key == f"targets.0.{key}"
+        assert allowed in fault.allowed
+
+    cases = [
+        ("value in other units", "value", 240.0, "from 1 to 89"),
+        ("a number of many digits", "value", 10**400, "a number from"),
+        ("a large scatter", "sd", 900.0, "so small that the mean with its standard error"),
+    ]
+    check_all(check_key, cases)
+    ends = r"targets\.0\.range is \[88\.0.*, 89\.7.*\]; expected a pair \[low, high\] from 1"
+    input_error(ends, Study.of, config | {"targets": [first | {"value": 88.9, "sd": 0.1}, *others]}, "my.yaml")
 
 
 def test_a_mistyped_key_or_section_is_reported_once_with_the_one_that_was_meant(config):
     wrong = config | {"refin": config["refine"]}
     del wrong["refine"]
-    with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
-        Study.of(wrong, "my.yaml")
+    input_error(r"^my.yaml: refin is \{.*did you mean refine\?$", Study.of, wrong, "my.yaml")
     config["funnel"]["seads"] = config["funnel"].pop("seeds")
-    with pytest.raises(InputError, match=r"funnel\.seads is 6; .*did you mean seeds"):
-        Study.of(config, "my.yaml")
+    input_error(r"funnel\.seads is 6; .*did you mean seeds", Study.of, config, "my.yaml")
 
 
 def test_replicates_are_needed_of_every_bench_test_of_the_targets(config):
     config["network"]["replicates"] = True
     once = config | {"funnel": config["funnel"] | {"seeds": 1}}
     allowed = r"funnel\.seeds is 1; expected at least 2, or network\.replicates: false"
-    with pytest.raises(InputError, match=allowed):
-        Study.of(once)
+    input_error(allowed, Study.of, once)
     config["drum"]["seeds"] = 1
     Study.of(config)
     config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})
-    with pytest.raises(InputError, match=r"drum\.seeds is 1; expected at least 2"):
-        Study.of(config)
+    input_error(r"drum\.seeds is 1; expected at least 2", Study.of, config)
 
 
 def test_noise_from_the_validation_samples_needs_some_and_no_replicates(config):
@@ -262,16 +228,14 @@ def test_noise_from_the_validation_samples_needs_some_and_no_replicates(config):
     Study.of(config | {"network": network})
     for split, samples in (([0.85, 0.0, 0.15], 150), ([0.7, 0.15, 0.15], 14)):
         study = config | {"network": network | {"split": split}, "design": config["design"] | {"samples": samples}}
-        with pytest.raises(InputError, match=r"network\.split is .*leaves more than 2 validation samples, or"):
-            Study.of(study)
+        input_error(r"network\.split is .*leaves more than 2 validation samples, or", Study.of, study)
 
 
 def test_a_quadratic_surface_needs_more_samples_than_terms(config):
     """28 terms of six parameters, 21 of five; 0.7 of the samples train."""
     config |= {"surrogate": "quadratic"}
     config["design"]["samples"] = 41
-    with pytest.raises(InputError, match=r"surrogate is 'quadratic'; .*below 29"):
-        Study.of(config)
+    input_error(r"surrogate is 'quadratic'; .*below 29", Study.of, config)
     config["design"]["samples"] = 42
     Study.of(config)
     config["design"]["samples"] = 32
@@ -289,47 +253,42 @@ MISFITS = (
 )
 
 
-def test_a_strategy_that_cannot_run_with_its_section_is_refused():
+def test_a_strategy_that_cannot_run_with_its_section_is_refused(quick):
     def check_message(key, value, allowed):
-        config = copy.deepcopy(Study.load("config/quick.yaml").config)
-        config["strategy"] = key.partition(".")[0]
-        put(config, key, value)
+        config = put(copy.deepcopy(quick.config) | {"strategy": key.partition(".")[0]}, key, value)
         if allowed is None:
             Study.of(config)
             return
-        with pytest.raises(InputError) as caught:
-            Study.of(config)
-        assert caught.value.key == key
-        assert allowed in caught.value.allowed
+        fault = fault_of(lambda: Study.of(config))
+        assert fault.key == key
+        assert allowed in fault.allowed
 
     check_all(check_message, [(f"{key} {value}", key, value, allowed) for key, value, allowed in MISFITS])
 
 
 def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):
     config["refine"] |= {"seeds": 801, "block": 8}
-    with pytest.raises(InputError, match=r"refine\.block is 8; expected at least refine.seeds / 100"):
-        Study.of(config)
+    input_error(r"refine\.block is 8; expected at least refine.seeds / 100", Study.of, config)
 
 
-def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(config):
+def test_a_study_may_do_without_compression_tests_and_published_solutions(config):
     config["berry"] |= {"compression": None, "poisson_ratio": 0.3}
-    with pytest.raises(
-        InputError, match=r"berry\.shear_modulus_pa is null; .* compression tests in berry\.compression"
-    ):
-        Study.of(config)
+    input_error(r"berry\.shear_modulus_pa is null; .* compression tests in berry\.compression", Study.of, config)
     config["berry"]["shear_modulus_pa"] = 4e4
     Study.of(config).check_inputs()
+    config["validation"]["published"] = None
+    Study.of(config)
+    Study.of(config).check_inputs()
+    assert cost.costs(config)["published_sets"].startswith("0 pours")
 
 
 def test_inputs_are_checked_against_the_berry_and_the_disc(config):
     def check_message(key, value, allowed):
-        changed = copy.deepcopy(config)
-        put(changed, key, value)
+        changed = put(copy.deepcopy(config), key, value)
         Study.of(changed)
-        with pytest.raises(InputError) as caught:
-            Study.of(changed, "my.yaml").check_inputs()
-        assert caught.value.key == key
-        assert allowed in caught.value.allowed
+        fault = fault_of(lambda: Study.of(changed, "my.yaml").check_inputs())
+        assert fault.key == key
+        assert allowed in fault.allowed
 
     bad = (
         ("berry.sizes", "nowhere.csv", "an existing file"),
@@ -345,34 +304,16 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
     check_all(check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad])
 
 
-def test_headers_of_the_named_tables_are_checked(config):
-    config["berry"]["sizes"] = "resources/compression.csv"
-    with pytest.raises(InputError, match=r"compression\.csv: header"):
-        Study.of(config).check_inputs()
-    config["berry"]["sizes"] = "resources/berries.csv"
-    config["validation"]["published"] = "resources/berries.csv"
-    with pytest.raises(InputError, match=r"berries\.csv: column solution is 'missing'; expected columns solution"):
-        Study.of(config).check_inputs()
-
-
-def test_photograph_and_shape_study_are_read_before_any_work(config):
-    sizes = "resources/berries.csv"
-    for changed, words in (
-        ({"photograph": sizes}, r"berries\.csv: picture is 'not a picture'"),
-        ({"posterior": config["posterior"] | {"shape_study": sizes}}, r"berries\.csv: column particle is 'missing'"),
+def test_the_named_tables_and_pictures_are_read_before_any_work(config):
+    sizes, forces = "resources/berries.csv", "resources/compression.csv"
+    for section, changed, words in (
+        ("berry", {"sizes": forces}, r"compression\.csv: header"),
+        ("validation", {"published": sizes}, r"berries\.csv: column solution is 'missing'; expected columns solution"),
+        ("posterior", {"shape_study": sizes}, r"berries\.csv: column particle is 'missing'"),
+        ("photograph", sizes, r"berries\.csv: picture is 'not a picture'"),
     ):
-        with pytest.raises(InputError, match=words):
-            Study.of(config | changed).check_inputs()
-
-
-def test_a_range_that_its_prior_excludes_is_refused(config):
-    def of(low):
-        known = {"prior": {"mean": 0.5, "sd": 0.01}, "range": [low, 0.9]}
-        return Study.of(config | {"parameters": config["parameters"] | {"mus_gg": known}})
-
-    with pytest.raises(InputError, match=r"parameters\.mus_gg is .*; expected a range that meets 0\.47 to 0\.53"):
-        of(0.57)
-    assert of(0.52).parameters.prior["mus_gg"] == (0.5, 0.01)
+        changed = config[section] | changed if isinstance(changed, dict) else changed
+        input_error(words, Study.of(config | {section: changed}).check_inputs)
 
 
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):
@@ -385,10 +326,3 @@ def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_pa
     config["label"] = "other"
     loader.write_resolved(config, path)
     assert Study.load(path).config["label"] == "other"
-
-
-def test_a_study_may_do_without_published_solutions(config):
-    config["validation"]["published"] = None
-    Study.of(config)
-    Study.of(config).check_inputs()
-    assert cost.costs(config)["published_sets"].startswith("0 pours")

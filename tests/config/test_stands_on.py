@@ -1,7 +1,6 @@
 """What a stage reads of the configuration: a changed definition is none of a run's, and one of its measurement's."""
 
 import copy
-from pathlib import Path
 
 from shared import check_all
 
@@ -10,18 +9,12 @@ from repose.config import stands_on
 from repose.config.models import named_files
 from repose.config.study import Study
 
-ROOT = Path(__file__).parents[2]
 
-
-def check_used(check):
-    """Call `check` with the configuration and the name of each bench test that it has, in the checkout."""
-    config = Study.load("config/config.yaml").config
+def check_used(check, config):
     check_all(check, [(name, config, name) for name in names() if name in config])
 
 
-def test_what_only_the_measurement_reads_makes_no_run_again(monkeypatch):
-    monkeypatch.chdir(ROOT)
-
+def test_a_run_stands_on_what_it_reads_in_any_order_and_not_on_its_measurement(config):
     def check(config, name):
         keys = [f"measure.{key}" for key in config["measure"]]
         keys += [f"{name}.{key}" for key in bench(name).measured_by]
@@ -33,11 +26,7 @@ def test_what_only_the_measurement_reads_makes_no_run_again(monkeypatch):
             assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
             assert stands_on.settings_of(changed, "next") != stands_on.settings_of(config, "next"), dotted
 
-    check_used(check)
-
-
-def test_whatever_else_a_run_reads_makes_it_again(monkeypatch):
-    monkeypatch.chdir(ROOT)
+    check_used(check, config)
 
     def check(config, name):
         own = [(name, key) for key in config[name] if key not in ("seeds", *bench(name).measured_by)]
@@ -47,14 +36,10 @@ def test_whatever_else_a_run_reads_makes_it_again(monkeypatch):
             changed[section][key] = "another"
             assert stands_on.pouring(changed, name) != stands_on.pouring(config, name), (section, key)
 
-    check_used(check)
+    check_used(check, config)
 
-
-def test_another_order_of_the_keys_is_the_same_text(monkeypatch):
     def turned(value):
         return {key: turned(value[key]) for key in reversed(value)} if isinstance(value, dict) else value
-
-    monkeypatch.chdir(ROOT)
 
     def check(config, name):
         other = turned(config)
@@ -63,12 +48,11 @@ def test_another_order_of_the_keys_is_the_same_text(monkeypatch):
         sections = [str(stands_on.sections(one, "berry", "miga")) for one in (config, other)]
         assert sections[0] == sections[1]
 
-    check_used(check)
+    check_used(check, config)
 
 
-def test_keys_of_a_bench_test_define_what_its_targets_are(monkeypatch):
+def test_keys_of_a_bench_test_define_what_its_targets_are():
     """No rule runs again for a key of a bench test without a target, so the files of before must stay good."""
-    monkeypatch.chdir(ROOT)
     study = Study.load()
     assert "height_mm" in study.definitions
     assert "drum_slip_deg" not in study.definitions
@@ -80,17 +64,13 @@ def test_keys_of_a_bench_test_define_what_its_targets_are(monkeypatch):
     assert Study.of(other).definitions["drum_slip_deg"]["drum.fit_share"] == other["drum"]["fit_share"]
 
 
-def test_results_do_not_depend_on_the_files_of_figures(monkeypatch):
-    monkeypatch.chdir(ROOT)
-    config = Study.load("config/config.yaml").config
+def test_results_do_not_depend_on_the_files_of_figures(config):
     for verb in ("material_card", "network", "report"):
         settings = stands_on.settings_of(config | {"figures": {"format": ["png", "pdf"]}}, verb)
         assert settings == stands_on.settings_of(config, verb)
 
 
-def test_every_file_that_a_configuration_names_counts_by_its_content(monkeypatch, tmp_path):
-    monkeypatch.chdir(ROOT)
-    config = Study.load("config/config.yaml").config
+def test_every_file_that_a_configuration_names_counts_by_its_content(config, tmp_path):
 
     def of(key, name, content):
         section, _, last = key.rpartition(".")

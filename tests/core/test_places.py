@@ -14,7 +14,6 @@ METHOD, CONFIG = (places.root() / "config" / name for name in ("method.yaml", "c
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty working folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -30,15 +29,12 @@ def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
     assert places.find("mine.csv") == Path("mine.csv")
 
 
-def test_the_default_configuration_holds_in_an_empty_folder(folder):
+def test_a_study_of_the_programs_crop_lies_over_it_as_the_default_in_an_empty_folder(folder):
     assert places.configs() == [METHOD, CONFIG]
     config = Study.load(inputs=True).config
     for path in (config["berry"]["sizes"], config["berry"]["compression"], config["validation"]["published"]):
         assert Path(path).is_absolute()
         assert Path(path).is_file()
-
-
-def test_a_study_of_the_programs_crop_lies_over_it(folder):
     own = folder / "config/config.yaml"
     own.parent.mkdir()
     own.write_text("label: mine\n")
@@ -60,7 +56,6 @@ def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
 
 
 def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
-    """It defines its grain; missing keys are reported, and no number of the program's own crop stands in for it."""
     mine = folder / "wheat.yaml"
     mine.write_text("label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
     assert loader.layers([mine]) == [METHOD, mine]

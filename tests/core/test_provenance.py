@@ -23,8 +23,6 @@ def changed(**sections):
 
 
 def run(verb, paths, write, config=CONFIG, apparatus=None, strategy=None):
-    """A stage that reads some files and writes others."""
-
     def settings_of(one, bench_test):
         return stands_on.settings_of(one, verb, bench_test, name=strategy)
 
@@ -60,20 +58,16 @@ def test_every_type_of_file_carries_the_record_and_equal_runs_are_equal_bytes(tm
         assert file.read_bytes() == (tmp_path / "two" / file.name).read_bytes()
 
 
-def test_readers_leave_the_record_out(tmp_path):
-    for name, write in WRITERS.items():
-        run("design", (), lambda name=name, write=write: write(tmp_path / name))
-    assert files.read_json(tmp_path / "a.json") == {"x": 1}
-    assert list(files.read_npz(tmp_path / "a.npz")) == ["x"]
-    assert list(files.read_table(tmp_path / "a.csv")) == ["x"]
-    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png")), np.full((4, 5, 3), 7))
-
-
-def test_without_a_stage_a_file_is_plain(tmp_path):
+def test_readers_leave_the_record_out_and_without_a_stage_a_file_is_plain(tmp_path):
     for name, write in WRITERS.items():
         write(tmp_path / name)
         assert attached.read(tmp_path / name) is None
     assert {path.name for path in tmp_path.iterdir()} == {*WRITERS, ".repose"}
+    run("design", (), lambda: [write(tmp_path / name) for name, write in WRITERS.items()])
+    assert files.read_json(tmp_path / "a.json") == {"x": 1}
+    assert list(files.read_npz(tmp_path / "a.npz")) == ["x"]
+    assert list(files.read_table(tmp_path / "a.csv")) == ["x"]
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png")), np.full((4, 5, 3), 7))
 
 
 @pytest.mark.parametrize(
@@ -117,11 +111,14 @@ def test_the_origin_follows_the_files_and_names_the_engine(tmp_path):
     assert origins[0] != origins[1]
 
 
-def test_runs_of_two_settings_are_refused_and_both_are_named(tmp_path):
+def test_runs_of_two_settings_are_refused_but_not_of_another_processor(tmp_path, monkeypatch):
     paths = [pour(tmp_path / "a.json"), pour(tmp_path / "b.json", changed(simulation={"gravity_m_s2": 1.62}))]
     with pytest.raises(InputError, match=r"b\.json: provenance\.origin is '\w{16}'; expected .* as in .*a\.json"):
         run("measure_runs", paths, lambda: None)
     run("measure_runs", [paths[0], pour(tmp_path / "c.json", apparatus="drum")], lambda: None)
+    first = pour(tmp_path / "a.json")
+    monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})
+    run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
 
 
 def test_results_of_two_engines_are_refused_and_both_are_named(tmp_path, monkeypatch):
@@ -185,12 +182,6 @@ def test_what_a_study_no_longer_has_is_not_outdated(tmp_path):
     assert stands_on.outdated(lacking, paths) == [str(paths[2])]
 
 
-def test_another_processor_is_no_reason_to_refuse(tmp_path, monkeypatch):
-    first = pour(tmp_path / "a.json")
-    monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})
-    run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
-
-
 def test_the_processor_type_is_reported_with_what_stands_in_for_another(tmp_path, monkeypatch):
     result = tmp_path / "cpuinfo"
     result.write_text("processor\t: 0\ncpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n\nprocessor\t: 1\n")
@@ -204,10 +195,14 @@ def test_the_processor_type_is_reported_with_what_stands_in_for_another(tmp_path
     assert provenance._processor().endswith(", OPENBLAS_CORETYPE=Haswell")
 
 
-def test_the_version_is_that_of_the_code_that_runs(monkeypatch):
-    """Not that of an installation, which may be another one, or none."""
+def test_the_version_and_commit_are_those_of_the_code_that_runs(monkeypatch, tmp_path):
     monkeypatch.setattr(provenance, "__version__", "9.9")
     assert provenance.machine.__wrapped__()["repose"] == "9.9"
+    monkeypatch.setattr(provenance, "PACKAGE", tmp_path / "lib" / "site-packages" / "repose")
+    monkeypatch.setattr(provenance.places, "root", lambda: tmp_path)
+    assert provenance._commit() is None
+    (tmp_path / provenance.BUILT_FROM).write_text("0123456789ab\n")
+    assert provenance._commit() == "0123456789ab"
 
 
 def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
@@ -221,11 +216,3 @@ def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
     assert set(json.loads(capsys.readouterr().out)) == KEYS
     assert main(["provenance", config]) == 2
     assert "provenance is None; expected a result" in capsys.readouterr().err
-
-
-def test_the_commit_of_a_build_is_that_which_its_file_names(monkeypatch, tmp_path):
-    monkeypatch.setattr(provenance, "PACKAGE", tmp_path / "lib" / "site-packages" / "repose")
-    monkeypatch.setattr(provenance.places, "root", lambda: tmp_path)
-    assert provenance._commit() is None
-    (tmp_path / provenance.BUILT_FROM).write_text("0123456789ab\n")
-    assert provenance._commit() == "0123456789ab"

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from refusals import value_error
 from shared import one_run
 
 from repose.core.runs import Recorded, error_of, summarise_runs
@@ -39,21 +40,16 @@ def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
     assert (summary["aor_deg"] is None) is (expected != "ok")
 
 
-def test_no_runs_are_refused():
-    with pytest.raises(ValueError, match="at least one run"):
-        summarise_runs([], RECORDED)
-
-
-def test_targets_stand_in_front_with_their_errors():
+def test_no_runs_are_refused_and_targets_stand_in_front_with_their_errors():
+    value_error("at least one run", summarise_runs, [], RECORDED)
     ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
     assert ours.summary == (
         *("status", "reason", "n_seeds", "discharge_s", "discharge_se_s", "base_radius_mm", "base_radius_se_mm"),
         *("aor_deg", "aor_se_deg", "height_mm", "height_se_mm"),
     )
     assert ours.single == ("discharge_s", "base_radius_mm", "aor_deg", "berries")
-    assert RECORDED.beginning_with(("aor_deg", "height_mm")) == Recorded(
-        RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries")
-    )
+    same = Recorded(RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries"))
+    assert RECORDED.beginning_with(("aor_deg", "height_mm")) == same
     assert error_of("packing_percent") == "packing_se_percent"
 
 

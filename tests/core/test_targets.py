@@ -1,19 +1,23 @@
-"""Targets, and the published solutions that a study can be set beside."""
+"""Targets, their profiles, and the space of parameters."""
 
+import numpy as np
 import pytest
 import shared
+from refusals import input_error
 
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.profiles import Profile
 from repose.core.published import published_responses, to_simulate
 from repose.core.responses import response
 from repose.core.targets import Targets
 
-SLIP = {"response": "drum_slip_deg", "apparatus": "drum", "value": 40.0, "sd": 1.0, "repetitions": 4}
+SLIP = shared.target("drum_slip_deg", 40.0, 1.0, 38, 42, 4)
 
 
 def test_targets_give_names_and_numbers_in_their_order():
-    targets = Targets.of([SLIP | {"range": [38, 42], "weight": 2.0}, *shared.TARGETS])
+    targets = Targets.of([SLIP | {"weight": 2.0}, *shared.TARGETS])
     assert targets.names == ("drum_slip_deg", "aor_deg", "height_mm")
     assert targets.predicted == ("drum_slip_predicted_deg", "aor_predicted_deg", "height_predicted_mm")
     assert targets.errors == ("drum_slip_se_deg", "aor_se_deg", "height_se_mm")
@@ -23,14 +27,11 @@ def test_targets_give_names_and_numbers_in_their_order():
     assert targets.aim.tolist() == [40.0, 32.87, 65.57]
 
 
-def test_numbers_are_reported_with_units_and_with_names_where_units_are_alike():
-    targets = Targets.of([*shared.TARGETS, SLIP | {"range": [38, 42]}])
+def test_numbers_are_reported_with_units_and_unknown_responses_with_those_there_are():
+    targets = Targets.of([*shared.TARGETS, SLIP])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
     assert targets.in_words(["32.9", "66", "40"]) == "AoR 32.9 deg, Height 66 mm and slip 40 deg"
-
-
-def test_an_unknown_response_is_named_with_those_there_are():
     with pytest.raises(InputError, match=r"targets: response is 'colour'; expected one of aor_deg, "):
         Targets.of([SLIP | {"response": "colour", "range": [0, 1]}])
 
@@ -44,5 +45,93 @@ def test_published_solutions_count_where_they_have_a_target(tmp_path):
     assert to_simulate(path, (angle, height)) == ["22"]
     assert to_simulate(path, (angle,)) == to_simulate(None, (height,)) == []
     path.write_text("solution,e_gg\n")
-    with pytest.raises(InputError, match=r"table4\.csv: column mus_gg is 'missing'"):
-        to_simulate(path, (height,))
+    input_error(r"table4\.csv: column mus_gg is 'missing'", to_simulate, path, (height,))
+
+
+X = np.sort(np.random.default_rng(1).uniform(-24.0, 20.0, 23))  # at no regular distance
+
+
+def of(heights, functions=5):
+    return Profile("surface_mm", tuple(X), tuple(heights), functions)
+
+
+def test_the_distance_of_two_smooth_profiles_is_that_of_their_scores():
+    profile, random = of(X), np.random.default_rng(2)
+    one, other = random.normal(size=(2, 5))
+    off = profile.heights(one) - profile.heights(other)
+    assert np.mean(off**2) == pytest.approx(np.sum((one - other) ** 2), rel=1e-12)
+    np.testing.assert_allclose(profile.scores(profile.heights(one)), one, atol=1e-12)
+
+
+def test_what_the_functions_leave_over_stands_apart():
+    """Parseval with the residual: mean square of all heights, of the scores, of the rest."""
+    heights = 20 * np.cos(X / 8)
+    profile = of(heights)
+    assert np.mean(heights**2) == pytest.approx(profile.height**2 + profile.residual**2, rel=1e-12)
+    assert profile.residual > 0.1
+    assert of(3 + X - 0.01 * X**2 + 1e-3 * X**3, functions=4).residual < 1e-12
+
+
+def test_scores_of_a_straight_profile_are_mean_and_slope_named_with_the_unit():
+    mean, slope, *others = of(2.0 - 0.8 * X).scores(2.0 - 0.8 * X)
+    assert mean == pytest.approx(np.mean(2.0 - 0.8 * X))
+    assert slope == pytest.approx(-0.8 * np.std(X))
+    np.testing.assert_allclose(others, 0.0, atol=1e-12)
+    profile = of(2.0 - 0.8 * X)
+    off = profile.heights(0.01 * profile.whole * np.array([1, -1, 1, 1, -1]))
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(0.01 * profile.height)
+    names = ("surface_1_mm", "surface_2_mm", "surface_3_mm")
+    assert tuple(of(X, functions=3).columns(X)) == names
+
+
+RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"e_gg": (0.4, 0.1)}, "e_gg"),
+        ({"e_gg": (0.2, 0.2)}, "e_gg"),
+        ({"e_gp": (0.2, 1.5)}, "e_gp"),
+        ({"mus_gg": (-0.1, 0.5)}, "mus_gg"),
+        ({"mur_gg": (0.1, float("inf"))}, "mur_gg"),
+        ({"mur_gp": (float("nan"), 0.5)}, "mur_gp"),
+        ({"mur_gp": 0.5}, "mur_gp"),
+        ({"mur_gp": ("a", "b")}, "mur_gp"),
+        ({"mu_gp": (0.1, 0.5)}, r"mu_gp is \(0.1, 0.5\); expected one of e_gg, .*, mur_gp$"),
+        ({"gamma_gg": (0.0, 0.1), "mu_gp": (0.1, 0.5)}, "expected one of e_gg, .*, mur_gp, gamma_gg$"),
+        ({"e_gp": {"fixed": 1.5}}, r"my.yaml: e_gp.fixed is 1.5; expected 0.01 to 1"),
+        ({"e_gp": {"prior": {"mean": 0.5}}}, "e_gp is"),
+        ({name: {"fixed": 0.5} for name in PARAMETERS}, "at least one free parameter"),
+    ],
+)
+def test_bad_ranges_are_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        ParameterSpace.of(RANGES | changes, "my.yaml").check_searchable("my.yaml")
+
+
+def test_a_missing_range_is_refused():
+    input_error("mur_gp", ParameterSpace.of, {name: RANGES[name] for name in PARAMETERS[:-1]})
+
+
+def test_fixed_parameters_are_left_out_of_the_cube_and_put_back():
+    space = ParameterSpace.of(RANGES | {"mus_gg": {"fixed": 0.55}})
+    assert space.dimensions == 5
+    unit = np.random.default_rng(1).uniform(size=(4, 5))
+    values = space.values(unit)
+    assert values[:, PARAMETERS.index("mus_gg")].tolist() == 4 * [0.55]
+    np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
+    assert space.centre["mus_gg"] == 0.55
+    assert space.centre["mur_gp"] == 0.25
+
+
+def test_a_prior_has_a_range_within_what_the_contact_law_takes():
+    space = ParameterSpace.of(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
+    k = space.free.index("mus_gg")
+    assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))
+    given = {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.2, 0.5]}
+    space = ParameterSpace.of(RANGES | {"mus_gg": given})
+    assert (space.low[k], space.high[k]) == (0.2, 0.5)
+    unit = np.full((2, 6), 0.5)
+    unit[0, k] = 1 / 3  # the mean
+    np.testing.assert_allclose(space.log_prior(unit), [0.0, -0.5 * 0.25])

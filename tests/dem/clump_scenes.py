@@ -32,7 +32,6 @@ def bent(material="body"):
 
 
 def ball_of_one(radius=RADIUS, material="body"):
-    """A sphere as a clump."""
     solid = Shape.sphere(radius, DENSITY, material)
     return Clump([[0.0, 0.0, 0.0, radius]], solid.mass_kg, solid.inertia_kg_m2, material)
 
@@ -40,7 +39,6 @@ def ball_of_one(radius=RADIUS, material="body"):
 def scene(
     shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), body=GOJI, wall=PVC, **keywords
 ):
-    """A simulation of named shapes of material "body" among walls of material "wall"."""
     contact = contact or Contact(0.3, 0.5, 0.02)
     keywords.setdefault("lower", (-0.1, -0.1, -0.1))
     keywords.setdefault("upper", (0.1, 0.1, 0.2))

@@ -12,8 +12,6 @@ DENSITY = 840.47
 
 
 class OneShape(Simulation):
-    """A simulation of one shape, "body", whose mass is at hand and may be left out when adding."""
-
     @property
     def mass_kg(self):
         return self.shapes["body"].mass_kg
@@ -23,7 +21,6 @@ class OneShape(Simulation):
 
 
 def simulation(semi_axes=BERRY, contact=None, wall_contact=None, walls=None, dt=1e-5, capacity=2, **keywords):
-    """A small simulation without gravity unless asked for; walls: named, of material "wall"."""
     axes = np.atleast_2d(semi_axes)
     solid = Shape.ellipsoid(axes.sum(axis=0), DENSITY, "body")
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
@@ -42,6 +39,5 @@ def simulation(semi_axes=BERRY, contact=None, wall_contact=None, walls=None, dt=
 
 
 def random_direction(rng):
-    """A uniformly random unit vector."""
     n = rng.normal(size=3)
     return n / np.linalg.norm(n)

@@ -15,7 +15,6 @@ _advance = Simulation._advance
 
 
 def _advance_few(engine, steps):
-    """Advance as long as the test may."""
     global _left
     if engine.threads > 1:
         pytest.skip("threads meet by atomic operations of the compiler")

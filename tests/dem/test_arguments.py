@@ -3,8 +3,7 @@
 import math
 
 import numpy as np
-import pytest
-from refusals import not_refused
+from refusals import not_refused, value_error
 
 from repose.dem import Cone, Contact, Cylinder, Material, Motion, Plane, RingEdge, Shape, Simulation
 
@@ -12,21 +11,17 @@ FLESH = Material(4.3e4, 0.32)
 LAW = Contact(0.3, 0.5, 0.02)
 BALL = Shape.sphere(0.006, 840.0, "flesh")
 FLOOR = Plane((0, 0, 0), (0, 0, 1), "flesh")
-GOOD = {
-    "shapes": {"ball": BALL},
-    "materials": {"flesh": FLESH},
-    "contacts": {("flesh", "flesh"): LAW},
-    "time_step_s": 1e-4,
-    "capacity": 2,
-    "lower": (-0.1, -0.1, 0.0),
-    "upper": (0.1, 0.1, 0.1),
-    "walls": {"floor": FLOOR},
-}
+GOOD = {"shapes": {"ball": BALL}, "materials": {"flesh": FLESH}, "contacts": {("flesh", "flesh"): LAW}}
+GOOD |= {"time_step_s": 1e-4, "capacity": 2, "lower": (-0.1, -0.1, 0.0), "upper": (0.1, 0.1, 0.1)}
+GOOD |= {"walls": {"floor": FLOOR}}
 
 
-def test_a_simulation_says_what_it_is():
-    shown = repr(Simulation(**GOOD))
-    assert shown == "<Simulation: 0 bodies, 1 walls, hertz_mindlin, budget, 0 s>"
+def test_a_simulation_says_what_it_is_and_the_smallest_scale_is_that_of_the_time_step():
+    simulation = Simulation(**GOOD)
+    assert repr(simulation) == "<Simulation: 0 bodies, 1 walls, hertz_mindlin, budget, 0 s>"
+    smallest = 1e-4 / simulation.longest_time_step()
+    simulation.add("ball", (0, 0, 0.01), scale=1.0001 * smallest)
+    value_error("scale is ", simulation.add, "ball", (0, 0, 0.05), scale=0.999 * smallest)
 
 
 def test_simulation():
@@ -126,17 +121,8 @@ def test_add_leaves_nothing_behind():
     full = Simulation(**GOOD)
     for x in (-0.05, 0.05):
         full.add("ball", (x, 0.0, 0.01))
-    with pytest.raises(ValueError, match="capacity is 2; body 3 does not fit"):
-        full.add("ball", (0.0, 0.0, 0.01))
+    value_error("capacity is 2; body 3 does not fit", full.add, "ball", (0.0, 0.0, 0.01))
     assert not simulation.bodies.rows[0, :10].any()
-
-
-def test_the_smallest_scale_is_that_of_the_time_step():
-    simulation = Simulation(**GOOD)
-    smallest = 1e-4 / simulation.longest_time_step()
-    simulation.add("ball", (0, 0, 0.01), scale=1.0001 * smallest)
-    with pytest.raises(ValueError, match="scale is "):
-        simulation.add("ball", (0, 0, 0.05), scale=0.999 * smallest)
 
 
 def test_set_motion_and_runs():

@@ -48,8 +48,6 @@ COMPILED, FOUND = "0 0 1 1 True", "1 0 0 0 False"  # of found code no other kern
 
 @pytest.fixture
 def copied(tmp_path):
-    """A function that copies the simulator's sources to a new place."""
-
     def copy(name):
         home = Path(repose.__file__).parent
         package = tmp_path / name / "repose"
@@ -61,7 +59,6 @@ def copied(tmp_path):
 
 
 def start(script, package, cache, **environment):
-    """A new process with a copy of the sources."""
     paths = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(cache)}
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     command = [sys.executable, script]
@@ -70,7 +67,6 @@ def start(script, package, cache, **environment):
 
 @pytest.fixture
 def run(tmp_path):
-    """A function that runs the script with some sources; it returns what the script prints, and its warnings."""
     script = tmp_path / "calling.py"
     script.write_text(SCRIPT)
 

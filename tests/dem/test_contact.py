@@ -4,6 +4,7 @@ from dem.common import BARREL, BERRY, GOJI, random_direction, simulation
 from oracles import gap as slow_gap
 from oracles import hertz_mindlin as slow_hertz_mindlin
 from oracles import mass_at_contact, support_point
+from refusals import value_error
 
 from repose.dem import Contact, random_quaternion
 from repose.dem.kernels import state as st
@@ -30,7 +31,6 @@ UPPER = np.triu_indices(3)
 
 @kernel
 def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
-    """What the engine does with one tile of pairs."""
     gather(rows, first, 0, t, tl.A)
     gather(rows, second, 0, t, tl.B)
     tl.pair_geometry(t, contacts, parts)
@@ -97,7 +97,6 @@ def random_pair(rng, overlap_range):
 
 
 def at_gap(bodies, axes, direction, target):
-    """Move the second berry along a line until the true gap is the target."""
     for _ in range(30):
         d = bodies[1][0] - bodies[0][0]
         gap, normal = slow_gap(axes, d, bodies[0][1], bodies[1][1], count=1500)
@@ -256,5 +255,4 @@ def test_a_glued_body_carries_another_and_stays():
     assert np.array_equal(s.positions[0], np.zeros(3))
     assert s.positions[1, 2] == pytest.approx(0.012, abs=3e-4)
     assert s.masses_kg[0] == 0.0
-    with pytest.raises(ValueError, match="body is 2; expected an index below 2"):
-        s.glue(2)
+    value_error("body is 2; expected an index below 2", s.glue, 2)

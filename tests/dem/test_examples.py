@@ -23,7 +23,6 @@ README = ROOT / "src" / "repose" / "dem" / "README.md"
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
-    """The names that the README's example leaves behind, and its folder."""
     folder = tmp_path_factory.mktemp("readme")
     code = re.search(r"```python\n(.*?)```", README.read_text(), re.S).group(1)
     assert len(code.splitlines()) < 30
@@ -63,16 +62,10 @@ def test_a_picture_shows_bodies_in_front_of_walls_and_no_wall_in_front(box):
 
 def test_scale_and_second_shape_are_seen(box):
     old, _folder = box
-    made = {
-        "shapes": {"berry": old.shapes["berry"], "ball": Shape.sphere(0.01, 840.0, "berry")},
-        "materials": old.materials,
-        "contacts": {("berry", "berry"): old.contact_pairs["berry", "berry"]},
-        "time_step_s": 1e-4,
-        "capacity": 1,
-        "lower": (-0.05, -0.05, 0.0),
-        "upper": (0.05, 0.05, 0.1),
-        "largest_scale": 2.0,
-    }
+    shapes = {"berry": old.shapes["berry"], "ball": Shape.sphere(0.01, 840.0, "berry")}
+    made = {"shapes": shapes, "materials": old.materials, "time_step_s": 1e-4, "capacity": 1, "largest_scale": 2.0}
+    made |= {"contacts": {("berry", "berry"): old.contact_pairs["berry", "berry"]}}
+    made |= {"lower": (-0.05, -0.05, 0.0), "upper": (0.05, 0.05, 0.1)}
     sizes = []
     for shape, scale in (("ball", 1.0), ("ball", 2.0), ("berry", 1.0)):
         simulation = Simulation(**made)

@@ -1,11 +1,15 @@
+"""Impacts against closed forms and published hits."""
+
 import math
 
 import numpy as np
 import pytest
+from dem.clump_scenes import FLOOR as PLATE
+from dem.clump_scenes import scene
 from dem.common import BERRY, GOJI, PVC, random_direction, simulation
 from scipy.integrate import solve_ivp
 
-from repose.dem import Contact, Plane, Shape, random_quaternion
+from repose.dem import Contact, Material, Plane, Shape, random_quaternion
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
@@ -14,7 +18,6 @@ FLOOR = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
 
 
 def head_on(e, speed=0.5, dt=2e-6, **keywords):
-    """Two equal spheres on a line; returns the simulation just before the impact."""
     s = simulation(SPHERE, Contact(e, 0.0, 0.0), dt=dt, **keywords)
     s.add((-0.00601, 0.0, 0.0), (1, 0, 0, 0), (speed, 0.0, 0.0))
     s.add((0.00601, 0.0, 0.0), (1, 0, 0, 0), (-speed, 0.0, 0.0))
@@ -42,25 +45,16 @@ def test_damping_of_a_released_contact_against_its_differential_equation():
             return max(state[0], 0.0) ** 1.25 + math.sqrt(5.0) * b * state[1]
 
         vanishes.terminal, vanishes.direction = True, -1
-        found = solve_ivp(
-            lambda t, state: (state[1], -force(t, state)),
-            (0.0, 500.0),
-            (0.0, 1.0),
-            events=vanishes,
-            rtol=1e-10,
-            atol=1e-12,
-        )
+        options = {"events": vanishes, "rtol": 1e-10, "atol": 1e-12}
+        found = solve_ivp(lambda t, state: (state[1], -force(t, state)), (0.0, 500.0), (0.0, 1.0), **options)
         assert -found.y[1, -1] == pytest.approx(e, rel=1e-4)
 
 
-def test_cutting_the_tension_raises_the_effective_restitution():
+def test_restitution_where_tension_is_cut_and_at_the_recommended_time_step():
     # the damped Hertz contact of nominal 0.2 leaves with 0.33 when it may not pull (an independent implementation)
     s = head_on(0.2, tension="cut")
     s.run_steps(40000)
     assert s.velocities[1, 0] - s.velocities[0, 0] == pytest.approx(0.33, abs=0.01)
-
-
-def test_restitution_at_the_recommended_time_step():
     found = []
     for offset in np.linspace(0.0, 1.0, 12, endpoint=False):
         s = head_on(0.2, speed=0.7, dt=2e-4)
@@ -72,7 +66,6 @@ def test_restitution_at_the_recommended_time_step():
 
 
 def resting_sphere(contact, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0), **keywords):
-    """A sphere on the floor at its Hertz overlap under gravity."""
     s = simulation(SPHERE, contact, walls=FLOOR, gravity_m_s2=(0, 0, -9.81), dt=2e-5, **keywords)
     young, _ = effective_moduli(GOJI, PVC)
     overlap = (s.mass_kg * 9.81 / (4.0 / 3.0 * young * math.sqrt(0.006))) ** (2.0 / 3.0)
@@ -80,14 +73,11 @@ def resting_sphere(contact, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0), **ke
     return s, overlap
 
 
-def test_a_sphere_rests_at_the_overlap_that_carries_its_weight():
+def test_a_sphere_rests_at_the_overlap_of_its_weight_and_a_rolling_one_stops():
     s, overlap = resting_sphere(Contact(0.3, 0.5, 0.1))
     s.run_steps(20000)
     assert s.positions[0, 2] == pytest.approx(0.006 - overlap, rel=1e-6)
     assert s.kinetic_energies()[0] < 1e-20
-
-
-def test_a_rolling_sphere_stops_altogether():
     # its deceleration is a case of `repose verify`
     s, _ = resting_sphere(Contact(0.3, 0.8, 0.05), (0.3, 0.0, 0.0), (0.0, 0.3 / 0.006, 0.0))
     s.run_steps(66000)
@@ -96,7 +86,6 @@ def test_a_rolling_sphere_stops_altogether():
 
 
 def angular_momentum(s):
-    """Of all bodies about the origin (3,) [kg m2/s]."""
     return (np.cross(s.positions, s.mass_kg * s.velocities) + s.angular_momenta).sum(axis=0)
 
 
@@ -126,7 +115,59 @@ def test_free_rotation_keeps_angular_momentum_and_energy():
     assert np.array_equal(s.angular_momenta[0], momentum)
     assert s.kinetic_energies()[0] == pytest.approx(energy, rel=2e-4)
     assert np.linalg.norm(s.quaternions[0]) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_inertia_of_the_test_bodies():
     assert Shape.sphere(1.0, 3.0 / (4.0 * math.pi), "x").inertia_kg_m2 == pytest.approx([0.4, 0.4, 0.4])
+
+
+def on_floor(radius, density, materials, contact, dt, height, velocity=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)):
+    laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "keep"}
+    sphere = Shape.sphere(radius, density, "body")
+    s = scene({"body": sphere}, contact, {"floor": PLATE}, dt, 1, gravity, **materials, **laws)
+    s.add("body", (0.0, 0.0, height), velocity_m_s=velocity)
+    return s
+
+
+def material(young, poisson):
+    return Material(young / (2.0 * (1.0 + poisson)), poisson)
+
+
+def test_an_oblique_hit_leaves_as_in_the_unit_test_of_lammps():
+    """`dem04` after test 4 of Chung and Ooi (2011): aluminium alloy, 40 degrees; the contact slides throughout.
+
+    The number of LAMMPS is that of rigid bodies; here the arm is shorter by half the overlap.
+    """
+    alloy = material(7e10, 0.33)
+    s = on_floor(
+        0.0025, 2700.0, {"body": alloy, "wall": alloy}, Contact(0.98, 0.092, 0.0), 2e-8, 0.0025 + 1e-7,
+        (2.5069, 0.0, -2.9876),
+    )  # fmt: skip
+    s.run_steps(1500)
+    assert s.velocities[0, 2] == pytest.approx(2.927848, rel=1e-4)
+    assert s.velocities[0, 0] == pytest.approx(1.962679, rel=1e-4)
+    assert np.linalg.norm(s.angular_velocities[0]) == pytest.approx(544.22, rel=3e-3)
+
+
+STEEL = material(210e9, 0.2)  # of the plate (Dosta et al., Comput. Phys. Commun. 296 (2024) 109066)
+
+
+def test_a_sphere_leaves_a_steel_plate_as_in_the_benchmark_of_dosta_and_others():
+    """It touches after exactly 20 steps, to rounding, and the first force grows with the fourth root of the overlap."""
+    s = on_floor(
+        1e-3, 2500.0, {"body": material(1e9, 0.2), "wall": STEEL}, Contact(0.4, 0.0, 0.0), 5e-7, 1.01e-3,
+        (0.0, 0.0, -1.0),
+    )  # fmt: skip
+    s.run_steps(121)
+    assert s.velocities[0, 2] == pytest.approx(0.40107538, rel=3e-5)
+    assert 1e3 * s.positions[0, 2] == pytest.approx(1.00724022, rel=1e-6)
+
+
+def test_a_steel_sphere_slides_on_a_plate_as_in_the_benchmark_of_dosta_and_others():
+    """From rest, sunk under its weight: 4 m/s2 along the plate, and 2.5 mu g / r about the axis."""
+    mass, (young, _) = 7200.0 * 4.0 / 3.0 * np.pi * 1e-9, effective_moduli(STEEL, STEEL)
+    sunk = (5.0 * mass / (4.0 / 3.0 * young * np.sqrt(1e-3))) ** (2.0 / 3.0)
+    s = on_floor(
+        1e-3, 7200.0, {"body": STEEL, "wall": STEEL}, Contact(0.4, 0.2, 0.0), 2.5e-7, 1e-3 - sunk,
+        gravity=(5.0, 0.0, -5.0),
+    )  # fmt: skip
+    s.run_steps(20002)
+    assert s.velocities[0, 0] == pytest.approx(0.02000311, rel=1e-4)
+    assert s.angular_velocities[0, 1] == pytest.approx(12.498321, rel=3e-4)

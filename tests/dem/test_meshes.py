@@ -11,11 +11,10 @@ from repose.dem import Contact, Mesh, Motion, Plane, random_quaternion
 from repose.dem.kernels.features import EDGE, FACE, VERTEX
 
 LONG = np.array([[10.57e-3, 5.685e-3, 4.94e-3]])
-RADIUS = 5e-4
+RADIUS, DOWN = 5e-4, (0, 0, -9.81)
 
 
 def mesh_of(solid, radius=RADIUS, **keywords):
-    """A wall of a trimesh solid."""
     return Mesh(np.array(solid.vertices), np.array(solid.faces), "wall", radius, **keywords)
 
 
@@ -38,7 +37,6 @@ def sheet(cells, size, slope=0.0, seed=None):
 
 
 def counts(mesh):
-    """How many faces, edges and vertices can be touched."""
     return np.bincount(mesh.part.kind, minlength=3).tolist()
 
 
@@ -55,19 +53,13 @@ def cube(inset=0.0):
     return trimesh.creation.box((0.03 - 2.0 * inset,) * 3)
 
 
-def test_features_of_a_cube_are_its_faces_edges_and_corners():
+def test_features_are_faces_convex_edges_and_corners_tangent_to_the_faces():
     assert counts(box(0.02, 0.02, 0.02)) == [12, 12, 8]
     # the same however finely it is cut, but for the pieces of its edges
     fine = trimesh.creation.box((0.02, 0.02, 0.02)).subdivide().subdivide()
     assert counts(mesh_of(fine)) == [192, 48, 8]
-
-
-def test_the_concave_edge_of_an_l_shape_is_no_feature():
     # 6 upright edges less the concave one, less that in the middle of a side; 2 x 7 around top and bottom
     assert counts(mesh_of(l_shape())) == [len(l_shape().faces), 5 + 14, 10]
-
-
-def test_of_a_tessellated_plane_only_faces_and_the_rim_remain():
     cells = 7
     vertices, faces = sheet(cells, 0.2, slope=0.3, seed=5)
     mesh = Mesh(vertices, faces, "wall", RADIUS)
@@ -75,9 +67,6 @@ def test_of_a_tessellated_plane_only_faces_and_the_rim_remain():
     assert counts(mesh) == [2 * cells * cells, 4 * cells, 4]
     normals = mesh.part.data[mesh.part.kind == FACE, :4]
     assert np.all(normals == normals[0])
-
-
-def test_rounded_features_are_tangent_to_the_faces():
     part = box(0.02, 0.02, 0.02).part
     edges, corners = part.data[part.kind == EDGE], part.data[part.kind == VERTEX]
     assert np.allclose(np.abs(corners[:, :3]), 0.01 - RADIUS, atol=1e-12)
@@ -131,13 +120,9 @@ def test_gaps_and_normals_are_those_of_a_dense_search(solid):
 
 def test_a_berry_on_a_tessellated_plane_moves_as_on_a_plane():
     vertices, faces = sheet(40, 0.3, seed=3)
-    walls = [
-        {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
-        {"floor": Mesh(vertices, faces, "wall", RADIUS)},
-    ]
     tracks = []
-    for wall in walls:
-        s = simulation(LONG, Contact(0.3, 0.4, 0.05), walls=wall, gravity_m_s2=(0, 0, -9.81), dt=1e-4)
+    for floor in (Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"), Mesh(vertices, faces, "wall", RADIUS)):
+        s = simulation(LONG, Contact(0.3, 0.4, 0.05), walls={"floor": floor}, gravity_m_s2=DOWN, dt=1e-4)
         s.add((-0.05, 0.02, 0.008), (0.9, 0.3, 0.2, 0.1), (0.5, -0.1, 0.0), (3.0, 20.0, 10.0))
         track = []
         for _ in range(50):
@@ -151,7 +136,6 @@ def test_a_berry_on_a_tessellated_plane_moves_as_on_a_plane():
 
 @pytest.mark.slow
 def test_random_hits_of_a_cube_create_no_energy():
-    """A body as long as a berry thrown at faces, edges and corners, spinning."""
     rng = np.random.default_rng(31)
     mesh = box(0.03, 0.03, 0.03)
     hits, worst = 0, 0.0
@@ -181,7 +165,6 @@ def test_random_hits_of_a_cube_create_no_energy():
 
 @pytest.mark.parametrize("end", [(0.04, 0.0), (0.03, 0.03)], ids=["edge", "corner"])
 def test_overlap_and_force_pass_continuously_from_face_to_edge_and_corner(end):
-    """A berry drawn along the top of a cube and beyond, at one height, with its deepest point below the top."""
     s = simulation(LONG, Contact(1.0, 0.0, 0.0), walls={"cube": box(0.06, 0.06, 0.06)}, dt=1e-6)
     s.add((0.0, 0.0, 0.0), (0.9, 0.3, 0.2, 0.1))
     forces, overlaps = [], []
@@ -222,7 +205,7 @@ def test_a_box_of_inward_faces_holds_its_berries():
     assert s.kinetic_energies().sum() < 1e-6 * weight
 
 
-def test_a_moving_plate_pushes_a_berry_with_its_speed():
+def test_a_moving_plate_pushes_a_berry_and_a_turntable_carries_it():
     plate = box(0.01, 0.05, 0.05, motion=Motion(velocity_m_s=(0.2, 0.0, 0.0)))
     s = simulation(LONG, Contact(0.3, 0.5, 0.0), walls={"plate": plate}, dt=2e-5, capacity=1)
     s.add((0.02, 0.0, 0.0), (1, 0, 0, 0))
@@ -236,15 +219,10 @@ def test_a_moving_plate_pushes_a_berry_with_its_speed():
     s.run_steps(60000)
     assert s.velocities[0, 0] == pytest.approx(0.2, rel=1e-6)
     assert s.positions[0, 0] == pytest.approx(0.005 + 0.2 * s.time_s + LONG[0, 0], abs=1e-4)
-
-
-def test_a_turntable_carries_a_berry():
     vertices, faces = sheet(16, 0.16, seed=8)
     rate = 1.5
     table = Mesh(vertices, faces, "wall", RADIUS, Motion(angular_velocity_rad_s=(0.0, 0.0, rate)))
-    s = simulation(
-        LONG, Contact(0.3, 0.8, 0.0), walls={"table": table}, gravity_m_s2=(0, 0, -9.81), dt=1e-4, capacity=1
-    )
+    s = simulation(LONG, Contact(0.3, 0.8, 0.0), walls={"table": table}, dt=1e-4, capacity=1, gravity_m_s2=DOWN)
     q = (math.cos(0.25 * math.pi), 0.0, 0.0, math.sin(0.25 * math.pi))
     s.add((0.0, 0.03, 0.00487), q, (-0.03 * rate, 0.0, 0.0), (0.0, 0.0, rate))
     s.run_steps(10000)
@@ -256,14 +234,11 @@ def test_a_turntable_carries_a_berry():
 
 
 def test_a_berry_in_a_tessellated_bowl_touches_one_face_at_a_time():
-    """Over gentle concave kinks, where its overlap reaches into several faces at once."""
     solid = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
     solid.invert()
     bowl, rng = mesh_of(solid), np.random.default_rng(51)
     for _ in range(10):
-        s = simulation(
-            LONG, Contact(0.3, 0.4, 0.0), walls={"bowl": bowl}, gravity_m_s2=(0, 0, -9.81), dt=5e-5, capacity=1
-        )
+        s = simulation(LONG, Contact(0.3, 0.4, 0.0), walls={"bowl": bowl}, dt=5e-5, capacity=1, gravity_m_s2=DOWN)
         s.add((0.0, 0.0, 0.0), random_quaternion(rng), 0.5 * rng.normal(size=3))
         weight = s.mass_kg * 9.81
         first = s.kinetic_energies()[0] + 0.06 * weight
@@ -274,15 +249,12 @@ def test_a_berry_in_a_tessellated_bowl_touches_one_face_at_a_time():
         assert np.linalg.norm(s.positions[0]) < 0.06
 
 
-def test_a_mesh_from_a_file_is_the_mesh(tmp_path):
+def test_a_mesh_from_a_file_is_the_mesh_and_what_makes_no_sense_is_refused(tmp_path):
     path = tmp_path / "cube.stl"
     trimesh.creation.box((20.0, 20.0, 20.0)).export(path)
     mesh = Mesh.from_stl(path, "wall", scale=1e-3, edge_radius_m=RADIUS)
     assert counts(mesh) == [12, 12, 8]
     assert np.ptp(mesh.vertices_m, axis=0) == pytest.approx([0.02, 0.02, 0.02])
-
-
-def test_meshes_refuse_what_makes_no_sense(tmp_path):
     (vertices, faces), no = sheet(2, 0.1), tmp_path / "no.stl"
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "cube.stl")
     cases = [

@@ -14,7 +14,6 @@ STEPS = 1200
 
 
 def falling(threads, **keywords):
-    """Berries that fall into a narrow box."""
     walls = {"floor": Plane((0, 0, 0), (0, 0, 1), "wall")}
     for name, place, normal in (("right", 0.04, -1), ("left", -0.04, 1)):
         walls[name] = Plane((place, 0, 0), (normal, 0, 0), "wall")
@@ -117,13 +116,10 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
         assert np.array_equal(one, two)
 
 
-def test_morton_numbers_of_a_small_grid():
+def test_morton_numbers_of_a_small_grid_and_wrong_numbers_of_threads():
     shape = np.array([2, 2, 4])
     cells = np.arange(16)
     x, y, z = cells // 8, cells // 4 % 2, cells % 4
     assert np.array_equal(morton(cells, shape), x + 2 * y + 4 * (z % 2) + 32 * (z // 2))
-
-
-def test_a_wrong_number_of_threads_is_refused():
     wrong = [(threads, f"threads is {threads}; expected 1 to 8") for threads in (0, 9, 1.5)]
     assert not not_refused(falling, wrong, ValueError)

@@ -9,8 +9,6 @@ from repose.dem.io import progress
 
 
 class Terminal(io.StringIO):
-    """A stderr that says it is a terminal."""
-
     def isatty(self):
         return True
 
@@ -39,6 +37,7 @@ def test_a_terminal_gets_a_bar_with_time_speed_and_time_left(monkeypatch):
     text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
     assert re.search(r"2\.000/3\.000 s, .* s/s, \d+ steps/s, \d\d:\d\d left", text)
     assert "━" in text
+    assert [progress.clock(s) for s in (0.4, 59.6, 3723)] == ["00:00", "01:00", "1:02:03"]
 
 
 @pytest.mark.parametrize("choice", [None, False])
@@ -46,7 +45,3 @@ def test_short_runs_in_a_log_and_silent_ones_write_nothing(choice, capsys):
     with progress.display(0.0, 1.0, 1e-3, choice) as report:
         report(0.5)
     assert capsys.readouterr().err == ""
-
-
-def test_clock():
-    assert [progress.clock(s) for s in (0.4, 59.6, 3723)] == ["00:00", "01:00", "1:02:03"]

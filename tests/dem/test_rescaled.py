@@ -104,7 +104,6 @@ class Led:
         self.work, self.force = 0.0, np.zeros(3)
 
     def leg(self, x, z):
-        """Lead the floor; returns the force of the floor on the body."""
         way = np.array([x, 0.0, z])
         steps = math.ceil(np.linalg.norm(way) / (SPEED * STEP))
         self.simulation.set_motion("floor", Motion(way / (steps * STEP)))

@@ -66,9 +66,7 @@ def body_of(s, i):
 def test_contacts_of_one_pair_share_the_damping(on):
     """The first step of two clumps, or a clump and a wall, that overlap in several places, beside the law in words."""
     rng, contact = np.random.default_rng(12), Contact(0.2, 0.5, 0.0)
-    block = trimesh.creation.box(
-        (0.2, 0.2, 0.02), transform=trimesh.transformations.translation_matrix((0.0, 0.0, -0.01))
-    )
+    block = trimesh.creation.box((0.2, 0.2, 0.02)).apply_translation((0.0, 0.0, -0.01))
     walls = {
         "clump": None,
         "plane": {"floor": FLOOR},

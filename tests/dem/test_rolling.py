@@ -83,7 +83,6 @@ def on_a_slope(mur, orientation, downhill):
     simulation.run_steps(2000)
 
     def tilt(tangent, steps):
-        """Tilt gravity slowly; returns by how much the body has turned [rad]."""
         before = simulation.quaternions[0]
         start = math.hypot(*simulation.physics.gravity[:2]) / 9.81
         for k in range(40):

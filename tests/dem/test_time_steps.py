@@ -1,14 +1,18 @@
-"""The longest time step: what the closed forms say, and what a body between two plates does."""
+"""The longest time step, and bodies at rest."""
 
 import math
 
 import numpy as np
 import pytest
-from dem.clump_scenes import scene
+from dem.clump_scenes import FLOOR, scene
+from dem.common import BERRY, DENSITY
 
-from repose.dem import Clump, Contact, Material, Plane, Shape, time_steps
+from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation, random_quaternion, time_steps
 from repose.dem.contact_table import pairs_of
+from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, hertz_mindlin, linear_spring
+from repose.dem.laws.hertz_mindlin import damping_ratio
+from repose.dem.materials import effective_moduli
 
 SOFT, HARD = Material(4.3e4, 0.32), Material(1.12e9, 0.4)
 RADIUS_M, MASS_KG = 5e-3, 5e-4
@@ -17,14 +21,12 @@ CONVEX = Shape([[RADIUS_M] * 3], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "bo
 
 
 def row(number):
-    """A clump of equal spheres in a row, nearly at one place."""
     x = np.linspace(-6e-3, 6e-3, number)
     spheres = np.column_stack([x, 0 * x, 0 * x, np.full(number, RADIUS_M)])
     return Clump(spheres, MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "body")
 
 
 def study(restitution=0.3, tension="keep", law="hertz_mindlin", shape=BALL):
-    """What the longest time step is computed of."""
     materials = {"body": SOFT, "wall": HARD}
     contact = Contact(restitution, 0.0, 0.0)
     contacts = pairs_of({("body", "body"): contact, ("body", "wall"): contact}, materials)
@@ -78,7 +80,7 @@ def test_an_oscillator_of_the_damping_ratio_returns_the_restitution():
     assert math.exp(-math.pi * z / math.sqrt(1.0 - z * z)) == pytest.approx(0.4, rel=1e-9)
 
 
-def test_spheres_at_one_place_add_up():
+def test_spheres_at_one_place_low_restitution_and_hard_walls_shorten_the_step():
     overlap = 1e-4 * RADIUS_M
     assert BALL.acting_together(overlap) == pytest.approx(1.0)
     assert row(15).acting_together(0.1 * RADIUS_M) == pytest.approx(15.0, rel=0.01)
@@ -87,16 +89,14 @@ def test_spheres_at_one_place_add_up():
     one, many = (time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4) for s in (row(1), row(15)))
     assert many.time_step_s == pytest.approx(one.time_step_s / math.sqrt(15.0), rel=0.02)
     assert "15.0 spheres" in many.reason
+    many = row(40)
+    free, damped = (time_steps.longest(study(e, "release", shape=many)).time_step_s for e in (0.9, 0.05))
+    assert damped < 0.5 * free
+    between = time_steps.pressed(study(0.3), BALL, "body", of_body=True).time_step_s
+    assert time_steps.pressed(study(0.3), BALL, "wall").time_step_s < between
 
 
-def test_the_flattest_place_of_an_ellipsoid():
-    a, b, c = 10e-3, 6e-3, 4e-3
-    ellipsoid = Shape.ellipsoid((a, b, c), 800.0, "body")
-    assert ellipsoid.flattest_radius_m == pytest.approx(a * b / c)
-    assert CONVEX.flattest_radius_m == pytest.approx(RADIUS_M)
-
-
-def test_both_limits_go_with_the_scale():
+def test_limits_go_with_the_scale_and_the_flattest_place_and_are_allowed_as_reported():
     for number in (1, 40):
         shape = row(number)
         grown = Clump(3.0 * shape.spheres_m, 27.0 * shape.mass_kg, 243.0 * shape.inertia_kg_m2, "body")
@@ -105,17 +105,114 @@ def test_both_limits_go_with_the_scale():
         scaled = time_steps.longest(study(0.05, "release", shape=grown), smallest_scale=1.0 / 3.0)
         assert scaled.time_step_s == pytest.approx(small.time_step_s, rel=1e-9)
         assert "smallest scale, 0.333" in scaled.reason
-
-
-def test_the_number_that_is_reported_is_allowed():
+    a, b, c = 10e-3, 6e-3, 4e-3
+    ellipsoid = Shape.ellipsoid((a, b, c), 800.0, "body")
+    assert ellipsoid.flattest_radius_m == pytest.approx(a * b / c)
+    assert CONVEX.flattest_radius_m == pytest.approx(RADIUS_M)
     for number in (1.23456e-4, 9.99999e-5, 2.5e-4, 3.0e-6):
         result = float(time_steps.Limit(number, "why").allowed.split(",")[0].removeprefix("at most "))
         assert 0.99 * number < result <= number * (1 + 1e-12)
 
 
-def test_a_low_restitution_and_a_hard_wall_shorten_the_step():
-    many = row(40)
-    free, damped = (time_steps.longest(study(e, "release", shape=many)).time_step_s for e in (0.9, 0.05))
-    assert damped < 0.5 * free
-    between = time_steps.pressed(study(0.3), BALL, "body", of_body=True).time_step_s
-    assert time_steps.pressed(study(0.3), BALL, "wall").time_step_s < between
+SMALLEST = np.finfo(float).tiny  # smaller numbers are denormal
+
+
+def ellipsoid():
+    return Shape.ellipsoid(BERRY[0], DENSITY, "body")
+
+
+def clump():
+    x = np.linspace(-6e-3, 6e-3, 5)
+    solid = ellipsoid()
+    return Clump(np.column_stack([x, 0 * x, 0 * x, np.full(5, 4.5e-3)]), solid.mass_kg, solid.inertia_kg_m2, "body")
+
+
+def left_alone(shape, seconds):
+    walls, gravity = {"floor": FLOOR}, (0.0, 0.0, -9.81)
+    s = scene({"body": shape}, Contact(0.3, 0.5, 0.05), walls, 2e-4, 24, gravity, lower=(-0.1, -0.1, 0.0))
+    rng = np.random.default_rng(1)
+    for k in range(16):
+        x, y = 0.012 * (np.array([k % 2, k // 2 % 2]) - 0.5)
+        s.add("body", (x, y, 0.012 + 0.012 * (k // 4)), random_quaternion(rng))
+    for k in range(8):
+        turn = 0.25 * np.pi * k
+        s.add("body", (0.09 * np.cos(turn), 0.09 * np.sin(turn), 0.012), random_quaternion(rng))
+    s.run_steps(round(seconds / 2e-4))
+    return s
+
+
+def denormal(array):
+    size = np.abs(array)
+    return int(((size > 0.0) & (size < SMALLEST)).sum())
+
+
+@pytest.mark.parametrize("shape", [ellipsoid, clump])
+def test_a_pile_left_for_ten_seconds_has_no_denormal_number(shape):
+    s = left_alone(shape(), 10.0)
+    assert np.abs(s.velocities).max() < 1e-9
+    assert np.abs(s.angular_velocities).max() < 1e-6
+    for group in (s.bodies, s.pairs, s.flat, s.curved):
+        for name, array in zip(group._fields, group, strict=True):
+            if array.dtype.kind == "f":
+                assert denormal(array) == 0, name
+    assert s.counts[st.N_PAIRS] + s.counts[st.N_PLANE] > 24
+
+
+RADIUS, OVERLAP = 6e-3, 1e-4
+CONTACT = Contact(0.1, 5.0, 0.0)
+STILL = {"gravity_m_s2": (0.0, 0.0, 0.0), "tension": "release", "contact_law": "hertz_mindlin_rescaled"}
+
+
+def held(planes, step_s=None, smooth=False):
+    """A sphere that so many planes about the z axis press, and 0.98 of the longest step if none is given."""
+    ball = Shape.sphere(RADIUS, 840.0, "soft")
+    if smooth:
+        ball = Shape(np.full((2, 3), 0.5 * RADIUS), ball.mass_kg, ball.inertia_kg_m2, "soft")
+    angles = 2.0 * math.pi * np.arange(planes) / planes
+    normals = [(math.cos(angle), math.sin(angle), 0.0) for angle in angles]
+    walls = {
+        str(k): Plane(tuple((RADIUS - OVERLAP) * np.array(normal)), tuple(-x for x in normal), "hard")
+        for k, normal in enumerate(normals)
+    }
+    pairs = {("soft", "soft"): CONTACT, ("soft", "hard"): CONTACT}
+    scene = {"capacity": 1, "lower": (-0.1,) * 3, "upper": (0.1,) * 3, "walls": walls, **STILL}
+    materials = {"soft": SOFT, "hard": HARD}
+    longest = Simulation({"ball": ball}, materials, pairs, 1e-6, **scene).longest_time_step()
+    step_s = 0.98 * longest if step_s is None else step_s
+    simulation = Simulation({"ball": ball}, materials, pairs, step_s, **scene)
+    simulation.add("ball", (0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0, 0.0, 1.0))
+    return simulation
+
+
+def excess(simulation, planes):
+    """dt max(J) sum(c r^2), from the equations of the contact law."""
+    ball = simulation.shapes["ball"]
+    _, shear = effective_moduli(SOFT, HARD)
+    beta = damping_ratio(CONTACT.restitution, "release")
+    stiffness = 8.0 * shear * math.sqrt(RADIUS * OVERLAP)
+    dashpot = 2.0 * math.sqrt(5.0 / 6.0) * beta * math.sqrt(stiffness * ball.mass_kg)
+    arm = RADIUS - OVERLAP / 2.0
+    return simulation.time_step_s * planes * dashpot * arm**2 / ball.inertia_kg_m2.min()
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("planes", [2, 8])
+def test_the_share_is_that_of_the_equation(planes, smooth):
+    for step_s in (None, 1e-6):
+        simulation = held(planes, step_s, smooth)
+        simulation.run_steps(1)
+        share = simulation.bodies.rows[0, st.share_column(simulation.physics.parts)]
+        assert share == pytest.approx(1.0 / max(1.0, excess(simulation, planes)), rel=1e-6)
+        assert (share == 1.0) == (step_s is not None)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_body_among_eight_others_comes_to_rest(smooth):
+    """Without the share its rotation would grow, as the dashpots would take more than twice of it in a step."""
+    simulation = held(8, smooth=smooth)
+    assert excess(simulation, 8) > 3.0
+    spins = []
+    for _ in range(400):
+        simulation.run_steps(1)
+        spins.append(abs(float(simulation.angular_velocities[0, 2])))
+    assert max(spins[300:]) < 1e-6

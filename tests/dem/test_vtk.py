@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from refusals import value_error
 
 from repose.dem import (
     Cone,
@@ -29,7 +30,6 @@ NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
 
 
 def among(walls, **keywords):
-    """A simulation of a berry and a ball among walls, all of one material."""
     shapes = {"berry": Shape.ellipsoid((0.01, 0.006, 0.005), 840.0, "m"), "ball": Shape.sphere(0.006, 840.0, "m")}
     room = {"capacity": 3, "lower": (-0.05, -0.05, 0.0), "upper": (0.05, 0.05, 0.2)}
     contacts = {("m", "m"): Contact(0.3, 0.5, 0.02)}
@@ -37,7 +37,6 @@ def among(walls, **keywords):
 
 
 def scene():
-    """An ellipsoid, a ball and one that fell out, in a tube on a rising floor."""
     walls = {
         "tube": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.04, "m"),
         "floor": Plane((0, 0, 0.02), (0, 0, 1), "m", motion=Motion((0, 0, 0.5))),
@@ -52,7 +51,6 @@ def scene():
 
 
 def arrays(path):
-    """All arrays of a .vtp file by name."""
     root = ET.parse(path).getroot()
     assert root.get("type") == "PolyData"
     found = {"piece": root.find("PolyData/Piece").attrib}
@@ -88,7 +86,7 @@ def test_points_hold_the_numbers_of_the_bodies_that_are_there(tmp_path):
     np.testing.assert_allclose(turn.T @ tensor @ turn, np.diag([0.03, 0.018, 0.015]), atol=1e-12)
 
 
-def test_surfaces_are_closed_and_have_the_volume_of_the_bodies(tmp_path):
+def test_surfaces_have_the_volume_of_the_bodies_and_walls_are_where_they_are_now(tmp_path):
     write_vtk(tmp_path / "a.vtp", scene(), "surfaces")
     found = arrays(tmp_path / "a.vtp")
     faces = found["connectivity"].reshape(-1, 3)
@@ -97,9 +95,6 @@ def test_surfaces_are_closed_and_have_the_volume_of_the_bodies(tmp_path):
         a, b, c = found["position"][faces[found["id"] == body]].transpose(1, 0, 2)
         assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(volume, rel=0.12)
         assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 < volume
-
-
-def test_walls_are_where_they_are_now(tmp_path):
     simulation = scene()
     write_vtk(tmp_path / "a.vtp", simulation, "walls")
     found = arrays(tmp_path / "a.vtp")
@@ -158,17 +153,14 @@ def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
     assert kept["position"].shape == (2, 3, 3)
     assert np.isnan(kept["position"][:, 1]).all()
     series(simulation)
-    with pytest.raises(ValueError, match="expected later than the last one"):
-        series(simulation)
+    value_error("expected later than the last one", series, simulation)
 
 
 def test_wrong_names_are_reported(tmp_path):
-    with pytest.raises(ValueError, match=r"path is .*expected a file that ends in \.vtp"):
-        write_vtk(tmp_path / "a.vtk", None)
+    value_error(r"path is .*expected a file that ends in \.vtp", write_vtk, tmp_path / "a.vtk", None)
     with pytest.raises(ValueError, match="content is 'bodies'; expected 'points', 'surfaces', 'walls'"):
         write_vtk(tmp_path / "a.vtp", None, "bodies")
-    with pytest.raises(ValueError, match=r"expected a file that ends in \.pvd"):
-        VtkSeries(tmp_path / "a.vtp")
+    value_error(r"expected a file that ends in \.pvd", VtkSeries, tmp_path / "a.vtp")
 
 
 def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):

@@ -1,36 +1,30 @@
+"""Walls: contacts, loads and overlaps with planes, cones, cylinders and edges."""
+
+import itertools
 import math
 
 import numpy as np
 import pytest
-from dem.common import BERRY, random_direction, simulation
+from dem.clump_scenes import BENT, bent, scene
+from dem.common import BARREL, BERRY, random_direction, simulation
 from oracles import circle_distance, cone_gap, support_point
+from refusals import value_error
 
 from repose.apparatus.funnel import Funnel
-from repose.dem import Cone, Contact, Cylinder, Plane, Simulation, random_quaternion
+from repose.dem import Cone, Contact, Cylinder, Mesh, Motion, Plane, RingEdge, Simulation, random_quaternion
 from repose.dem.contact_lists import grown_wall_contacts
 from repose.dem.kernels import state as st
 from repose.dem.kernels.order import reorder
+from repose.dem.rotations import rotation_matrices
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
 TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
+ROOM, DOWN = {"lower": (-0.1, -0.1, 0.0), "upper": (0.1, 0.1, 0.3)}, (0, 0, -9.81)
 
 
 def funnel_simulation(contact, funnel=FUNNEL, gravity=(0.0, 0.0, 0.0), dt=2e-5, **keywords):
-    """One berry in a funnel without a plate."""
-    return simulation(
-        BERRY,
-        contact,
-        contact,
-        funnel.walls("wall"),
-        dt,
-        capacity=1,
-        gravity_m_s2=gravity,
-        lower=(-0.1, -0.1, 0.0),
-        upper=(0.1, 0.1, 0.3),
-        exit_height_m=0.1,
-        curved_walls_above_m=0.099,
-        **keywords,
-    )
+    keywords |= {"exit_height_m": 0.1, "curved_walls_above_m": 0.099, "gravity_m_s2": gravity} | ROOM
+    return simulation(BERRY, contact, contact, funnel.walls("wall"), dt, capacity=1, **keywords)
 
 
 def test_the_funnel_has_the_dimensions_asked_for():
@@ -53,7 +47,6 @@ def test_the_funnel_has_the_dimensions_asked_for():
 
 
 def settle_contacts(s, place, q):
-    """Put a berry at a place and let the engine find its contacts; (wall, normal, azimuth) of each."""
     s.add(place, q)
     s.run_steps(1)
     _, walls, normals, azimuths = s.curved_contacts()
@@ -132,13 +125,20 @@ def test_hits_of_cone_and_edge_create_no_energy(funnel):
     assert worst < 1.0 + 1e-5
 
 
-def test_a_berry_outside_the_funnel_is_not_touched_by_it():
+def test_walls_hold_what_is_over_a_disc_and_touch_nothing_outside_a_funnel():
     for radius, height in ((0.06, 0.11), (0.03, 0.08), (0.0, 0.08)):
         s = funnel_simulation(Contact(0.3, 0.5, 0.1))
         s.add((radius, 0.0, height), (1, 0, 0, 0))
         s.run_steps(50)
         assert s.counts[st.N_CURVED] == 0
         assert np.all(s.velocities == 0.0)
+    walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", radius_m=0.05)}
+    s = simulation(BERRY, Contact(0.3, 0.5, 0.3), walls=walls, gravity_m_s2=DOWN, dt=1e-4, floor_height_m=-0.05)
+    s.add((0.0, 0.0, 0.02), (1, 0, 0, 0))
+    s.add((0.08, 0.0, 0.02), (1, 0, 0, 0))
+    s.run_steps(5000)
+    assert list(s.present) == [True, False]
+    assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
 
 
 @pytest.mark.slow
@@ -160,20 +160,6 @@ def test_no_berry_passes_through_the_cone():
         assert s.positions[0, 2] < 0.12
 
 
-def test_a_disc_holds_what_is_over_it_and_nothing_else():
-    walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", radius_m=0.05)}
-    s = simulation(
-        BERRY, Contact(0.3, 0.5, 0.3), walls=walls, gravity_m_s2=(0, 0, -9.81), dt=1e-4, floor_height_m=-0.05
-    )
-    s.add((0.0, 0.0, 0.02), (1, 0, 0, 0))
-    s.add((0.08, 0.0, 0.02), (1, 0, 0, 0))
-    s.run_steps(5000)
-    assert list(s.present) == [True, False]
-    assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
-
-
-# --- ends of walls, and what lies behind them -----------------------------------------------------
-
 DISC_M = 0.05
 UP = (0.0, 0.0, 1.0)
 
@@ -185,9 +171,8 @@ def disc():
 def thrown_at(s, target, rng, direction, spin=30.0):
     """Throw a body from 30 mm away at a place; its energy over that before, or None where it was added touching."""
     direction = direction / np.linalg.norm(direction)
-    s.add(
-        target + 0.03 * direction, random_quaternion(rng), -rng.uniform(0.2, 1.2) * direction, spin * rng.normal(size=3)
-    )
+    turn, velocity = random_quaternion(rng), -rng.uniform(0.2, 1.2) * direction
+    s.add(target + 0.03 * direction, turn, velocity, spin * rng.normal(size=3))
     s.run_steps(1)
     if s.counts[st.N_PLANE] + s.counts[st.N_CURVED]:
         return None
@@ -227,15 +212,7 @@ def test_hits_on_a_funnels_ends_from_outside_create_no_energy(funnel, edges, end
     walls = {name: wall for name, wall in funnel.walls("wall").items() if edges or isinstance(wall, Cone)}
     worst, hits = 0.0, 0
     for _ in range(60):
-        s = simulation(
-            BERRY,
-            Contact(0.4, 0.5, 0.0),
-            walls=walls,
-            dt=1e-4,
-            capacity=1,
-            lower=(-0.1, -0.1, 0),
-            upper=(0.1, 0.1, 0.3),
-        )
+        s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=walls, dt=1e-4, capacity=1, **ROOM)
         angle = rng.uniform(0.0, 2.0 * math.pi)
         out = np.array([math.cos(angle), math.sin(angle), 0.0])
         direction = random_direction(rng)
@@ -257,12 +234,8 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule():
     for _ in range(25):
         s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=disc(), dt=1e-4, capacity=1, gravity_m_s2=(0, 0, -9.81))
         place = np.array([DISC_M + rng.uniform(-0.025, 0.025), 0.0, rng.uniform(-0.004, 0.014)])
-        s.add(
-            place,
-            random_quaternion(rng),
-            [rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-0.2, 0.4)],
-            30.0 * rng.normal(size=3),
-        )
+        turn, velocity = random_quaternion(rng), [rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-0.2, 0.4)]
+        s.add(place, turn, velocity, 30.0 * rng.normal(size=3))
         past = touching = False
         for _ in range(400):
             centre = s.positions[0].copy()
@@ -282,7 +255,7 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule():
     assert min(seen.values()) > 200
 
 
-def test_a_berry_that_went_over_the_edge_falls_and_is_held_again_once_it_was_above():
+def test_a_berry_added_touching_is_held_and_one_beyond_the_edge_once_it_was_above():
     s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=disc(), dt=1e-4, capacity=1)
     s.add((DISC_M + 0.02, 0.0, 0.001), velocity_m_s=(-0.5, 0.0, 0.0))
     s.run_steps(1000)
@@ -292,9 +265,6 @@ def test_a_berry_that_went_over_the_edge_falls_and_is_held_again_once_it_was_abo
     s.bodies.rows[0, st.VELOCITY : st.VELOCITY + 3] = 0.0, 0.0, -0.5
     s.run_steps(1000)
     assert s.velocities[0, 2] > 0.1
-
-
-def test_a_berry_added_touching_is_held():
     s = simulation(BERRY, Contact(0.4, 0.5, 0.3), walls=disc(), dt=1e-4, capacity=1, gravity_m_s2=(0, 0, -9.81))
     s.add((0.0, 0.0, 0.0045))
     s.run_steps(3000)
@@ -318,7 +288,6 @@ def test_a_checkpoint_and_a_new_order_keep_what_is_past_a_wall(tmp_path):
 
 @pytest.mark.parametrize("scene", ["drum", "hopper"])
 def test_nothing_leaks_where_walls_meet_exactly(scene):
-    """A drum whose caps end at its shell and at whose ends the shell ends; a cylinder on a cone, without an edge."""
     rng = np.random.default_rng(37)
     radius, height = 0.03, 0.05
     walls = {"shell": Cylinder((0.0, 0.0, 0.0), UP, height, radius, "wall")}
@@ -340,3 +309,172 @@ def test_nothing_leaks_where_walls_meet_exactly(scene):
         assert np.hypot(x, y).max() < radius
         assert z.min() > (0.0 if scene == "drum" else -0.03)
         assert z.max() < height
+
+
+GRAVITY = 9.81
+STEEP = {"floor": Plane((0, 0, 0), (0, 0, 1), "wall"), "right": Plane((0.03, 0, 0), (-1, 0, 0.2), "wall"),
+         "left": Plane((-0.03, 0, 0), (1, 0, 0.2), "wall"), "front": Plane((0, 0.03, 0), (0, -1, 0), "wall"),
+         "back": Plane((0, -0.03, 0), (0, 1, 0), "wall")}  # fmt: skip
+
+
+def poured(walls, contact, count, lattice, **keywords):
+    s = simulation(
+        BERRY, contact, walls=walls, gravity_m_s2=(0, 0, -GRAVITY), dt=2e-4, capacity=count,
+        contact_law="hertz_mindlin_rescaled", **keywords,
+    )  # fmt: skip
+    rng = np.random.default_rng(2)
+    for place in itertools.islice(lattice, count):
+        s.add(np.array(place) + 5e-4 * rng.random(3), random_quaternion(rng))
+    return s
+
+
+@pytest.mark.slow
+def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
+    places = itertools.product((-0.012, 0.012), (-0.012, 0.012), np.arange(0.012, 0.3, 0.0225))
+    s = poured(STEEP, Contact(0.2, 0.5, 0.05), 24, places)
+    assert all(np.all(load.force_n == 0.0) for load in s.wall_loads().values())
+    s.run_steps(20000)
+    assert s.kinetic_energies().max() < 1e-16
+    before = {name: np.array(getattr(s, name)) for name in ("positions", "velocities", "quaternions")}
+    about = np.array([0.1, -0.2, 0.3])
+    loads = s.wall_loads(about)
+    assert list(loads) == list(STEEP)
+    weight = s.n_bodies * s.mass_kg * GRAVITY
+    force = sum(load.force_n for load in loads.values())
+    assert np.allclose(force, (0.0, 0.0, -weight), rtol=0.0, atol=1e-6 * weight)
+    moment = np.cross(s.positions - about, (0.0, 0.0, -s.mass_kg * GRAVITY)).sum(axis=0)
+    # rolling resistance holds bodies without a load on the walls: mu_r times the force times a berry's half length
+    torque = sum(load.torque_n_m for load in loads.values())
+    assert np.allclose(torque, moment, rtol=0.0, atol=0.05 * weight * 0.011)
+    assert loads["right"].force_n[0] > 0.01 * weight
+    for name, values in before.items():
+        assert np.array_equal(values, getattr(s, name))
+    s.run_steps(1)
+    value_error("about_m is", s.wall_loads, (0.0, 0.0))
+
+
+def test_the_torque_on_a_turning_drum_balances_the_moment_of_the_bed_that_it_lifts():
+    radius, width = 0.05, 0.04
+    turning = Motion(angular_velocity_rad_s=(0.5, 0.0, 0.0))
+    drum = {
+        "shell": Cylinder((-width / 2, 0, 0), (1, 0, 0), width, radius, "wall", motion=turning),
+        "left": Plane((-width / 2, 0, 0), (1, 0, 0), "wall", motion=turning),
+        "right": Plane((width / 2, 0, 0), (-1, 0, 0), "wall", motion=turning),
+    }
+    places = itertools.product((-0.007, 0.007), (-0.02, 0.0, 0.02), (-0.03, -0.015, 0.0, 0.015))
+    s = poured(drum, Contact(0.2, 0.7, 0.0), 18, places)
+    s.run_steps(8000)
+    weight = s.mass_kg * GRAVITY
+
+    def momentum():
+        return (np.cross(s.positions, s.mass_kg * s.velocities) + s.angular_momenta).sum(axis=0)[0]
+
+    before, steps, torque, moment = momentum(), 200, 0.0, 0.0
+    for _ in range(steps):
+        torque += sum(load.torque_n_m[0] for load in s.wall_loads().values()) / steps
+        moment += np.cross(s.positions, (0.0, 0.0, -weight)).sum(axis=0)[0] / steps
+        s.run_steps(1)
+    changed = (momentum() - before) / (steps * s.physics.dt)
+    assert abs(moment) > 0.02 * s.n_bodies * weight * radius
+    assert torque == pytest.approx(moment - changed, rel=1e-2)
+
+
+TILT = np.array([0.3, -0.5, 1.0]) / np.linalg.norm([0.3, -0.5, 1.0])
+SLOPE = Cone.between((0.01, 0.0, 0.02), TILT, 0.05, 0.016, 0.05, "wall")
+SHELL = Cylinder((-0.05, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1, 0.05, "wall")
+SHEET = Plane((0.0, 0.0, 0.02), TILT, "wall")
+EDGE = RingEdge(0.03, 0.002, "wall", origin_m=(0.0, 0.0, 0.02), axis=TILT)
+
+
+def beyond_plane(points):
+    return (SHEET.point_m - points) @ TILT
+
+
+def beyond_shell(points):
+    return np.hypot(points[:, 1], points[:, 2]) - 0.05
+
+
+def beyond_slope(points):
+    """How far points lie outside of SLOPE, at right angles to it."""
+    from_foot = points - np.array([0.01, 0.0, 0.02])
+    along = from_foot @ TILT
+    across = np.linalg.norm(from_foot - along[:, None] * TILT, axis=1)
+    widens = (0.05 - 0.016) / 0.05
+    return (across - 0.016 - widens * along) / np.hypot(1.0, widens)
+
+
+def within_edge(points):
+    from_middle = points - np.array([0.0, 0.0, 0.02])
+    along = from_middle @ TILT
+    across = np.linalg.norm(from_middle - along[:, None] * TILT, axis=1)
+    return 0.002 - np.hypot(across - 0.03, along)
+
+
+SIDE = np.cross(TILT, [0.0, 1.0, 0.0]) / np.linalg.norm(np.cross(TILT, [0.0, 1.0, 0.0]))
+# the wall, how far points are beyond it, a point of it, and the direction into it there
+WALLS = {
+    "plane": (SHEET, beyond_plane, np.array(SHEET.point_m), -TILT),
+    "shell": (SHELL, beyond_shell, np.array([0.0, 0.03, -0.04]), np.array([0.0, 0.6, -0.8])),
+    "slope": (SLOPE, beyond_slope, np.array([0.01, 0.0, 0.02]) + 0.025 * TILT + 0.033 * SIDE, SIDE),
+    "edge": (EDGE, within_edge, np.array([0.0, 0.0, 0.02]) + 0.03 * SIDE, SIDE),
+}
+DEEP_M, SCALE, BALL_M = 5e-4, 1.2, 6e-3
+
+
+def farthest(kind, turn, beyond, place):
+    """How far the farthest point of a body's surface is beyond a wall: ever closer about the best direction."""
+    rng = np.random.default_rng(0)
+    best, width = np.zeros(3), 1.0
+    while width > 1e-5:
+        normals = best + width * rng.normal(size=(300, 3))
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        if kind == "clump":
+            points = (BENT[:, None, :3] + BENT[:, None, 3:] * normals).reshape(-1, 3)
+        elif kind == "sphere":
+            points = BALL_M * normals
+        else:
+            points = sum(axes**2 * normals / np.linalg.norm(axes * normals, axis=1)[:, None] for axes in BARREL)
+        depths = beyond(place + SCALE * points @ turn.T)
+        best, width = normals[depths.argmax() % len(normals)], 0.5 * width
+    return depths.max()
+
+
+@pytest.mark.parametrize("kind", ["smooth", "sphere", "clump"])
+@pytest.mark.parametrize("name", WALLS)
+def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
+    wall, beyond, place, into = WALLS[name]
+    far = Plane((0.0, 0.0, -9.0), (0.0, 0.0, 1.0), "wall")  # the numbers of curved walls begin after it
+    options = {"walls": {name: wall} if name == "plane" else {"far": far, name: wall}, "dt": 1e-9}
+    rng = np.random.default_rng(1)
+    for _ in range(4):
+        turned = random_quaternion(rng)
+        turn, here = rotation_matrices(turned[None])[0], place - 0.008 * into
+        while abs((depth := farthest(kind, turn, beyond, here)) - DEEP_M) > 0.2 * DEEP_M:
+            here = here + (DEEP_M - depth) * into
+        if kind == "clump":
+            s = scene({"body": bent()}, largest_scale=SCALE, **options)
+            s.add("body", here, turned, scale=SCALE)
+        else:
+            s = simulation([[BALL_M] * 3] if kind == "sphere" else BARREL, largest_scale=SCALE, **options)
+            s.add(here, turned, scale=SCALE)
+        s.run_steps(1)
+        bodies, walls, overlaps = s.wall_overlaps()
+        assert set(bodies) == {0}
+        assert {s.wall_set.names[number] for number in walls} == {name}
+        assert overlaps.max() == pytest.approx(depth, abs=1e-8)
+
+
+def test_overlaps_with_a_mesh_and_with_a_moving_plane():
+    radius = 0.006
+    corners = [[-0.1, -0.1, 0.0], [0.2, -0.1, 0.0], [-0.1, 0.2, 0.0], [0.0, 0.0, -0.1]]
+    walls = {
+        "rising": Plane((0.0, 0.0, 0.0009), (0.0, 0.0, 1.0), "wall", motion=Motion((0.0, 0.0, 100.0))),
+        "solid": Mesh(corners, [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], "wall"),
+    }
+    s = simulation([[radius] * 3], walls=walls, dt=1e-6)
+    s.add((0.0, 0.0, radius - 1e-3))
+    s.run_steps(1)
+    bodies, numbers, overlaps = s.wall_overlaps()
+    assert bodies.tolist() == [0, 0]
+    assert [s.wall_set.names[number] for number in numbers] == ["rising", "solid"]
+    assert overlaps == pytest.approx([2e-3, 1e-3], abs=1e-6)

@@ -43,7 +43,6 @@ STUDIES = ("posterior", "sensitivity", "refine", "response_surface", "sequential
 
 
 def pages() -> list[str]:
-    """Documents of the project that a reader may take commands from."""
     found = {path for pattern in DOCUMENTS for path in ROOT.glob(pattern)}
     return sorted(str(path.relative_to(ROOT)) for path in found)
 
@@ -77,7 +76,6 @@ def steps(text: str) -> Iterator[tuple[str, str]]:
 
 
 def kind(entry: dict, command: str) -> str:
-    """Whether a command is `quick`, `full` or `left_out`; KeyError where the table does not tell."""
     for name in ("quick", "full", "left_out"):
         if command in (entry.get(name) or ()):
             return name

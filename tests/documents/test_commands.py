@@ -15,7 +15,6 @@ KINDS = ("quick", "full", "left_out")
 
 
 def commands_of(page):
-    """The commands that stand on a page."""
     return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
 
 

@@ -8,7 +8,6 @@ MOST_WORDS = 20
 
 
 def long_cells(page, text):
-    """The cells of more words than allowed, with page, line and their number of words."""
     fenced = False
     for number, line in enumerate(text.splitlines(), 1):
         fenced ^= line.lstrip().startswith("```")

@@ -1,4 +1,4 @@
-"""The analysis of variance, digit by digit beside printed tables (tests/doe/printed/README.md)."""
+"""Models and their optimum, against printed examples."""
 
 import csv
 import math
@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import value_error
 
 from repose.doe.anova import anova, effects, limits, pure_error, statistics
+from repose.doe.box_behnken import box_behnken
 from repose.doe.model import fit
+from repose.doe.optimum import desirability, optimum
 
 PRINTED = Path(__file__).parent / "printed"
 # Printed cells that contradict the rest of their row, and what the row gives.
@@ -18,7 +21,6 @@ MISPRINTS = {("viscosity", "B*C", "f"): "1.20"}
 
 
 def model_of(name, order="quadratic"):
-    """The model of a printed example."""
     first = name.removesuffix("_first_block")
     runs = pd.read_csv(PRINTED / f"{first}_runs.csv")
     if first != name:
@@ -187,5 +189,55 @@ def test_standard_error_of_the_centre_of_a_replicated_mean():
     ],
 )
 def test_runs_that_determine_no_model(coded, response, order, message):
-    with pytest.raises(ValueError, match=message):
-        fit(coded, response, ["A"], order)
+    value_error(message, fit, coded, response, ["A"], order)
+
+
+RUNS, _ = box_behnken(3)
+
+
+def surface(of):
+    return fit(RUNS, of(*RUNS.T), "ABC", "quadratic")
+
+
+def test_one_target_and_a_plane_are_met_at_the_foot_of_the_perpendicular():
+    # 10 + 3 A + 4 B = 12: the nearest point to the centre is (3, 4) * 2 / 25
+    found = optimum([surface(lambda a, b, c: 10 + 3 * a + 4 * b)], [12], [12], [9], [15])
+    assert found.met
+    assert found.coded == pytest.approx([6 / 25, 8 / 25, 0], abs=1e-6)
+    assert found.desirability == pytest.approx(1, abs=1e-5)
+
+
+def test_two_curved_responses_are_met_together():
+    models = [
+        surface(lambda a, b, c: 32 + 2 * a - b + 0.6 * a * b - 0.5 * c**2),
+        surface(lambda a, b, c: 65 + a + 3 * c + 0.8 * b**2),
+    ]
+    found = optimum(models, [33.0, 66.0], [33.0, 66.0], [31, 64], [35, 68])
+    assert found.met
+    assert found.predicted == pytest.approx([33, 66], abs=1e-4)
+    # nothing nearer to the centre meets both: a fine grid of the ball inside
+    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 81)] * 3), axis=-1).reshape(-1, 3)
+    inside = grid[np.linalg.norm(grid, axis=1) < np.linalg.norm(found.coded) - 0.05]
+    near = np.abs(models[0].predict(inside) - 33) / 2 + np.abs(models[1].predict(inside) - 66) / 3
+    assert near.min() > 0.03
+
+
+def test_a_target_out_of_reach_ends_at_the_edge():
+    found = optimum([surface(lambda a, b, c: 10 + 3 * a + 4 * b)], [30], [30], [20], [40])
+    assert not found.met
+    assert found.coded[:2] == pytest.approx([1, 1])
+    assert found.predicted[0] == pytest.approx(17)
+    assert found.desirability == 0
+
+
+def test_weights_share_a_miss():
+    # 10 + 3 A cannot be 11 and 12 at once: with scales 1 and 1 it ends in the middle, with 1 and 2 nearer to the first
+    plane = surface(lambda a, b, c: 10 + 3 * a)
+    assert optimum([plane, plane], [11, 12], [1, 1], [0, 0], [20, 20]).predicted[0] == pytest.approx(11.5, abs=1e-4)
+    assert optimum([plane, plane], [11, 12], [1, 2], [0, 0], [20, 20]).predicted[0] == pytest.approx(11.2, abs=1e-4)
+
+
+def test_desirability_is_a_tent():
+    found = desirability([[10], [11], [12], [13.5], [15], [16]], [12], [10], [15])
+    assert found == pytest.approx([0, 0.5, 1, 0.5, 0, 0])
+    assert desirability([[11, 5]], [12, 5], [10, 4], [15, 6]) == pytest.approx([0.5**0.5])

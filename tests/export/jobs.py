@@ -13,7 +13,6 @@ BERRY = {"shear_modulus_pa": 43004.8, "poisson_ratio": 0.32, "density_kg_m3": 84
 
 
 def clump(spheres_mm):
-    """A particle of spheres, with the mass and moments of the berry."""
     spheres = MM * np.asarray(spheres_mm, float)
     reach = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
     return Particle(
@@ -47,7 +46,6 @@ BALL = clump([[0.0, 0.0, 0.0, 5.0]])
 
 
 def job_of(config, particle, contact_law="hertz_mindlin_rescaled", rolling_law="budget", berry=BERRY, **values):
-    """The job of a study with a particle and laws; `values` replace the centre of its parameters."""
     simulation = config["simulation"] | {"contact_law": contact_law, "rolling_law": rolling_law}
     centre = ParameterSpace.of(config["parameters"]).centre
     return make(config | {"simulation": simulation}, centre | values, particle, berry)

@@ -30,7 +30,6 @@ def config():
 
 
 def installed(program):
-    """The command that runs a deck."""
     command, _ = RUNS[program]
     if shutil.which(command[0]) is None:
         pytest.skip(f"{command[0]} is not installed")
@@ -38,7 +37,6 @@ def installed(program):
 
 
 def ran(program, job, folder):
-    """Run a deck: the columns of the spheres at the end, by name."""
     command, result = installed(program), RUNS[program][1]
     export.write(job, program, folder)
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=500)
@@ -51,9 +49,8 @@ def ran(program, job, folder):
 
 
 def places(end, job):
-    """Places of the spheres (N, M, 3) of grains, which are rigid."""
-    at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(-1, len(job.spheres_m), 3)
-    wanted = np.linalg.norm(job.spheres_m[:, None, :3] - job.spheres_m[None, :, :3], axis=2)
+    at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(-1, len(job.particle.spheres_m), 3)
+    wanted = np.linalg.norm(job.particle.spheres_m[:, None, :3] - job.particle.spheres_m[None, :, :3], axis=2)
     for spheres in at:
         apart = np.linalg.norm(spheres[:, None] - spheres[None], axis=2)
         assert apart == pytest.approx(wanted, abs=1e-6)
@@ -74,7 +71,6 @@ def test_grains_fall_freely_and_stay_rigid(config, program, particle, tmp_path):
 
 @pytest.mark.parametrize(("program", "law"), [*((name, "hertz_mindlin") for name in RUNS), ("liggghts", "sjkr")])
 def test_a_sphere_rebounds_with_the_calibrated_restitution(config, program, law, tmp_path):
-    """And with less where cohesion holds it."""
     stiff = BERRY | {"shear_modulus_pa": 4e6}  # an impact is short and shallow
     job = job_of(config, BALL, law, berry=stiff, e_gp=0.5, k_gg=2e5, k_gp=2e5)
     fall = job.factory_height_m - 0.005

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from export.jobs import BALL, BERRY, CONFIG, MM, SKEW, THREE, job_of
+from refusals import input_error
 from scipy.integrate import solve_ivp
 
 from repose import export
@@ -58,12 +59,12 @@ def test_liggghts_gets_the_numbers(job):
     assert [float(word) for word in friction[:2]] == pytest.approx(
         [job.grains.static_friction, job.on_wall.static_friction]
     )
-    assert float(re.search(r" type 1 mass (\S+)", deck).group(1)) == pytest.approx(job.mass_kg)
+    assert float(re.search(r" type 1 mass (\S+)", deck).group(1)) == pytest.approx(job.particle.mass_kg)
     moments = re.search(r"inertia_tensor (\S+) 0 0 (\S+) 0 (\S+)", deck).groups()
-    assert [float(word) for word in moments] == pytest.approx(job.inertia_kg_m2)
-    assert np.loadtxt(files["clump.txt"].splitlines()) == pytest.approx(job.spheres_m)
+    assert [float(word) for word in moments] == pytest.approx(job.particle.inertia_kg_m2)
+    assert np.loadtxt(files["clump.txt"].splitlines()) == pytest.approx(job.particle.spheres_m)
     steps, step = (int(re.search(r"\nrun +(\d+)", deck).group(1)), float(re.search(r"timestep +(\S+)", deck).group(1)))
-    assert steps * step == pytest.approx(job.duration_s, rel=1e-3)
+    assert steps * step == pytest.approx(job.funnel.duration_s, rel=1e-3)
 
 
 def test_the_plate_of_a_deck_is_the_configured_one(config, job):
@@ -84,9 +85,9 @@ def test_lammps_gets_the_numbers(job):
     molecule = export.PROGRAMS["lammps"](job)["grain.mol"]
     sections = re.split(r"\n\n(Coords|Types|Diameters|Masses)\n\n", molecule)
     table = dict(zip(sections[1::2], sections[2::2], strict=True))
-    assert np.loadtxt(table["Coords"].splitlines())[:, 1:] == pytest.approx(job.spheres_m[:, :3])
-    assert np.loadtxt(table["Diameters"].splitlines())[:, 1] == pytest.approx(2 * job.spheres_m[:, 3])
-    assert f"{job.mass_kg:.9g} mass" in molecule
+    assert np.loadtxt(table["Coords"].splitlines())[:, 1:] == pytest.approx(job.particle.spheres_m[:, :3])
+    assert np.loadtxt(table["Diameters"].splitlines())[:, 1] == pytest.approx(2 * job.particle.spheres_m[:, 3])
+    assert f"{job.particle.mass_kg:.9g} mass" in molecule
     # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
     words = contact_keywords(job, job.on_wall).split()
     young, poisson = float(words[1]), float(words[3])
@@ -103,9 +104,9 @@ def test_yade_gets_the_numbers(job):
                 values[node.targets[0].id] = ast.literal_eval(node.value)
             except ValueError:
                 continue
-    assert np.array(values["SPHERES"]) == pytest.approx(job.spheres_m)
-    assert values["MASS"] == pytest.approx(job.mass_kg)
-    assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.funnel))
+    assert np.array(values["SPHERES"]) == pytest.approx(job.particle.spheres_m)
+    assert values["MASS"] == pytest.approx(job.particle.mass_kg)
+    assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.surfaces))
 
 
 def test_no_deck_has_a_dashpot_along_the_tangent(job):
@@ -131,10 +132,12 @@ def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
     step = config["simulation"]["time_step_s"]
     half = float(f"{0.5 * step:.2g}")
     assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (half, step, step)
-    assert of_sphere.spheres_m == pytest.approx(np.array([[0.0, 0.0, 0.0, 5 * MM]]))
+    assert of_sphere.particle.spheres_m == pytest.approx(np.array([[0.0, 0.0, 0.0, 5 * MM]]))
     volume = 4 / 3 * math.pi * (5 * MM) ** 3
-    assert of_sphere.density_kg_m3 * volume == pytest.approx(of_sphere.mass_kg) == BALL.mass_kg
-    assert of_sphere.inertia_kg_m2 == pytest.approx(np.full(3, 0.4 * of_sphere.mass_kg * (5 * MM) ** 2))
+    assert of_sphere.particle.density_kg_m3 * volume == pytest.approx(of_sphere.particle.mass_kg) == BALL.mass_kg
+    assert of_sphere.particle.inertia_kg_m2 == pytest.approx(
+        np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
+    )
     for program in DECK:
         text = "".join(export.PROGRAMS[program](of_sphere).values())
         assert not re.search(r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres", text)
@@ -150,8 +153,12 @@ def test_one_sphere_has_volume_and_mass_of_the_grain_and_the_deck_says_so(config
     centre = ParameterSpace.of(config["parameters"]).centre
     job = make(config, centre, SMOOTH, BERRY, one_sphere=True)
     volume = SMOOTH.mass_kg / SMOOTH.density_kg_m3
-    assert 4 / 3 * math.pi * job.spheres_m[0, 3] ** 3 == pytest.approx(volume)
-    assert (job.is_sphere, job.mass_kg, job.density_kg_m3) == (True, SMOOTH.mass_kg, pytest.approx(840.47))
+    assert 4 / 3 * math.pi * job.particle.spheres_m[0, 3] ** 3 == pytest.approx(volume)
+    assert (job.is_sphere, job.particle.mass_kg, job.particle.density_kg_m3) == (
+        True,
+        SMOOTH.mass_kg,
+        pytest.approx(840.47),
+    )
     for program in export.PROGRAMS:
         assert "every grain is the sphere of its volume, radius 7.0" in next(
             iter(export.PROGRAMS[program](job).values())
@@ -180,13 +187,13 @@ def test_the_number_of_older_lammps_gives_the_same_damping(config, restitution):
 def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(config, particle):
     job = make(config, ParameterSpace.of(config["parameters"]).centre, particle, BERRY)
     weights, own = yade.member_masses(job)
-    masses, places = weights * job.mass_kg, job.spheres_m[:, :3]
-    assert masses.sum() == pytest.approx(job.mass_kg)
+    masses, places = weights * job.particle.mass_kg, job.particle.spheres_m[:, :3]
+    assert masses.sum() == pytest.approx(job.particle.mass_kg)
     assert masses @ places == pytest.approx(np.zeros(3), abs=1e-12)
     tensor = np.diag(own * len(places))
     for mass, x in zip(masses, places, strict=True):
         tensor += mass * (x @ x * np.eye(3) - np.outer(x, x))
-    assert tensor == pytest.approx(np.diag(job.inertia_kg_m2), abs=1e-14)
+    assert tensor == pytest.approx(np.diag(job.particle.inertia_kg_m2), abs=1e-14)
     assert np.all(own > 0)
 
 
@@ -245,7 +252,7 @@ def test_free_surface_of_two_spheres_that_overlap():
 
 
 def test_the_funnel_is_the_simulated_one(job):
-    line, funnel = surface.profile(job.funnel), job.funnel
+    line, funnel = surface.profile(job.surfaces), job.surfaces
     assert line[0] == pytest.approx([0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m])
     assert line[:, 0].min() == pytest.approx(0.5 * funnel.outlet_diameter_m)
     cone = funnel.cone_line()
@@ -261,7 +268,7 @@ def test_the_funnel_is_the_simulated_one(job):
 
 
 def test_the_cone_of_the_lammps_deck_ends_where_the_simulated_one_does(job):
-    deck, line = export.PROGRAMS["lammps"](job)["in.pour"], surface.profile(job.funnel)
+    deck, line = export.PROGRAMS["lammps"](job)["in.pour"], surface.profile(job.surfaces)
     (ends,) = re.findall(r"region\s+\S+ cone z 0 0 (\S+) (\S+) (\S+) (\S+)", deck)
     low_radius, high_radius, low, high = map(float, ends)
     assert [high_radius, high] == pytest.approx(line[0], rel=1e-6)
@@ -271,19 +278,17 @@ def test_the_cone_of_the_lammps_deck_ends_where_the_simulated_one_does(job):
 def test_a_tube_stands_in_surface_and_deck(config):
     config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0}}
     job = make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
-    line = surface.profile(job.funnel)
-    inner = line[np.isclose(line[:, 0], 0.5 * job.funnel.outlet_diameter_m)]
+    line = surface.profile(job.surfaces)
+    inner = line[np.isclose(line[:, 0], 0.5 * job.surfaces.outlet_diameter_m)]
     assert np.ptp(inner[:, 1]) == pytest.approx(0.02)
     assert "region          tube cylinder" in export.PROGRAMS["lammps"](job)["in.pour"]
 
 
 def test_what_has_no_spheres_or_another_law_is_refused(config):
     centre = ParameterSpace.of(config["parameters"]).centre
-    with pytest.raises(InputError, match="multisphere"):
-        make(config, centre, SMOOTH, BERRY)
+    input_error("multisphere", make, config, centre, SMOOTH, BERRY)
     linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
-    with pytest.raises(InputError, match="hertz_mindlin"):
-        make(linear, centre, THREE, BERRY)
+    input_error("hertz_mindlin", make, linear, centre, THREE, BERRY)
 
 
 def test_cohesion_is_written_as_each_program_has_it(config):
@@ -390,7 +395,6 @@ def test_the_verb_exports_a_spherical_grain_as_spheres(monkeypatch, tmp_path, sp
 
 
 def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys):
-    """A card of another study is refused, and so is one whose grain the configuration no longer makes."""
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
     config = Study.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))

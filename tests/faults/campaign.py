@@ -47,14 +47,11 @@ LOST = (
 
 
 class Study:
-    """A folder with the workflow, and a tiny study in it."""
-
     def __init__(self, folder, jobs):
         self.folder, self.jobs, self.log = Path(folder), jobs, Path(f"{folder}.log")
         self.targets, self.more = TARGETS, ()
 
     def prepared(self):
-        """The same, with the workflow in it."""
         for part in PARTS:
             source, place = ROOT / part, self.folder / part
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -63,14 +60,12 @@ class Study:
         return self
 
     def copied_to(self, folder):
-        """A copy in another folder, times of change included."""
         other = Study(folder, self.jobs)
         other.targets = self.targets
         subprocess.run(["cp", "-a", f"{self.folder}/.", folder], check=True)
         return other
 
     def start(self, *forced):
-        """Start the workflow; its process number."""
         words = ("--forcerun", *forced) if forced else ()
         words = (*words, *COMMAND, *self.more, "--", *self.targets)
         return forked.start_workflow(self.folder, self.jobs, words, self.log)
@@ -80,7 +75,6 @@ class Study:
         return os.waitstatus_to_exitcode(os.waitpid(self.start(*forced), 0)[1])
 
     def results(self):
-        """Content of every result by name."""
         top = self.folder / "results"
         return {
             str(path.relative_to(top)): path.read_bytes()
@@ -108,7 +102,6 @@ class Study:
         return lines[-1] if lines else ""
 
     def remove_what_it_named(self):
-        """Remove the files that the workflow refused, as its message says; how many there were."""
         named = re.findall(r"^repose: error: (\S+): ", self.log.read_text(errors="replace"), re.MULTILINE)
         found = [self.folder / name for name in set(named) if (self.folder / name).is_file()]
         for path in found:
@@ -116,41 +109,33 @@ class Study:
         return len(found)
 
     def configured(self, **sections):
-        """The same with further configuration."""
         (self.folder / "change.yaml").write_text(json.dumps(sections))
         self.more = ("change.yaml",)
         return self
 
     def pours(self):
-        """Kept runs: when each was written."""
         top = self.folder / "results"
         return {path.relative_to(top): path.stat().st_mtime_ns for path in top.rglob("runs/*.npz")}
 
 
 class Table:
-    """What happened, a row for each fault."""
-
     def __init__(self):
         self.rows = []
 
     def add(self, fault, place, then, same, again):
-        """Add a row and print it."""
         row = (fault, place, then, "yes" if same else "**no**", "none" if not again else f"**{len(again)}**")
         self.rows.append(row)
         print(" | ".join(row), *map(str, list(again)[:5]), flush=True)
 
     def bad(self):
-        """Rows with other bytes or with files that were made again."""
         return [row for row in self.rows if "**" in "".join(row[3:])]
 
     def text(self):
-        """As Markdown."""
         head = "| fault | where | exit status | same bytes after the same command | finished files made again |"
         return "\n".join([head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in self.rows)]) + "\n"
 
 
 def compared(study, wanted):
-    """Whether the results are those; prints what is not."""
     found = study.results()
     for name in sorted(set(found) | set(wanted)):
         if found.get(name) != wanted.get(name):
@@ -198,7 +183,6 @@ def kills(place, jobs, wanted, targets, count, rng, table):
 
 
 def _kill(study, main, one, job_only, more, after_s):
-    """Send a signal once so many files more are finished; the victim, None where the workflow ended before."""
     records, end = study.folder / ".snakemake/metadata", math.inf
     wanted = len(list(records.glob("*"))) + more
     while True:
@@ -248,7 +232,6 @@ def damages(place, finished, wanted, table):
 
 
 def _repoured(study, finished, damaged):
-    """Kept runs that were made again, but for the damaged one."""
     found = []
     for path in (finished.folder / "results/heaps").rglob("runs/*.npz"):
         mine = study.folder / path.relative_to(finished.folder)
@@ -258,7 +241,6 @@ def _repoured(study, finished, damaged):
 
 
 def changes(place, jobs, finished, wanted, table):
-    """Two workflows at once; then changed configurations: the results must be those of a study that began with them."""
     study = Study(place / "two", jobs).prepared()
     first = study.start()
     while not jobs.running():
@@ -334,7 +316,6 @@ def _again(study, before):
 
 
 def main():
-    """Run the campaign."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("--kills", type=int, default=40)
     words.add_argument("--seed", type=int, default=1)

@@ -92,7 +92,6 @@ class Jobs:
         listener.close()
 
     def running(self):
-        """Process numbers of the jobs that run."""
         try:
             found = Path(f"/proc/{self.process}/task/{self.process}/children").read_text().split()
         except OSError:
@@ -100,13 +99,11 @@ class Jobs:
         return [int(one) for one in found]
 
     def close(self):
-        """End the server."""
         os.kill(self.process, signal.SIGKILL)
         os.waitpid(self.process, 0)
 
 
 def _serve(listener):
-    """Fork a job for every call, until the process is killed."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     while True:
         caller, _ = listener.accept()
@@ -126,7 +123,6 @@ def _serve(listener):
 
 
 def _job(caller):
-    """Run a job in this process: `python -m repose VERB ...`."""
     message, files, _, _ = socket.recv_fds(caller, 1 << 20, 3)
     folder, words = json.loads(message)
     _become(folder, *files)

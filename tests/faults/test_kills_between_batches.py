@@ -50,7 +50,6 @@ def killed_at(study, moment):
 
 
 def main(place):
-    """Run the study twice, once with kills; print what came out."""
     import campaign
     import forked
 

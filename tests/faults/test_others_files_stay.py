@@ -119,7 +119,6 @@ def sandbox(tmp_path_factory):
 
 
 def tree(top):
-    """Every file and link below a folder."""
     return {
         path: os.readlink(path) if path.is_symlink() else path.read_bytes()
         for path in top.rglob("*")
@@ -170,7 +169,6 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
     "words", [*(["drum", "--seed=1"], ["verify"], ["heap", "--seed=1"]), ["film", GOOD["trajectory"], "--drum"]]
 )
 def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox, words):
-    """Else the test above would call verbs that end before they write."""
     name, before = words[0], tree(sandbox)
     options = {
         option.names[0]: f"={GOOD[option.names[0][2:]]}"

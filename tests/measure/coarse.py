@@ -21,7 +21,6 @@ COUNT = 24  # heaps
 
 
 def scene(number: int, high_px: float) -> Scene:
-    """A heap of the sixty, so many pixels high, by a camera of the height of its crest."""
     one = sixty.scene(number)
     high = one.heaps[0].height
     focal = high_px * AWAY / high
@@ -45,13 +44,8 @@ def rows(numbers: list[int], folder: Path) -> list[str]:
         found = {number: measured(number, high, folder) for number in numbers}
         seen = {number: one.measurement for number, one in found.items() if one.measurement}
         colours = [number for number in seen if any("hardly differs" in doubt for doubt in found[number].doubts)]
-        off = np.array(
-            [
-                (seen[number].aor_deg - fine.aor_deg, seen[number].height_mm - fine.height_mm)
-                for number, fine in finest.items()
-                if fine and number in seen and number not in colours
-            ]
-        )
+        both = [(seen[k], fine) for k, fine in finest.items() if fine and k in seen and k not in colours]
+        off = np.array([(one.aor_deg - fine.aor_deg, one.height_mm - fine.height_mm) for one, fine in both])
         most = np.abs(off).max(axis=0)
         lines.append(
             f"| {high} | {len(seen)} | {len(colours)} | {off[:, 0].mean():+.2f} | {most[0]:.2f} | "
@@ -61,7 +55,6 @@ def rows(numbers: list[int], folder: Path) -> list[str]:
 
 
 def main() -> None:
-    """Print the table."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     numbers = [n for n in range(sixty.NUMBER) if not sixty.trouble(n) and sixty.plain(sixty.scene(n))][:COUNT]
     with tempfile.TemporaryDirectory() as folder:

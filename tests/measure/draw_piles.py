@@ -17,15 +17,12 @@ from rendered import CROPS, Scene, photograph
 from repose.cli import main as repose
 
 HIDDEN = {"e_gg": 0.5, "mus_gg": 0.5, "mur_gg": 0.08, "e_gp": 0.5, "mus_gp": 0.8, "mur_gp": 0.3}
-NO_TARGET = {
-    "response": "height_mm", "apparatus": "funnel", "value": 50.0, "sd": 1.0, "repetitions": 5, "range": [1.0, 99.0],
-}  # fmt: skip
+NO_TARGET = {"response": "height_mm", "value": 50.0, "sd": 1.0, "repetitions": 5, "range": [1.0, 99.0]}
 FIRST_SEED = 2001
 TABLE, WALL = (140, 142, 145), (170, 105, 55)  # blue first
 
 
 def pour(config: str, count: int) -> tuple[dict, np.lib.npyio.NpzFile]:
-    """Pour `count` piles of the crop with the hidden parameters: the job's record and its positions."""
     crop = yaml.safe_load(Path(config).read_text()) | {"targets": [NO_TARGET], "photograph": None}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hidden.yaml"

@@ -30,14 +30,12 @@ class Heap(NamedTuple):
     foot: float = 0.0  # height over which the flank turns into the plate
 
     def top(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Height of its surface over places on the plate."""
         slope = np.tan(np.radians(self.angle))
         z = self.height - slope * np.maximum(np.hypot(x - self.x, y - self.y) - self.flat, 0)
         return self.foot * np.logaddexp(0, z / self.foot) if self.foot else z
 
     @property
     def half(self) -> float:
-        """Radius on the plate."""
         return self.flat + (self.height + 2 * self.foot) / np.tan(np.radians(self.angle))
 
 
@@ -171,7 +169,6 @@ def photograph(scene: Scene, sheet: np.ndarray, sheet_mm: tuple[float, float]) -
 
 
 def _part(scene, eye, turn, middle):
-    """First and last column and row (2,) of the part of the picture that shows grains."""
     centres, _ = scene.grains
     ahead = (centres - eye) @ turn.T
     place = scene.focal * ahead[:, :2] / ahead[:, 2:] + middle
@@ -218,7 +215,6 @@ def _room(scene, rng, eye, rays):
 
 
 def _paste(scene, sheet, sheet_mm, eye, turn, focal, middle, colour):
-    """Draw the sheet by the homography of its corners."""
     wide, high = sheet_mm
     corners = np.array([[0, 0, high], [wide, 0, high], [wide, 0, 0], [0, 0, 0]])
     seen = (corners + np.array([scene.left, 0, 0]) - eye) @ turn.T

@@ -13,6 +13,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from repose.dem.rotations import rotation_matrices
 from repose.measure import pile, sheet
 from repose.measure.silhouette import silhouette
 
@@ -62,7 +63,6 @@ class Scene:
 
     @cached_property
     def axes(self):
-        """Half axes of the mean grain [mm]."""
         return np.array(CROPS[self.crop][1]) / 2
 
     @cached_property
@@ -89,7 +89,6 @@ class Scene:
 
     @cached_property
     def loose_grains(self):
-        """Grains that lie about the pile, not in it."""
         rng = np.random.default_rng([self.seed, 2])
         turn = rng.uniform(0, 2 * np.pi, self.loose)
         away = self.height / np.tan(np.radians(self.angle)) * rng.uniform(1.15, 1.6, self.loose)
@@ -104,8 +103,6 @@ class Scene:
 
 
 class Ellipsoid:
-    """A grain by its support points, in metres."""
-
     def __init__(self, axes_mm):
         self.axes = 1e-3 * np.asarray(axes_mm)
 
@@ -124,7 +121,6 @@ def truth(scene, settings):
 
 
 def photograph(scene):
-    """The photograph, (H, W, 3) uint8, blue first."""
     width, height = scene.size
     camera = np.array([[scene.focal, 0, width / 2 - 0.5], [0, scene.focal, height / 2 - 0.5], [0, 0, 1.0]])
     lens = np.array([*scene.distortion, 0, 0, 0], float)
@@ -164,7 +160,6 @@ def _apart(points, distance):
 
 
 def _camera_rotation(scene):
-    """From the world to the camera (x right, y down, z ahead)."""
     pitch, yaw, roll = np.radians(scene.rotation)
     ahead = np.array(scene.aim, float) - scene.position
     ahead /= np.linalg.norm(ahead)
@@ -203,18 +198,11 @@ def _surface(scene, base, key):
 
 def _sample(texture, u, v):
     """Colours at places in mm from the texture's middle."""
-    half = texture.shape[0] / 2
-    return cv2.remap(
-        texture,
-        (u + half).astype(np.float32),
-        (v + half).astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REFLECT,
-    )
+    u, v = (np.float32(at + texture.shape[0] / 2) for at in (u, v))
+    return cv2.remap(texture, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
 
 
 def _room(scene, eye, rays):
-    """Colour and distance of wall, plate, sheet and ruler along each ray."""
     with np.errstate(divide="ignore", invalid="ignore"):
         to_wall = (scene.wall_at - eye[1]) / rays[..., 1]
         to_ground = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.inf)
@@ -237,19 +225,13 @@ def _room(scene, eye, rays):
 
 
 def _stand(page, per_mm, corner, along, eye, rays, colour, depth):
-    """Draw an upright page whose lower left corner and lower edge are given."""
     page = cv2.cvtColor(page, cv2.COLOR_GRAY2BGR) if page.ndim == 2 else page
     normal = np.cross(along, [0, 0, 1.0])
     to_page = ((corner - eye) @ normal) / (rays @ normal)
     at = eye + to_page[..., None] * rays - corner
     u, v = (at @ along) * per_mm, page.shape[0] - at[..., 2] * per_mm
     inside = (u >= 0) & (u < page.shape[1]) & (v >= 0) & (v < page.shape[0]) & (to_page > 0) & (to_page < depth)
-    seen = cv2.remap(
-        cv2.GaussianBlur(page, (0, 0), 1.2),
-        (u - 0.5).astype(np.float32),
-        (v - 0.5).astype(np.float32),
-        cv2.INTER_LINEAR,
-    )
+    seen = cv2.remap(cv2.GaussianBlur(page, (0, 0), 1.2), np.float32(u - 0.5), np.float32(v - 0.5), cv2.INTER_LINEAR)
     colour[inside] = 0.93 * seen[inside] + 5
     depth[inside] = to_page[inside]
 
@@ -267,7 +249,6 @@ def _ruler(long_mm):
 
 
 def _ground_light(scene):
-    """Share of the light that reaches each mm of the plate: shadows of pile and sheet, and a lying ruler's none."""
     shade = np.zeros((GROUND_MM, GROUND_MM), np.float32)
     half = GROUND_MM // 2
     if scene.with_pile:
@@ -290,7 +271,7 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
         centres, quaternions, sizes = centres[seen], quaternions[seen], sizes[seen]
     rng = np.random.default_rng([scene.seed, 5])
     albedo = np.array(CROPS[scene.crop][0], float)
-    rotations = _rotations(quaternions)
+    rotations = rotation_matrices(quaternions)
     steep = np.tan(np.radians(scene.angle))
     for centre, rotation, size in zip(centres, rotations, sizes, strict=True):
         own = albedo * rng.normal(1, 0.10) * rng.normal(1, 0.03, 3)
@@ -318,20 +299,12 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
         deep = scene.height - steep * np.hypot(world[:, 0], world[:, 1]) - world[:, 2] if inside else 0 * at[:, 0]
         open_sky = np.clip(1.05 - deep / (1.3 * scene.berry_mm), 0.12, 1) * (0.75 + 0.25 * normal[:, 2])
         lit = np.maximum(normal @ LIGHT, 0)
-        grain_texture = (
-            1 + 0.10 * np.sin(7 * at[:, 0] + 5 * at[:, 1]) * np.cos(6 * at[:, 2]) - 0.25 * (np.abs(at[:, 1]) < 0.08)
-        )
+        waves = 0.10 * np.sin(7 * at[:, 0] + 5 * at[:, 1]) * np.cos(6 * at[:, 2])
+        grain_texture = 1 + waves - 0.25 * (np.abs(at[:, 1]) < 0.08)
         shine = 40 * np.maximum(normal @ ((LIGHT - np.array([0, 1, 0])) / 1.8), 0) ** 20
         tone = (0.45 + 0.75 * lit) * open_sky * grain_texture
         colour[window][hit] = own * tone[:, None] + (shine * open_sky)[:, None]
         depth[window][hit] = t[hit]
-
-
-def _rotations(quaternions):
-    """Matrices (N, 3, 3) from the body to the world."""
-    from repose.dem.rotations import rotation_matrices
-
-    return rotation_matrices(quaternions)
 
 
 def _light(scene, height, width):
@@ -342,21 +315,9 @@ def _light(scene, height, width):
     if scene.hand:
         shade = np.zeros((height, width), np.float32)
         w, h = width, height
-        palm = [
-            (0.75, 0),
-            (1, 0),
-            (1, 0.55),
-            (0.72, 0.50),
-            (0.56, 0.56),
-            (0.55, 0.50),
-            (0.68, 0.42),
-            (0.52, 0.43),
-            (0.5, 0.37),
-            (0.68, 0.33),
-            (0.55, 0.28),
-            (0.56, 0.22),
-            (0.74, 0.22),
-        ]
-        cv2.fillPoly(shade, [np.array([(a * w, b * h) for a, b in palm], np.int32)], 1)
+        across = (0.75, 1, 1, 0.72, 0.56, 0.55, 0.68, 0.52, 0.5, 0.68, 0.55, 0.56, 0.74)
+        down = (0, 0, 0.55, 0.50, 0.56, 0.50, 0.42, 0.43, 0.37, 0.33, 0.28, 0.22, 0.22)
+        palm = [(a * w, b * h) for a, b in zip(across, down, strict=True)]
+        cv2.fillPoly(shade, [np.array(palm, np.int32)], 1)
         light = light * (1 - scene.hand * cv2.GaussianBlur(shade, (0, 0), 0.012 * w))
     return light

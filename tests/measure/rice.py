@@ -39,7 +39,6 @@ def scene(seed: int) -> Scene:
 
 
 def measured(seed: int, folder: Path) -> photographs.Photograph:
-    """The photograph, measured."""
     path = sixty.drawn(scene(seed), folder / f"{seed}.png")
     how = MeasureSettings(berry_height_mm=scene(seed).grain_mm)
     return photographs.measure_all([path], how, photographs.Scale())[0]
@@ -53,7 +52,6 @@ def off(seed: int, one: photographs.Photograph) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print what came of each photograph."""
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     words.add_argument("--folder", type=Path, help="keeps the photographs")
     asked = words.parse_args()

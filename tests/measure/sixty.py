@@ -33,8 +33,6 @@ WRONG = 2.0, 3.0  # degrees, mm
 
 
 class Outcome(NamedTuple):
-    """What came of a photograph."""
-
     number: int
     trouble: str  # what is wrong with the scene; may be empty
     plain: bool  # an eye sees the outline
@@ -51,7 +49,6 @@ class Outcome(NamedTuple):
 
 
 def scene(number: int) -> Scene:
-    """One of the photographs."""
     rng = np.random.default_rng([2031, number])
     crop = list(GRAINS)[number % len(GRAINS)]
     colour, axes = GRAINS[crop]
@@ -137,7 +134,6 @@ def from_a_distance(away: float, eye: float = 25.0, seed: int = 1) -> Scene:
 
 
 def main() -> None:
-    """Print the outcome of every photograph, and the counts."""
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     words.add_argument("--folder", type=Path, help="keeps the photographs")
     words.add_argument("--numbers", type=int, nargs="+", default=range(NUMBER))
@@ -153,7 +149,6 @@ def main() -> None:
 
 
 def silent(made: list[Outcome]) -> list[int]:
-    """Numbers of the photographs that are wrong without a word about the pile."""
     return [one.number for one in made if one.wrong and photographs.DOUBT not in one.note]
 
 
@@ -163,7 +158,6 @@ def lost(made: list[Outcome]) -> list[int]:
 
 
 def report(made: list[Outcome]) -> str:
-    """Counts in one line."""
     good = np.array([one[-2:] for one in made if not one.refused and not one.trouble])
     mean, most = good.mean(0), np.abs(good).max(0)
     measured = sum(not one.refused for one in made)

@@ -95,12 +95,18 @@ def test_a_trapezoid_is_a_cone_to_the_flank_and_flatter_to_whole_and_secant():
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_the_steepest_stretch_of_a_bent_flank_is_its_steeper_part(rule):
+def test_the_steepest_stretch_is_the_steeper_part_of_a_bent_flank_and_that_of_a_slow_search(rule):
     profile = two_slopes(0.4, 0.8, knee=120.0, height=240.0)
     steep = angles.steepest(profile, 24.0, 216.0, rule)
     assert steep.angle_deg == pytest.approx(degrees(0.8), abs=1e-6)
     assert steep.ends[0][1] >= 119.0
     assert degrees(0.4) < angles.flank(profile, 24.0, 216.0, rule).angle_deg < steep.angle_deg
+    rng = np.random.default_rng(7)
+    for slope in (0.35, 0.6, 0.9):
+        profile = lumpy(slope, 115.0, rng)
+        found = angles.steepest(profile, 11.5, 92.0, rule).angle_deg
+        assert found == pytest.approx(slow_steepest(profile, 11.5, 92.0, rule), abs=1e-6)
+        assert found > angles.flank(profile, 11.5, 92.0, rule).angle_deg
 
 
 def slow_steepest(profile, low, high, rule):
@@ -113,16 +119,6 @@ def slow_steepest(profile, low, high, rule):
             if inside.sum() >= profile_points.MIN_LEVELS and u[inside].std() >= angles.WALL_SD:
                 best = max(best, np.polyfit(u[inside], z[inside], 1)[0])
     return degrees(best)
-
-
-@pytest.mark.parametrize("rule", RULES)
-def test_the_steepest_stretch_of_lumpy_flanks_equals_a_slow_search(rule):
-    rng = np.random.default_rng(7)
-    for slope in (0.35, 0.6, 0.9):
-        profile = lumpy(slope, 115.0, rng)
-        found = angles.steepest(profile, 11.5, 92.0, rule).angle_deg
-        assert found == pytest.approx(slow_steepest(profile, 11.5, 92.0, rule), abs=1e-6)
-        assert found > angles.flank(profile, 11.5, 92.0, rule).angle_deg
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -212,15 +208,11 @@ def test_sides_without_an_angle_say_why():
             definition()
 
 
-def test_points_at_both_ends_of_a_window_belong_to_it():
+def test_windows_hold_the_points_at_both_ends_and_levels_the_middle_of_crossings():
     height = np.arange(30.0)
     distance = 2.0 * height + np.random.default_rng(1).normal(scale=3.0, size=30)
     slope = angles.window_slopes(distance, height, np.array([5.0]), np.array([20.0]))
     assert slope[0] == pytest.approx(np.polyfit(distance[5:21], height[5:21], 1)[0], rel=1e-9)
-
-
-def test_levels_lie_in_the_middle_of_the_outermost_and_the_innermost_crossing():
-    """A flank with one dip: each height in the dip is crossed upwards twice."""
     profile = np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0])
     middle, heights = profile_points.points_by_levels(profile, 14.5, 16.5)
     assert heights.tolist() == [15.0, 16.0]

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from refusals import input_error
 
 from repose.cli import main
 from repose.config.study import Study
@@ -19,7 +20,6 @@ PILE = [(60, 299), (300, 140), (540, 299)]
 
 
 def photograph(path, corners=PILE, background=220):
-    """A dark polygon on a light background."""
     picture = np.full((320, 600), background, np.uint8) if np.isscalar(background) else background.copy()
     cv2.fillPoly(picture, [np.array(corners)], 40)
     path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
@@ -35,6 +35,13 @@ def measure(capsys, *words):
     except SystemExit as end:
         status = end.code
     return status, capsys.readouterr().err
+
+
+def refused(capsys, *words):
+    """The message of a measurement that is refused."""
+    status, message = measure(capsys, *words)
+    assert status == 2
+    return message
 
 
 def test_a_photograph_is_measured_and_stays(tmp_path, capsys):
@@ -58,9 +65,7 @@ def test_an_overlay_never_replaces_what_was_there(tmp_path, capsys, there):
         place.mkdir()
     elif there == "other":
         photograph(place)
-    status, message = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out)
-    assert status == 2
-    assert "expected a" in message
+    assert "expected a" in refused(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out)
     assert (tmp_path / "pile.png").read_bytes() == before
     assert there != "link" or place.is_symlink()
     assert there != "other" or place.read_bytes() == before
@@ -90,8 +95,7 @@ STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones
 )
 def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, background, reason):
     photograph(tmp_path / "pile.png", corners, background)
-    status, message = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)
-    assert status == 2
+    message = refused(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)
     assert reason in message
     assert "out/pile.png shows the part taken for the pile" in message
     assert (tmp_path / "out/pile.png").is_file()
@@ -100,14 +104,12 @@ def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, b
 @pytest.mark.parametrize("scale", ["1e9", "0", "-1", "nan", "inf", "1e-9"])
 def test_a_scale_that_no_camera_has_is_refused(tmp_path, capsys, scale):
     photograph(tmp_path / "pile.png")
-    status, message = measure(capsys, tmp_path / "pile.png", f"--mm-per-pixel={scale}")
-    assert status == 2
+    message = refused(capsys, tmp_path / "pile.png", f"--mm-per-pixel={scale}")
     assert "expected a number from 0.001 to 100" in message
     assert [path.name for path in tmp_path.iterdir()] == ["pile.png"]
 
 
 def measured(capsys, *words):
-    """The record of the verb, and of its first photograph."""
     assert main(["measure", *map(str, words), "--out", str(words[0].parent / "out"), "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     return record, record["photographs"][0]
@@ -192,12 +194,6 @@ def test_a_photograph_of_many_pixels_is_reduced(tmp_path, capsys):
     assert values["mm_per_pixel"] == pytest.approx(0.075)
 
 
-def test_a_picture_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
-    with pytest.raises(InputError, match="suffix"):
-        files.write_image(tmp_path / "a.png", np.zeros((4, 4), np.uint8))
-
-
 def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, capsys):
     photograph(tmp_path / "raw.png")
     tiny, heic, text = (tmp_path / name for name in ("tiny.png", "phone.heic", "notes.jpg"))
@@ -209,18 +205,18 @@ def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, capsys)
     assert status == 0
     for name, words_of in (("tiny.png", "3 x 3 pixels"), ("phone.heic", "PNG or JPEG"), ("notes.jpg", "not a picture")):
         assert any(name in line and words_of in line for line in message.splitlines()), name
-    status, message = measure(capsys, tiny, heic, *words)
-    assert status == 2
+    message = refused(capsys, tiny, heic, *words)
     assert "tiny.png" in message
     assert "phone.heic" in message
 
 
-def test_a_picture_of_too_many_pixels_is_refused_by_its_header(tmp_path):
+def test_a_picture_of_too_many_pixels_or_one_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
     huge = np.zeros((8, 30_000), np.uint8)
     header = bytearray(cv2.imencode(".png", huge)[1].tobytes())
     header[20:24] = (30_000).to_bytes(4, "big")  # as if it had as many rows
     crc = zlib.crc32(bytes(header[12:29])).to_bytes(4, "big")
     header[29:33] = crc
     (tmp_path / "huge.png").write_bytes(bytes(header))
-    with pytest.raises(InputError, match=r"huge.png: size is .*at most 200 million"):
-        pile.read_image(tmp_path / "huge.png")
+    input_error(r"huge.png: size is .*at most 200 million", pile.read_image, tmp_path / "huge.png")
+    monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
+    input_error("suffix", files.write_image, tmp_path / "a.png", np.zeros((4, 4), np.uint8))

@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from refusals import input_error
 
 from repose.core.errors import InputError
 from repose.measure import pile as piles
@@ -40,8 +41,7 @@ def rounded(angle, u, height=HEIGHT_MM, radius=15.0):
 
 
 def lumpy(angle, u, rng, height=HEIGHT_MM, radii=(5.0, 10.0)):
-    """Discs of 10 to 20 mm strewn along both flanks of a triangle, their tops scattering 4 mm about the
-    flanks."""
+    """Discs of 10 to 20 mm strewn along both flanks of a triangle, their tops scattering 4 mm about the flanks."""
     a = math.radians(angle)
     z = triangle(angle, u, height - 8 / math.cos(a))
     for side in (-1, 1):
@@ -58,8 +58,7 @@ def lumpy(angle, u, rng, height=HEIGHT_MM, radii=(5.0, 10.0)):
 
 
 def drawn(profile, half_mm, top_mm=HEIGHT_MM + 15, below_mm=4.0, mm=MM, loose=(), binary=False, sub=8):
-    """Coverage (0 to 1) of each pixel by what lies under `profile(u)` and by loose discs (u, radius) on the
-    plate."""
+    """Coverage (0 to 1) of each pixel by what lies under `profile(u)` and by loose discs (u, radius) on the plate."""
     columns, rows = round(2 * half_mm / mm), round((top_mm + below_mm) / mm)
     u = ((np.arange(columns * sub) + 0.5) / sub - columns / 2) * mm
     z = profile(u)
@@ -77,7 +76,6 @@ def drawn(profile, half_mm, top_mm=HEIGHT_MM + 15, below_mm=4.0, mm=MM, loose=()
 
 
 def toned(cover, pile, background):
-    """Coverage as a picture: grey tones, or BGR where the tones are triples."""
     cover = cover[..., None] if np.ndim(pile) else cover
     return np.rint(np.add(background, cover * np.subtract(pile, background))).astype(np.uint8)
 
@@ -136,13 +134,6 @@ def test_each_side_is_measured_by_itself():
         assert m.base_row - above[1] == pytest.approx(0.8 * m.height_mm / MM)
 
 
-def test_the_scale_moves_the_height_and_not_the_angle():
-    picture = toned(drawn(lambda u: rounded(30, u), half_width(30)), 40, 220)
-    fine, coarse = measure_image(picture, 0.1), measure_image(picture, 0.4)
-    assert coarse.aor_deg == fine.aor_deg
-    assert coarse.height_mm == pytest.approx(4 * fine.height_mm)
-
-
 # Grey: dark on light, light on dark. Red fruit (BGR) on white, on black, and on a board of the very same
 # luminance.
 TONES = [(40, 220), (210, 30), ((30, 30, 190), (225,) * 3), ((30, 30, 190), (15,) * 3), ((30, 30, 190), (77,) * 3)]
@@ -162,15 +153,44 @@ def test_tilted_light_noise_and_loose_berries_in_either_polarity(pile, backgroun
             assert m.pile_is == ("darker" if np.mean(pile) < np.mean(background) else "brighter")
 
 
-def test_inverting_a_picture_changes_nothing_but_the_polarity():
+def test_polarity_changes_no_number_and_the_scale_the_height_alone():
     picture = toned(next(lumpy_piles(30, 1)), 60, 200)
     plain, inverse = measure_image(picture, MM), measure_image(255 - picture, MM)
     assert inverse.aor_deg == pytest.approx(plain.aor_deg, abs=0.02)
     assert inverse.height_mm == pytest.approx(plain.height_mm, abs=0.02)
     assert (plain.pile_is, inverse.pile_is) == ("darker", "brighter")
+    picture = toned(drawn(lambda u: rounded(30, u), half_width(30)), 40, 220)
+    fine, coarse = measure_image(picture, 0.1), measure_image(picture, 0.4)
+    assert coarse.aor_deg == fine.aor_deg
+    assert coarse.height_mm == pytest.approx(4 * fine.height_mm)
 
 
-def test_highlights_inside_the_fruit_are_filled():
+def test_lumpy_piles_stay_near_their_angle_with_light_and_noise():
+    errors = {rule: [] for rule in FLANK_RULES}
+    for angle in ANGLES:
+        for cover in lumpy_piles(angle, 12):
+            picture = toned(cover >= 0.5, 60, 200)
+            for rule, values in errors.items():
+                values.append(measure_image(picture, MM, replace(FLANK, flank=rule)).aor_deg - angle)
+    bias = {rule: abs(np.mean(values)) for rule, values in errors.items()}
+    assert bias["levels"] < LUMPY_DEG
+    assert bias["levels"] < bias["rows"] < bias["columns"]
+    moved = []
+    for angle in ANGLES:
+        for cover in lumpy_piles(angle, 2):
+            picture = toned(cover, 60, 200)
+            disturbed = tilted_noisy(picture, np.random.default_rng(angle))
+            moved.append(measure_image(disturbed, MM).aor_deg - measure_image(picture, MM).aor_deg)
+    assert np.abs(moved).max() < LUMPY_MOVED_DEG
+
+
+def test_loose_berries_count_only_when_asked_for_and_highlights_are_filled():
+    half = half_width(30)
+    picture = toned(drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220)
+    alone, together = (measure_image(picture, MM), measure_image(picture, MM, replace(FLANK, largest_pile_only=False)))
+    assert alone.right_deg == pytest.approx(30, abs=CLEAN_DEG)
+    assert together.right_deg < 29
+    assert together.left_deg == pytest.approx(30, abs=CLEAN_DEG)
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30)), (30, 30, 190), (245, 245, 245))
     rng = np.random.default_rng(3)
     rows, columns = picture.shape[:2]
@@ -182,52 +202,17 @@ def test_highlights_inside_the_fruit_are_filled():
     assert measure_image(picture, MM).aor_deg == pytest.approx(30, abs=DISTURBED_DEG)
 
 
-def test_lumpy_piles_stay_near_their_angle_and_levels_is_the_least_biased_rule():
-    errors = {rule: [] for rule in FLANK_RULES}
-    for angle in ANGLES:
-        for cover in lumpy_piles(angle, 12):
-            picture = toned(cover >= 0.5, 60, 200)
-            for rule, values in errors.items():
-                values.append(measure_image(picture, MM, replace(FLANK, flank=rule)).aor_deg - angle)
-    bias = {rule: abs(np.mean(values)) for rule, values in errors.items()}
-    assert bias["levels"] < LUMPY_DEG
-    assert bias["levels"] < bias["rows"] < bias["columns"]
-
-
-def test_light_and_noise_hardly_move_a_lumpy_pile():
-    moved = []
-    for angle in ANGLES:
-        for cover in lumpy_piles(angle, 2):
-            picture = toned(cover, 60, 200)
-            disturbed = tilted_noisy(picture, np.random.default_rng(angle))
-            moved.append(measure_image(disturbed, MM).aor_deg - measure_image(picture, MM).aor_deg)
-    assert np.abs(moved).max() < LUMPY_MOVED_DEG
-
-
-def test_loose_berries_count_only_when_asked_for():
-    half = half_width(30)
-    picture = toned(drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220)
-    alone, together = (measure_image(picture, MM), measure_image(picture, MM, replace(FLANK, largest_pile_only=False)))
-    assert alone.right_deg == pytest.approx(30, abs=CLEAN_DEG)
-    assert together.right_deg < 29
-    assert together.left_deg == pytest.approx(30, abs=CLEAN_DEG)
-
-
-def test_a_plate_as_dark_as_the_pile_is_the_base():
+def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile():
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30), below_mm=0), 40, 220)
     on_plate = np.vstack([picture, np.full((50, picture.shape[1]), 40, np.uint8)])
     m = measure_image(on_plate, MM)
     assert m.base_row == picture.shape[0] - 0.5
     assert (m.aor_deg, m.height_mm) == pytest.approx((30, HEIGHT_MM), abs=CLEAN_MM)
-
-
-def test_a_given_base_is_used():
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30), below_mm=4.0), 40, 220)
     found = measure_image(picture, MM)
     raised = measure_image(picture, MM, base_row=found.base_row - 40)
     assert raised.height_mm == pytest.approx(found.height_mm - 10)
-    with pytest.raises(InputError, match="base_row"):
-        measure_image(picture, MM, base_row=10_000)
+    input_error("base_row", measure_image, picture, MM, base_row=10_000)
 
 
 def test_jpeg_round_trip(tmp_path):
@@ -254,46 +239,24 @@ def test_pictures_of_the_workflow():
     assert np.array_equal(picture, toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220))
 
 
-# --- errors ---------------------------------------------------------------------------------------
-
-
-def test_unreadable_pictures_name_the_file(tmp_path):
+def test_unreadable_pictures_and_wrong_arrays_are_refused(tmp_path):
     for name, content in (("empty.png", b""), ("text.png", b"not a picture")):
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(InputError, match=name):
-            read_image(tmp_path / name)
-    with pytest.raises(InputError, match="no such file"):
-        read_image(tmp_path / "missing.png")
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("views", 0),
-        ("views", 2.5),
-        ("mm_per_pixel", 0.0),
-        ("mm_per_pixel", math.nan),
-        ("fit_from", -0.1),
-        ("fit_to", 0.15),
-        ("fit_to", 1.2),
-        ("fit_to", "berries"),
-        ("fit_from", "crest"),
-        ("response", "steep"),
-        ("berry_height_mm", 0.0),
-        ("berry_height_mm", "null"),
-        ("largest_pile_only", "yes"),
-        ("flank", "steepest"),
-    ],
-)
-def test_settings_out_of_range_name_the_key(key, value):
-    with pytest.raises(InputError, match=key):
-        MeasureSettings(**{key: value})
-
-
-def test_wrong_arrays_are_refused():
+        input_error(name, read_image, tmp_path / name)
+    input_error("no such file", read_image, tmp_path / "missing.png")
     for bad in (np.zeros((50, 50)), np.zeros((50, 50, 4), np.uint8), np.zeros((5, 50), np.uint8)):
         with pytest.raises(InputError):
             measure_image(bad, MM)
+
+
+WRONG = {"views": (0, 2.5), "mm_per_pixel": (0.0, math.nan), "fit_from": (-0.1, "crest"), "response": ("steep",)}
+WRONG |= {"fit_to": (0.15, 1.2, "berries"), "berry_height_mm": (0.0, "null"), "largest_pile_only": ("yes",)}
+WRONG |= {"flank": ("steepest",)}
+
+
+@pytest.mark.parametrize(("key", "value"), [(key, value) for key, values in WRONG.items() for value in values])
+def test_settings_out_of_range_name_the_key(key, value):
+    input_error(key, MeasureSettings, **{key: value})
 
 
 @pytest.mark.parametrize(

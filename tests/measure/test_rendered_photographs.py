@@ -15,16 +15,13 @@ from repose.measure import camera, finding, photographs, sheet
 from repose.measure.results import Angle, Measurement
 
 
-def test_the_corners_of_the_sheet_are_found_where_they_are_drawn():
+def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
     picture, per_mm = sheet.drawing(20.0, 8)
     seen = sheet.find(cv2.copyMakeBorder(picture, 50, 50, 50, 50, cv2.BORDER_CONSTANT, value=200))
     assert len(seen.places_mm) == (sheet.COLUMNS - 1) * (sheet.ROWS - 1)
     x, z = seen.places_mm.T
     drawn = np.column_stack([50 + x * per_mm, 50 + picture.shape[0] - z * per_mm]) - 0.5
     assert np.abs(seen.pixels - drawn).max() < 0.5
-
-
-def test_the_printed_page_is_the_sheet_in_its_true_size(tmp_path):
     assert main(["marker", "--out", str(tmp_path / "sheet.pdf")]) == 0
     content = (tmp_path / "sheet.pdf").read_bytes()
     assert content.startswith(b"%PDF")
@@ -46,15 +43,12 @@ def views_of(lens, count, rng):
     return seen
 
 
-def test_the_lens_is_found_from_the_sheet_in_many_places():
+def test_the_lens_is_found_from_many_places_of_the_sheet_and_no_focal_length_from_one():
     found = camera.calibrate(views_of((-0.12, 0.03), 8, np.random.default_rng(1)), (1600, 1200))
     assert found.note == ""
     assert found.matrix[0, 0] == pytest.approx(1300, rel=0.003)
     away = np.array([0.2, 0.4, 0.55]) ** 2
     assert found.lens[0] * away + found.lens[1] * away**2 == pytest.approx(-0.12 * away + 0.03 * away**2, abs=0.002)
-
-
-def test_one_view_that_faces_the_camera_gives_no_focal_length():
     places = views_of((0, 0), 1, np.random.default_rng(1))[0].places_mm
     pixels = 700 + 2.0 * places * [1, -1] + np.random.default_rng(2).normal(0, 0.1, places.shape)
     found = camera.calibrate([sheet.Seen(places, pixels)], (1600, 1200), 1111.0)

@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from refusals import not_refused
-from shared import check_all
+from refusals import input_error, not_refused
+from shared import check_all, target
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
@@ -29,7 +29,6 @@ BERRY_MM = math.prod(AXES.values()) ** (1 / 3)
 
 
 def config(**keys):
-    """The small configuration with some keys of its measurement changed."""
     changed = copy.deepcopy(CONFIG)
     changed["measure"].update(keys)
     return changed
@@ -102,13 +101,7 @@ FURTHER = ("radius_90_mm", "base_radius_mm", "packing_percent", "loose_percent",
 
 
 def targeted(*names):
-    """The small configuration with these responses of the funnel as its targets."""
-    changed = config()
-    changed["targets"] = [
-        {"response": name, "apparatus": "funnel", "value": 1, "sd": 1, "repetitions": 1, "range": [0, 2]}
-        for name in names
-    ]
-    return changed
+    return config() | {"targets": [target(name, 1, 1, 0, 2, 1) for name in names]}
 
 
 def test_further_responses_are_measured_where_they_are_targets(saved):
@@ -120,9 +113,8 @@ def test_further_responses_are_measured_where_they_are_targets(saved):
     result = measure_job(Scene.of(whole, {}, AXES, whole_berry), saved)
     settings = pile.MeasureSettings.of(whole["measure"], AXES)
     plate = whole["funnel"]["plate_diameter_mm"]
-    expected = further_responses.of_pour(
-        saved_pours.first_pour(saved.with_name("007.npz")), whole_berry, settings, plate
-    )
+    poured = saved_pours.first_pour(saved.with_name("007.npz"))
+    expected = further_responses.of_pour(poured, whole_berry, settings, plate)
     first, _, jammed = result["runs"]
     assert {name: first[name] for name in FURTHER} == {name: expected[name] for name in FURTHER}
     assert [jammed[name] for name in FURTHER] == [None] * len(FURTHER)
@@ -160,13 +152,10 @@ def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(saved, tmp_
         assert seen.angles[name].aor_deg == pytest.approx(run[VIEW_KEYS[name]], abs=1e-9), name
 
 
-def test_a_given_height_of_the_berry_wins_over_its_axes():
+def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_of_the_berry_wins(saved):
     given = pile.MeasureSettings.of(config(berry_height_mm=20.0)["measure"], AXES)
     assert given.berry_height_mm == 20.0
     assert pile.MeasureSettings.of(config()["measure"], {}).berry_height_mm is None
-
-
-def test_the_lines_of_the_overlay_are_those_of_the_response(saved):
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
     lines = set()
     for name in DEFINITIONS:
@@ -194,12 +183,10 @@ def test_files_that_are_no_pours_are_named(saved, name, content, message):
     path = saved.with_name(name)
     if content is not None:
         path.write_text(content)
-    with pytest.raises(InputError, match=message):
-        measure_job(Scene.of(config(), {}, AXES, PARTICLE), path)
+    input_error(message, measure_job, Scene.of(config(), {}, AXES, PARTICLE), path)
 
 
 def of_grains(name, change):
-    """A case: an array of the first pour changed."""
     return f"{name}_1", lambda arrays: arrays | {f"{name}_1": change(arrays[f"{name}_1"])}
 
 
@@ -215,21 +202,7 @@ IMPOSSIBLE = (
 )
 
 
-def test_impossible_grains_are_refused_and_those_of_a_spoiled_run_are_not_read(saved):
-    path = saved.with_name("007.npz")
-    whole = dict(np.load(path))
-    np.savez(path, **whole | {"position_3": np.nan * whole["position_3"]})  # the run that jammed
-    measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
-
-    def check(change, words):
-        np.savez(path, **change(whole))
-        with pytest.raises(InputError, match=words):
-            measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
-
-    check_all(check, IMPOSSIBLE)
-
-
-def test_records_of_pours_hold_numbers_and_a_reason(saved):
+def test_impossible_records_and_grains_are_refused_and_those_of_a_spoiled_run_are_not_read(saved):
     job = json.loads(saved.read_text())
 
     def change(**keys):
@@ -248,3 +221,13 @@ def test_records_of_pours_hold_numbers_and_a_reason(saved):
     assert not_refused(measure, cases, InputError) == []
     del job["pours"][2]["reason"]
     measure({})
+    path = saved.with_name("007.npz")
+    whole = dict(np.load(path))
+    np.savez(path, **whole | {"position_3": np.nan * whole["position_3"]})  # the run that jammed
+    measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
+
+    def check(change, words):
+        np.savez(path, **change(whole))
+        input_error(words, measure_job, Scene.of(config(), {}, AXES, PARTICLE), saved)
+
+    check_all(check, IMPOSSIBLE)

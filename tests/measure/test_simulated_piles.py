@@ -1,4 +1,4 @@
-"""The measurement of simulated piles: their silhouettes, and cones of berries of known angle."""
+"""Simulated piles: angle, Height and further responses of known shapes."""
 
 import math
 
@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from repose.measure import further_responses
+from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile, silhouette
 from repose.measure.segmentation import of_silhouette, segment
 from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE
@@ -14,8 +16,7 @@ MM = 0.25
 
 
 class Ellipsoids:
-    """Stand-in for a particle: the sum of co-axial ellipsoids' support functions, half axes (K, 3) in
-    metres."""
+    """Stand-in for a particle: the sum of co-axial ellipsoids' support functions, half axes (K, 3) in metres."""
 
     def __init__(self, *half_axes_mm):
         self.half_axes = np.array(half_axes_mm) * 1e-3
@@ -33,8 +34,7 @@ BARREL = Ellipsoids([7.399, 0.94, 0.94], [3.171, 4.745, 4.0])
 
 
 def cone_of_berries(angle, rng, berries=500, height_m=0.062):
-    """Random berries (centres, quaternions) filling a cone whose flank lies one mean radius outside the
-    centres."""
+    """Random berries (centres, quaternions) in a cone whose flank lies one mean radius outside the centres."""
     a, reach = math.radians(angle), 0.0066
     centres = np.empty((0, 3))
     while len(centres) < berries:
@@ -70,7 +70,7 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
     assert not (cloud & (cv2.dilate(pile.astype(np.uint8), ones) == 0)).any()
 
 
-def test_silhouette_of_a_ball_has_its_area_and_stands_on_the_plate():
+def test_silhouettes_of_a_ball_have_its_area_and_turn_with_the_pile():
     ball = Ellipsoids([10.0, 10.0, 10.0])
     areas = []
     for shift in np.linspace(0, 0.25e-3, 7):
@@ -78,6 +78,12 @@ def test_silhouette_of_a_ball_has_its_area_and_stands_on_the_plate():
         areas.append((image < 128).sum() * MM**2)
         assert (image[-2] < 128).any()
     assert np.mean(areas) == pytest.approx(math.pi * 100, rel=4e-3)
+    centres = np.array([[0.03, 0.0, 0.01], [0.0, 0.0, 0.02]])
+    q = np.array([[0.5, 0.5, 0.1, 0.7], [1.0, 0, 0, 0]])
+    extent = (-0.06, 0.06, 0.04)
+    front, back = (silhouette(centres, q, BERRY, a, MM, extent) for a in (0.0, 180.0))
+    assert (front < 128).any(axis=0).nonzero()[0].max() > 300
+    assert np.mean(front[:, ::-1] != back) < 2e-3
 
 
 @pytest.mark.parametrize("largest_only", [True, False])
@@ -91,15 +97,6 @@ def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(large
     for name in ("grey", "contrast", "mask"):
         assert getattr(known, name).dtype == getattr(found, name).dtype
         np.testing.assert_array_equal(getattr(known, name), getattr(found, name))
-
-
-def test_a_view_turns_with_the_pile_and_its_opposite_is_its_mirror():
-    centres = np.array([[0.03, 0.0, 0.01], [0.0, 0.0, 0.02]])
-    q = np.array([[0.5, 0.5, 0.1, 0.7], [1.0, 0, 0, 0]])
-    extent = (-0.06, 0.06, 0.04)
-    front, back = (silhouette(centres, q, BERRY, a, MM, extent) for a in (0.0, 180.0))
-    assert (front < 128).any(axis=0).nonzero()[0].max() > 300
-    assert np.mean(front[:, ::-1] != back) < 2e-3
 
 
 @pytest.mark.slow
@@ -132,7 +129,7 @@ def test_the_pile_is_the_members_and_its_height_is_exact():
     assert every.aor_deg < alone.aor_deg - 1
 
 
-def test_a_layer_or_nothing_is_no_pile():
+def test_a_layer_nothing_or_too_few_pixels_is_no_pile():
     rng = np.random.default_rng(4)
     flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
     upright = np.tile([1.0, 0, 0, 0], (80, 1))
@@ -140,10 +137,76 @@ def test_a_layer_or_nothing_is_no_pile():
         measure_pile(flat, upright, BERRY)
     with pytest.raises(NoFlankError, match="no berry"):
         measure_pile(flat, upright, BERRY, members=np.zeros(80, bool))
-
-
-def test_a_pile_of_too_few_pixels_is_no_pile():
-    """Coarse pixels, as in a random legal pour that ended with an exception."""
     pile = cone_of_berries(25, np.random.default_rng(2))
     with pytest.raises(NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"):
         measure_pile(*pile, BERRY, MeasureSettings(mm_per_pixel=5.0))
+
+
+MM_PER_PIXEL = 0.5
+
+
+def cone(slope_deg, height_mm=60.0, foot_mm=10.0):
+    """Silhouette of a cone: heights in pixels over columns."""
+    half = height_mm / math.tan(math.radians(slope_deg)) / MM_PER_PIXEL
+    columns = np.arange(math.ceil(2 * half) + 2 * round(foot_mm / MM_PER_PIXEL))
+    middle = (len(columns) - 1) / 2
+    return np.maximum(0, height_mm / MM_PER_PIXEL * (1 - np.abs(columns - middle) / half))
+
+
+def test_slopes_are_those_of_a_cone_with_its_volume_and_of_a_flank_that_bends():
+    angle, berry = 31.0, 12.0
+    base = 60.0 / math.tan(math.radians(angle))
+    volume = math.pi * base**2 * 60.0 / 3
+    found = further_responses.of_profile([cone(angle)] * 3, MM_PER_PIXEL, 60.0, berry, 0.6 * volume)
+    assert found["base_radius_mm"] == pytest.approx(base * (1 - berry / 60), abs=0.3)
+    assert found["lower_deg"] == pytest.approx(angle, abs=0.3)
+    assert found["upper_deg"] == pytest.approx(angle, abs=0.3)
+    assert found["packing_percent"] == pytest.approx(60, abs=0.5)
+    profile = cone(31.0)
+    hollow = profile**2 / profile.max()  # steep at the top, flat at the foot
+    found = further_responses.of_profile([hollow], MM_PER_PIXEL, 60.0, 12.0, 1e5)
+    # z = H (1 - r / R)^2
+    base, half, upper = (60 / math.tan(math.radians(31)) * (1 - math.sqrt(z)) for z in (0.2, 0.5, 0.8))
+    assert found["lower_deg"] == pytest.approx(math.degrees(math.atan(18 / (base - half))), abs=0.4)
+    assert found["upper_deg"] == pytest.approx(math.degrees(math.atan(18 / (half - upper))), abs=0.8)
+    assert found["upper_deg"] > found["lower_deg"] + 5
+
+
+def test_width_is_the_mean_of_the_views_and_scatter_that_on_the_plate():
+    wide, low = cone(31.0), cone(31.0, height_mm=20.0)
+    level = np.array([10.0, 40.0])
+    one = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)
+    both = further_responses.mean_half_width([wide, low], MM_PER_PIXEL, level)
+    assert one == pytest.approx([50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))], abs=0.3)
+    assert both[1] == pytest.approx(one[1] / 2)
+    with pytest.raises(NoFlankError, match=r"half of 20.0 mm is not above a berry, 12.0 mm"):
+        further_responses.of_profile([low], MM_PER_PIXEL, 20.0, 12.0, 1.0)
+    centres = np.zeros((102, 3))
+    centres[:, 0] = 1e-3 * np.arange(1, 103)
+    centres[:, 2] = 0.01
+    centres[100] = (0.5, 0, 0.01)
+    centres[101] = (0.05, 0, -0.2)
+    pile = np.ones(102, bool)
+    pile[95:] = False
+    found = further_responses.of_scatter(centres, pile, 300.0)
+    assert found["radius_90_mm"] == pytest.approx(np.quantile(np.arange(1, 101), 0.9))
+    assert found["loose_percent"] == pytest.approx(5.0)
+    with pytest.raises(NoFlankError, match="no berry"):
+        further_responses.of_scatter(centres[101:], pile[101:], 300.0)
+
+
+@pytest.mark.parametrize("definition", DEFINITIONS)
+def test_offered_are_all_definitions_but_the_calibrated_one(definition):
+    found = further_responses.offered(("aor_deg", "height_mm"), definition)
+    others = [MEAN_KEYS[name] for name in DEFINITIONS if name != definition]
+    assert list(found) == [*others, *further_responses.MEASURED, "discharge_s"]
+
+
+def test_offered_is_what_is_no_target():
+    alone = further_responses.offered(("height_mm",), "secant")
+    assert "height_mm" not in alone
+    assert set(MEAN_KEYS.values()) < set(alone)  # all definitions, and none of them twice under the name aor_deg
+    assert "aor_deg" not in alone
+    both = further_responses.offered(("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"), "flank")
+    assert both[:3] == ("height_mm", "aor_secant_deg", "aor_steepest_deg")
+    assert "packing_percent" not in both

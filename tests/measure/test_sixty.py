@@ -134,16 +134,13 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
         assert ("another heap stands beside it" in seen.remarks) == known
 
 
-def test_a_doubt_is_printed_beside_its_photograph(tmp_path):
+def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_path):
     how, pile = MeasureSettings(mm_per_pixel=0.5), outlined((150, 60), (450, 62))
     doubt = photographs._doubts(pile, seen := measure_segmented(pile, how), 6.0, 0.5)[0]
     one = photographs.Photograph(tmp_path / "a.png", pile.grey, pile, seen, note="lens not corrected", doubts=[doubt])
     text = describe([one], tables([one], how), how, tmp_path)
     assert doubt in next(line for line in text.splitlines() if line.startswith("a.png"))
     assert "note: lens not corrected\n" in text
-
-
-def test_a_layer_is_refused():
     how = MeasureSettings(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined((100, 30), (500, 30))
     with pytest.raises(NoFlankError, match="a layer, no pile"):

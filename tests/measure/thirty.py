@@ -9,7 +9,6 @@ import tempfile
 from pathlib import Path
 
 import cv2
-import matplotlib.pyplot as plt
 import numpy as np
 from rendered import CROPS, Scene, photograph, truth
 
@@ -33,18 +32,9 @@ CAMERAS = (  # size, focal length in widths, k1 and k2
 
 
 def scenes(camera, draw=0):
-    """Ten scenes of one of three cameras; conditions are drawn at random, each disturbance in about half of them.
+    """Ten scenes of a camera, 0 to 2; conditions are drawn at random, each disturbance in about half of them.
 
-    Parameters
-    ----------
-    camera : int
-        From 0.
-    draw : int, optional
-        Another thirty for every number; the measurement was made with those of 0 in view.
-
-    Returns
-    -------
-    list of Scene
+    draw: another thirty for every number; the measurement was made with those of 0 in view.
     """
     size, focal, distortion = CAMERAS[camera]
     made = []
@@ -93,23 +83,9 @@ def sheet_alone(camera):
 
 
 def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
-    """Angle and Height of some of the thirty minus the truth.
+    """By number, of those kept: angle [deg] and Height [mm] minus the truth, or the reason of a refusal.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        The photographs are written here.
-    kept : container of int, optional
-        Numbers from 0 to 29.
-    of_the_sheet : int, optional
-        Photographs of the sheet alone, at most 8.
-    draw : int, optional
-        As of `scenes`.
-
-    Returns
-    -------
-    dict
-        By number: (angle [deg], Height [mm]), or the reason of a refusal.
+    of_the_sheet: how many photographs show the sheet alone, at most 8.
     """
     missed = {}
     for camera in range(3):
@@ -121,56 +97,26 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
         for crop in sorted({scene.crop for scene in chosen}):
             same = [scene for scene in chosen if scene.crop == crop]
             how = MeasureSettings(berry_height_mm=same[0].berry_mm)
-            found = photographs.measure_all(
-                [paths[one.seed] for one in same], how, photographs.Scale(), [paths[scene.seed] for scene in alone]
-            )
+            own, of_sheet = ([paths[one.seed] for one in some] for some in (same, alone))
+            found = photographs.measure_all(own, how, photographs.Scale(), of_sheet)
             for scene, one in zip(same, found, strict=True):
                 true, seen = truth(scene, how), one.measurement
-                missed[scene.seed % 1000] = (
-                    (seen.aor_deg - true.aor_deg, seen.height_mm - true.height_mm) if seen else one.refused
-                )
+                off = (seen.aor_deg - true.aor_deg, seen.height_mm - true.height_mm) if seen else one.refused
+                missed[scene.seed % 1000] = off
     return missed
 
 
-SMALL = {  # a scene that is drawn in a second, and what goes wrong
-    "seed": 5,
-    "crop": "pea",
-    "angle": 28.0,
-    "height": 40.0,
-    "size": (1000, 750),
-    "focal": 950.0,
-    "position": (0.0, -520.0, 45.0),
-    "aim": (-60.0, 0.0, 50.0),
-    "sheet_left": -240.0,
-    "wall": PALETTE["white"],
-    "ground": PALETTE["blue"],
-}
+# A scene that is drawn in a second, and what goes wrong.
+SMALL = {"seed": 5, "crop": "pea", "angle": 28.0, "height": 40.0, "size": (1000, 750), "focal": 950.0}
+SMALL |= {"position": (0.0, -520.0, 45.0), "aim": (-60.0, 0.0, 50.0), "sheet_left": -240.0}
+SMALL |= {"wall": PALETTE["white"], "ground": PALETTE["blue"]}
+TILTED = {"rotation": (0.0, 0.0, 14.0), "crop": "goji", "height": 55.0, "wall": PALETTE["green"], "angle": 33.0}
+TILTED |= {"position": (0.0, -680.0, 60.0), "sheet_left": -280.0, "aim": (-80.0, 0.0, 50.0)}
+CLOTH = {"crop": "maize", "texture": "cloth", "ground": PALETTE["black"], "loose": 12, "uneven": 0.4}
 GOOD = (
     ({}, "a plain wall"),
-    (
-        {
-            "rotation": (0.0, 0.0, 14.0),
-            "crop": "goji",
-            "height": 55.0,
-            "wall": PALETTE["green"],
-            "position": (0.0, -680.0, 60.0),
-            "angle": 33.0,
-            "sheet_left": -280.0,
-            "aim": (-80.0, 0.0, 50.0),
-        },
-        "tilted by 14°",
-    ),
-    (
-        {
-            "crop": "maize",
-            "texture": "cloth",
-            "ground": PALETTE["black"],
-            "loose": 12,
-            "uneven": 0.4,
-            "ruler": "standing",
-        },
-        "cloth, loose grains, a ruler",
-    ),
+    (TILTED, "tilted by 14°"),
+    (CLOTH | {"ruler": "standing"}, "cloth, loose grains, a ruler"),
     ({"crop": "wheat", "hand": 0.45, "shadow": 0.5, "wall": PALETTE["grey"]}, "the shadow of a hand"),
 )
 BAD = (
@@ -182,7 +128,6 @@ BAD = (
 
 
 def measured(folder, scene, name="pile"):
-    """What came of the photograph of a scene, a `repose.measure.photographs.Photograph`."""
     path = Path(folder) / f"{name}.png"
     cv2.imwrite(str(path), photograph(scene))
     how = MeasureSettings(berry_height_mm=scene.berry_mm)
@@ -191,6 +136,8 @@ def measured(folder, scene, name="pile"):
 
 def picture(path):
     """Draw four photographs that are measured, what was found in them, and four that are refused."""
+    import matplotlib.pyplot as plt
+
     canvas, axes = plt.subplots(3, 4, figsize=(7.5, 4.3), height_ratios=(3, 1.4, 3), layout="constrained")
     with tempfile.TemporaryDirectory() as folder:
         for column, (change, title) in enumerate(GOOD):
@@ -212,7 +159,6 @@ def picture(path):
 
 
 def main():
-    """Print the errors of whole draws, or draw the figure."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--draw", type=int, nargs="+", default=[])
     parser.add_argument("--picture", type=Path)

@@ -76,7 +76,6 @@ def mutated(path, old, new):
 
 
 def main():
-    """Test every mutant."""
     only = sys.argv[1] if len(sys.argv) > 1 else ""
     groups = yaml.safe_load((HERE / "mutants.yaml").read_text())
     groups = [group for group in groups if only in group["file"]]

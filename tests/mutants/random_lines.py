@@ -69,7 +69,6 @@ def typed(node):
 
 
 def drawn(number, seed):
-    """Pairs of a file and a place, room after room."""
     random = np.random.default_rng(seed)
     rooms = sorted(path for path in SOURCE.iterdir() if path.is_dir() and any(path.rglob("*.py")))
     found = {room: [(path, place) for path in sorted(room.rglob("*.py")) for place in places(path)] for room in rooms}
@@ -96,7 +95,6 @@ def tests_of(path):
 
 
 def tested(folder, tests, compiled):
-    """Status of the tests of a clone, and their CPU time [s]."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     own = {"PYTHONPATH": f"{folder}/src:{folder}", "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
@@ -111,7 +109,6 @@ def tested(folder, tests, compiled):
 
 
 def main():
-    """Draw the mutants, and test each."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--mutants", type=int, default=60)
     parser.add_argument("--seed", type=int, default=2026)

@@ -21,7 +21,6 @@ WITHOUT = f"import sys; sys.modules |= dict.fromkeys({(*EXTRAS, 'snakemake', 'ps
 
 
 def without_extras(code, *words):
-    """Run code in a process that has no library of an extra."""
     return subprocess.run([sys.executable, "-c", WITHOUT + code, *words], capture_output=True, text=True)
 
 

@@ -1,4 +1,4 @@
-"""Sizes and moduli: Eq. 1-4 by hand, the shipped files against what is published, messages for bad files."""
+"""The grain from its measurements, and the distribution of its sizes."""
 
 import json
 from pathlib import Path
@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
+from scipy.stats import truncnorm
 
 from repose.core.errors import InputError
-from repose.particle import berry, berry_files
+from repose.particle import berry, berry_files, size_distribution
 
 RESOURCES = Path(__file__).parents[2] / "resources"
 SIZES = RESOURCES / "berries.csv"
@@ -89,8 +91,7 @@ def test_given_moduli_replace_the_measured_ones(tmp_path):
     _, record = run(tmp_path, shear_modulus_pa=2e4)
     assert record["poisson_ratio"] == pytest.approx(0.32, abs=0.005)
     assert record["shear_modulus_pa"] == 2e4
-    with pytest.raises(InputError, match="compression"):
-        run(tmp_path, compression=None, poisson_ratio=0.25)
+    input_error("compression", run, tmp_path, compression=None, poisson_ratio=0.25)
 
 
 def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
@@ -129,16 +130,14 @@ def test_bad_sizes_are_named(tmp_path, text, parts):
 def test_a_load_that_does_not_shorten_is_refused(tmp_path):
     header = ",".join(berry_files.COMPRESSION_COLUMNS)
     path = written(tmp_path, f"{header}\n1,2.0,20,20.5,9,9.1,11\n")
-    with pytest.raises(InputError, match=r"row 1: width_2_mm is 9\.1"):
-        berry.read_compression(path)
+    input_error(r"row 1: width_2_mm is 9\.1", berry.read_compression, path)
 
 
 @pytest.mark.parametrize(
     "change", [{"density_kg_m3": 0.0}, {"poisson_ratio": 0.6}, {"shear_modulus_pa": -1.0}, {"density_kg_m3": np.nan}]
 )
 def test_impossible_material_is_refused(tmp_path, change):
-    with pytest.raises(InputError, match=next(iter(change))):
-        run(tmp_path, **change)
+    input_error(next(iter(change)), run, tmp_path, **change)
 
 
 def test_published_tables_hold_together():
@@ -155,3 +154,52 @@ def test_published_tables_hold_together():
         error = (solutions[f"{response}_predicted_{unit}"] / simulated - 1).abs() * 100
         assert np.nanmax(np.abs(error - solutions[f"{response}_error_percent"])) < 0.011
     assert solutions.loc["representative", "mus_gg"] == 0.642
+
+
+GOJI = (15.40, 10.41, 13.32)  # equivalent diameter of Table 1: maximum, minimum, mean
+
+
+def test_the_spread_of_a_published_range():
+    sd, low, high = size_distribution.of_range(*GOJI)
+    assert sd == pytest.approx(4.99 / 4.498 / 13.32)
+    assert (low, high) == pytest.approx((10.41 / 13.32, 15.40 / 13.32))
+    # What 4.498 stands for: the mean range of 50 normal values.
+    ranges = np.ptp(np.random.default_rng(1).normal(size=(20000, 50)), axis=1)
+    assert ranges.mean() == pytest.approx(size_distribution.PUBLISHED_RANGE_SD, abs=0.02)
+
+
+def test_measured_sizes_have_their_own_spread():
+    assert size_distribution.of_sizes([9.0, 10.0, 11.0]) == pytest.approx((0.1, 0.9, 1.1))
+
+
+def test_scales_have_the_moments_asked_for():
+    spread = size_distribution.of_range(*GOJI)
+    drawn = size_distribution.draw(np.random.default_rng(2), 200_000, *spread)
+    assert np.mean(drawn**3) == pytest.approx(1.0, abs=2e-3)
+    sd, low, high = spread
+    theirs = truncnorm((low - 1) / sd, (high - 1) / sd, 1, sd)
+    norm = np.cbrt(theirs.moment(3))
+    assert size_distribution.normalisation(*spread) == pytest.approx(norm, rel=1e-9)
+    assert drawn.std() == pytest.approx(theirs.std() / norm, rel=0.01)
+    assert drawn.min() >= low / norm
+    assert drawn.max() <= high / norm
+
+
+def test_a_pour_draws_from_its_seed():
+    berry = dict(zip(size_distribution.KEYS, size_distribution.of_range(*GOJI), strict=True))
+    first, largest = size_distribution.of_pour("measured", berry, 7, 500)
+    again, _ = size_distribution.of_pour("measured", berry, 7, 500)
+    other, _ = size_distribution.of_pour("measured", berry, 8, 500)
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 0.05
+    assert first.max() <= largest
+    alike, one = size_distribution.of_pour("none", {}, 7, 3)
+    assert alike.tolist() == [1, 1, 1]
+    assert one == 1
+    input_error("scale_sd", size_distribution.of_pour, "measured", {}, 7, 3)
+
+
+def test_the_largest_scale_is_that_of_the_upper_limit():
+    berry = {"scale_sd": 0.4, "scale_low": 0.3, "scale_high": 1.2}
+    scales, most = size_distribution.of_pour("measured", berry, 1, 20_000)
+    assert most - 1e-3 < scales.max() <= most

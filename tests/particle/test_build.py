@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from export.jobs import THREE
+from refusals import input_error
 
 from repose.core.errors import InputError
 from repose.dem.rotations import sphere_directions
@@ -17,7 +18,6 @@ BARREL_M = np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]]) * 1e-3
 
 
 def turned(mesh, seed=1, shift=(30.0, -12.0, 5.0)):
-    """Copy of the mesh in another pose."""
     turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3))
     turn[:3, 3] = shift
     return mesh.copy().apply_transform(turn)
@@ -30,7 +30,6 @@ def saved(mesh, tmp_path):
 
 
 def barrel_mesh(subdivisions=5):
-    """Dense convex hull (mm) of support points of the barrel: a mesh that is no ellipsoid."""
     n = trimesh.creation.icosphere(subdivisions=subdivisions).vertices
     points = sum(n * s**2 / np.linalg.norm(n * s, axis=1)[:, None] for s in BARREL_M)
     return trimesh.convex.convex_hull(points * 1e3)
@@ -59,7 +58,6 @@ def test_sphere_is_recognised_whatever_its_pose(tmp_path):
 
 
 def test_ellipsoid_whose_mesh_axes_are_not_its_own():
-    """A turned icosphere, stretched: vertices lie on the ellipsoid without its symmetry."""
     mesh = turned(trimesh.creation.icosphere(subdivisions=3, radius=0.5), shift=(0, 0, 0))
     mesh.apply_scale([20.0, 12.0, 9.0])
     particle = build.fit_particle(build.principal_pose(mesh), 1000.0)
@@ -201,17 +199,12 @@ def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
 
 
 def test_what_no_smooth_particle_can_stand_for_is_refused():
-    with pytest.raises(InputError, match="smooth"):
-        build.fit_particle(trimesh.creation.box((10, 10, 10)), 1000.0, source="box.stl")
+    input_error("smooth", build.fit_particle, trimesh.creation.box((10, 10, 10)), 1000.0, source="box.stl")
 
 
 def test_files_that_are_no_mesh_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere\.stl"):
-        build.load_mesh(tmp_path / "nowhere.stl")
+    input_error(r"nowhere\.stl", build.load_mesh, tmp_path / "nowhere.stl")
     (tmp_path / "text.stl").write_text("not a mesh")
-    with pytest.raises(InputError, match=r"text\.stl"):
-        build.load_mesh(tmp_path / "text.stl")
-    with pytest.raises(InputError, match=r"nowhere\.json"):
-        build.Particle.load(tmp_path / "nowhere.json")
-    with pytest.raises(InputError, match=r"nowhere\.json"):
-        build.run(tmp_path / "nowhere.json", out_dir=tmp_path)
+    input_error(r"text\.stl", build.load_mesh, tmp_path / "text.stl")
+    input_error(r"nowhere\.json", build.Particle.load, tmp_path / "nowhere.json")
+    input_error(r"nowhere\.json", build.run, tmp_path / "nowhere.json", out_dir=tmp_path)

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from refusals import input_error
 
-from repose.core.errors import InputError
 from repose.particle import build, mesh_from_axes
 from repose.particle.mesh import principal_pose
 
@@ -63,8 +63,7 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
 )
 def test_impossible_berries_are_refused_with_what_is_allowed(keys, words):
     arguments = {"axes_mm": GOJI_MM, "mass_g": GOJI_G, "density_kg_m3": DENSITY} | keys
-    with pytest.raises(InputError, match=words):
-        mesh_from_axes.berry_mesh(**arguments)
+    input_error(words, mesh_from_axes.berry_mesh, **arguments)
 
 
 def test_the_goji_berry_is_two_ellipsoids():

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from refusals import input_error
 
 from repose.core.errors import InputError
 from repose.dem.rotations import rotation_matrices
@@ -111,8 +112,7 @@ def test_moments_of_a_mesh_are_those_of_an_ellipsoid():
 
 def test_what_cannot_be_packed_is_refused(goji):
     for keys in ({"count": 0}, {"count": 65}, {"surface": "furry"}):
-        with pytest.raises(InputError, match=r"spheres|surface"):
-            sphere_packing.pack(goji, **keys)
+        input_error(r"spheres|surface", sphere_packing.pack, goji, **keys)
 
 
 def test_a_clump_keeps_its_numbers_in_a_file(clump, tmp_path):
@@ -132,7 +132,6 @@ def test_kinds_stand_side_by_side(goji, clump):
 
 
 def test_outlines_and_top_of_clumps_against_a_cloud_of_points(clump):
-    """Brute force: points all over the spheres, turned, scaled and projected one body at a time."""
     rng = np.random.default_rng(5)
     centres, turns, scales = rng.normal(0, 0.02, (4, 3)), rng.normal(size=(4, 4)), rng.uniform(0.8, 1.2, 4)
     polygons = silhouette.outlines(centres, turns, clump, [0.0, 70.0], scales=scales)

@@ -69,20 +69,10 @@ def made_up_tables(folder, targets=TARGETS):
     failed = [4, 50, 70]
     dataset.loc[failed, ["status", "reason"]] = ["jammed", "3 berries in the funnel at the end"]
     dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
-    comparison = pd.DataFrame(
-        {"method": ["random", "lhsdesign", "optimal"], "samples": 150, "min_distance": [0.13, 0.2, 0.4]}
-    )
-    frames = {
-        "samples": samples_,
-        "dataset": dataset,
-        "predictions": predictions.drop(failed),
-        "feasible": feasible,
-        "history": history,
-        "table4": table4,
-        "published": published,
-        "theirs": theirs,
-        "comparison": comparison,
-    }
+    comparison = pd.DataFrame({"method": ["random", "lhsdesign", "optimal"], "samples": 150})
+    frames = {"samples": samples_, "dataset": dataset, "predictions": predictions.drop(failed), "feasible": feasible}
+    frames |= {"history": history, "table4": table4, "published": published, "theirs": theirs}
+    frames |= {"comparison": comparison.assign(min_distance=[0.13, 0.2, 0.4])}
     for name, frame in frames.items():
         frame.to_csv(folder / f"{name}.csv", index=False)
     weights = rng.normal(size=(12, 6)), rng.normal(size=(len(targets), 12))
@@ -91,7 +81,6 @@ def made_up_tables(folder, targets=TARGETS):
 
 
 def write_network(path, outputs, W1, W2):
-    """The file of a network of these weights over the ranges, without offsets."""
     low, high = np.transpose([RANGES[name] for name in PARAMETERS])
     arrays = {"W1": W1, "b1": np.zeros(len(W1)), "W2": W2, "b2": np.full(len(W2), 0.5)}
     arrays |= {"input_min": low, "input_max": high}
@@ -147,23 +136,14 @@ def made_up_inputs(folder):
 
 
 def inputs_of(name, inputs):
-    """The figure's inputs, optional ones included, out of the made-up files."""
-    files = {"stl": "berry", "berry": "axes"}
-    if name == "figure14":
-        files["published"] = "table3"
-    if name == "validation":
-        files["published"] = "table4"
-    if name in ("plane", "figure13"):
-        files["pool"] = files["fresh"] = "dataset"
-    if name == "noise":
-        files["runs"] = "noise_runs"
-    if name in ("corner", "region"):
-        files["summary"] = "posterior_summary"
-    if name == "approach":
-        files["summary"] = "refined_summary"
+    further = {
+        "figure14": {"published": "table3"}, "validation": {"published": "table4"}, "noise": {"runs": "noise_runs"},
+        "plane": {"pool": "dataset"}, "figure13": {"fresh": "dataset"}, "corner": {"summary": "posterior_summary"},
+        "region": {"summary": "posterior_summary"}, "approach": {"summary": "refined_summary"},
+    }  # fmt: skip
+    files = {"stl": "berry", "berry": "axes"} | further.get(name, {})
     return {key: inputs[files.get(key, key)] for key in figures.FIGURES[name].all_inputs}
 
 
 def words(figure):
-    """All texts of a figure."""
     return " | ".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))

@@ -12,6 +12,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.particle import build
 from repose.surrogate import make
+from repose.surrogate.settings import NetworkSettings
 
 ANSWER = {"e_gg": 0.2, "mus_gg": 0.5, "mur_gg": 0.04, "e_gp": 0.3, "mus_gp": 0.6, "mur_gp": 0.2}
 SETTINGS = {"hidden": 3, "epochs": 60, "goal": 0.0, "starts": 1, "seed": 1, "prior": "inputs"}
@@ -28,7 +29,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     unit = (X - [RANGES[name][0] for name in PARAMETERS]) / [high - low for low, high in RANGES.values()]
     slopes = rng.uniform(-0.1, 0.1, (len(PARAMETERS), len(found)))
     Y = found.value * (1 + (unit - 0.5) @ slopes + 0.005 * rng.normal(size=(60, len(found))))
-    model = make(surrogate, SETTINGS).describe(PARAMETERS, found.names).fit(X, Y)
+    model = make(surrogate, NetworkSettings.of(SETTINGS)).describe(PARAMETERS, found.names).fit(X, Y)
     model.save(folder / "network.json")
 
     dataset = pd.DataFrame(X, columns=PARAMETERS).assign(sample=np.arange(1, 61), status="ok")
@@ -55,34 +56,23 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
         of_bench = [one.response.apparatus == bench for one in found]
         names = [name for name, own in zip(found.names, of_bench, strict=True) if own]
         rows = [dict(zip(names, row, strict=True)) | {"status": "ok"} for row in simulated[:, of_bench].tolist()]
-        texts[f"job_{bench}"] = {
-            "sample": 1,
-            "parameters": ANSWER,
-            "apparatus": bench,
-            "runs": [row | {"seed": k} for k, row in enumerate(rows)],
-        }
+        runs_of = [row | {"seed": k} for k, row in enumerate(rows)]
+        texts[f"job_{bench}"] = {"sample": 1, "parameters": ANSWER, "apparatus": bench, "runs": runs_of}
         jobs.append(folder / f"job_{bench}.json")
     for name, content in texts.items():
         (folder / f"{name}.json").write_text(json.dumps(content))
     made_up_pour(folder)
     files = {name: folder / f"{name}.csv" for name in frames}
-    files |= {
-        name: folder / f"{name}.json" for name in ("network", "metrics", "dataset_summary", "summary", "particle")
-    }
+    files |= {name: folder / f"{name}.json" for name in ("network", *list(texts)[:3], "particle")}
     return config, jobs, files | {"trajectory": folder / "trajectory.npz"}
 
 
 def made_up_pour(folder):
     """A particle of spheres, and a pile of 80 of them that falls from 100 mm."""
-    build.fit_particle(build.ellipsoid_mesh([21.14, 11.37, 9.88], subdivisions=2), 840.47).save(
-        folder / "particle.json"
-    )
+    particle = build.fit_particle(build.ellipsoid_mesh([21.14, 11.37, 9.88], subdivisions=2), 840.47)
+    particle.save(folder / "particle.json")
     centres, quaternions = cone_of_berries(80)
     positions = np.stack([centres + np.array([0, 0, 0.1]) * share for share in np.linspace(1, 0, 9)])
     positions[:5, 40:] = np.nan
-    np.savez(
-        folder / "trajectory.npz",
-        time_s=np.linspace(0, 4, 9),
-        position=positions.astype(np.float32),
-        quaternion=np.stack([quaternions] * 9).astype(np.float32),
-    )
+    bodies = {"position": positions.astype(np.float32), "quaternion": np.float32(np.stack([quaternions] * 9))}
+    np.savez(folder / "trajectory.npz", time_s=np.linspace(0, 4, 9), **bodies)

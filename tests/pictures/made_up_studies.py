@@ -13,7 +13,6 @@ from repose.studies import noise
 
 
 def write(folder, config):
-    """Write the tables of every study to a folder, for the targets and the parameters of a configuration."""
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     rng = np.random.default_rng(2)
     _noise(folder, rng, targets)
@@ -56,10 +55,8 @@ def _uncertainty(folder, rng, space, targets):
         for name in space.free
     ]
     pd.DataFrame(sobol).to_csv(folder / "sobol.csv", index=False)
-    effects = pd.concat(
-        pd.DataFrame({"parameter": name, "value": np.linspace(*ends, 5)})
-        for name, *ends in zip(space.free, low, high, strict=True)
-    )
+    ranges = zip(space.free, low, high, strict=True)
+    effects = pd.concat(pd.DataFrame({"parameter": name, "value": np.linspace(*ends, 5)}) for name, *ends in ranges)
     effects = effects.assign(**{one.name: one.value + effects["value"] for one in targets})
     effects.to_csv(folder / "effects.csv", index=False)
 

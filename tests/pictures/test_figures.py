@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from made_up import CONFIG, inputs_of, made_up_inputs, words, write_network
 from PIL import Image
-from refusals import not_refused
+from refusals import input_error, not_refused
 
 from repose.core.errors import InputError
 from repose.measure import pile, saved_pours
@@ -29,12 +29,10 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
-    """Made-up inputs of every figure: name of the file without its ending to its path."""
     return made_up_inputs(tmp_path_factory.mktemp("inputs"))
 
 
 def size_of(path):
-    """Width and height of a PNG from its header."""
     return struct.unpack(">II", path.read_bytes()[16:24])
 
 
@@ -65,7 +63,6 @@ def draw_small(name, inputs, path):
 
 @pytest.fixture(scope="module")
 def drawn(inputs, tmp_path_factory):
-    """A function that draws a figure by its name, once: the figure and its file."""
     folder = tmp_path_factory.mktemp("drawn")
     return functools.cache(lambda name: (draw_small(name, inputs, path := folder / f"{name}.png"), path))
 
@@ -161,26 +158,17 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
     table["aor_simulated_deg"], table["height_simulated_mm"] = 30.0, 70.0
     table.to_csv(changed["table4"], index=False)
     corner = ("NOT CONVERGED", "EXTRAPOLATED", "best draw 2.00 standard deviations")
+    failed = ("3 of 150 samples gave no result", "3 jammed")
+    nothing = ("no set is predicted inside all ranges: the ", "nearest: 3.1 deg short")
+    # without the noise 1 - (4 - 4 / 4) / (20 - 3 / 4 * 4 / 4)
+    accuracy = "test: R² 0.800, RMSE 1.00 deg, n 4\n    R² 0.844 at precise points"
     cases = [
         (berries.sizes_and_sphericity, {"sizes": inputs["sizes"]}, (berries.RECONSTRUCTED,)),
         (berries.sizes_and_sphericity, {"sizes": changed["sizes"]}, ()),
-        (
-            search.feasible_solutions,
-            {"feasible": inputs["feasible"], "summary": changed["summary"]},
-            ("no set is predicted inside all ranges: the ", "nearest: 3.1 deg short"),
-        ),
-        (
-            samples.responses_over_parameters,
-            {"dataset": inputs["dataset"]},
-            ("3 of 150 samples gave no result", "3 jammed"),
-        ),
+        (search.feasible_solutions, {"feasible": inputs["feasible"], "summary": changed["summary"]}, nothing),
+        (samples.responses_over_parameters, {"dataset": inputs["dataset"]}, failed),
         (rotation.states, {"states": changed["states"], "particle": inputs["particle"]}, ("NO SLIP", "at the report")),
-        (
-            surrogate.predicted_against_simulated,
-            {"predictions": changed["predictions"], "dataset": changed["dataset"]},
-            # without the noise 1 - (4 - 4 / 4) / (20 - 3 / 4 * 4 / 4)
-            ("test: R² 0.800, RMSE 1.00 deg, n 4\n    R² 0.844 at precise points",),
-        ),
+        (surrogate.predicted_against_simulated, {key: changed[key] for key in ("predictions", "dataset")}, (accuracy,)),
         # errors are percent of the simulated value
         (checks.validation, {"table4": changed["table4"]}, ("| 10.0 |",)),
     ]
@@ -202,9 +190,11 @@ def test_bad_names_and_inputs_are_named(inputs, tmp_path):
         (("figure02", {"sizes": tmp_path / "nowhere.csv"}), "nowhere"),
     ]
     assert not not_refused(lambda case: figures.draw(*case, tmp_path / "x.png", CONFIG), cases, InputError)
+    np.savez(tmp_path / "x.npz", other=np.zeros(3))
+    input_error("position_SEED", saved_pours.first_pour, tmp_path / "x.npz")
 
 
-def test_the_approach_shows_the_bars_and_why_it_stopped(drawn):
+def test_the_approach_shows_its_bars_legends_carry_the_line_and_grains_are_whole_numbers(drawn):
     figure, _ = drawn("approach")
     text = words(figure)
     assert "near enough, ±1 %" in text
@@ -212,18 +202,13 @@ def test_the_approach_shows_the_bars_and_why_it_stopped(drawn):
     line = figure.axes[0].get_lines()
     simulated = next(one for one in line if one.get_marker() == "o").get_ydata()
     np.testing.assert_allclose(simulated, [-4, np.nan, 0.5], atol=1e-9)
-
-
-def test_heap_file_without_positions_is_refused(tmp_path):
-    np.savez(tmp_path / "x.npz", other=np.zeros(3))
-    with pytest.raises(InputError, match="position_SEED"):
-        saved_pours.first_pour(tmp_path / "x.npz")
-
-
-def test_grains_are_counted_by_whole_numbers(drawn):
     ticks = [tick.get_text() for tick in drawn("figure02")[0].axes[0].get_yticklabels()]
     assert len(ticks) > 2
     assert all(tick.isdigit() for tick in ticks)
+    figure, _ = drawn("plane")
+    title = figure.legends[0].get_title().get_text()
+    assert title.startswith(plane.BARS)
+    assert line_of(CONFIG["measure"]) in title.replace("\n", " ")
 
 
 def test_the_definitions_are_explained_beside_the_pile_and_without_keys_of_the_configuration(drawn):
@@ -254,13 +239,6 @@ def test_a_figure_with_the_calibrated_angle_names_its_line(name, inputs, drawn, 
     config = CONFIG | {"targets": CONFIG["targets"][1:]}
     figures.draw(name, inputs_of(name, inputs), tmp_path / "it.png", config)
     assert line not in words(without.pop()).replace("\n", " ")
-
-
-def test_the_legend_at_the_lower_edge_carries_the_line_below_its_own_title(drawn):
-    figure, _ = drawn("plane")
-    title = figure.legends[0].get_title().get_text()
-    assert title.startswith(plane.BARS)
-    assert line_of(CONFIG["measure"]) in title.replace("\n", " ")
 
 
 def test_the_lines_of_figure_6_carry_the_angles_of_their_sides(inputs, drawn):

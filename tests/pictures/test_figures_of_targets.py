@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up import made_up_tables, words
-from shared import RANGES, TARGETS
+from shared import RANGES, TARGETS, target
 
 from repose.core.parameters import PARAMETERS
 from repose.core.profiles import Profile
@@ -16,25 +16,16 @@ from repose.core.targets import Targets
 from repose.pictures import figures
 from repose.pictures.figures import checks, plane, samples, search, style, surrogate
 
-FURTHER = [
-    {"response": "base_radius_mm", "value": 110.0, "sd": 6.0, "repetitions": 10, "range": [100.0, 120.0]},
-    {"response": "drum_slip_deg", "value": 44.0, "sd": 2.0, "repetitions": 5, "range": [40.0, 48.0]},
-]
+FURTHER = [target("base_radius_mm", 110.0, 6.0, 100.0, 120.0), target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)]
 CHOICES = {1: TARGETS[:1], 2: TARGETS, 4: [*TARGETS, *FURTHER]}
 
 
 def config_of(count, **changes):
-    """A configuration with the given number of targets."""
-    return {
-        "targets": CHOICES[count],
-        "parameters": RANGES,
-        "design": {"method": "optimal", "seed": 1},
-        "small_run": False,
-    } | changes
+    own = {"targets": CHOICES[count], "parameters": RANGES, "small_run": False}
+    return own | {"design": {"method": "optimal", "seed": 1}} | changes
 
 
 def made_up(folder, count, feasible=True):
-    """Smooth made-up tables for the given number of targets. Returns the paths by the inputs' names."""
     files = made_up_tables(folder, CHOICES[count])
     pd.read_csv(files["feasible"]).assign(feasible=feasible).to_csv(files["feasible"], index=False)
     return files
@@ -73,10 +64,8 @@ def of_profile(targets):
     kept = {"name": name, "x": X, "z": HEIGHTS, "functions": 3, "covered": 0.5}
     numbers = {"apparatus": "turning", "sd": 0.3, "repetitions": 3, "profile": kept}
     values = zip(Profile.of(kept).names, Profile.of(kept).scores(HEIGHTS).tolist(), strict=True)
-    return [
-        *targets,
-        *({"response": score, "value": value, "range": [value - 1, value + 1], **numbers} for score, value in values),
-    ]
+    scores = [{"response": name, "value": value, "range": [value - 1, value + 1]} for name, value in values]
+    return [*targets, *(score | numbers for score in scores)]
 
 
 def test_a_profile_is_drawn_as_measured_predicted_and_simulated(tmp_path, monkeypatch):
@@ -131,7 +120,6 @@ DRAWN = {
 
 
 def texts(figure):
-    """The texts of a figure, one by one."""
     return words(figure).split(" | ")
 
 
@@ -152,7 +140,7 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
     assert any("slip" in text for text in result) == (count == 4)
 
 
-def test_every_mark_of_the_published_solutions_has_its_words(tmp_path):
+def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_are_called_so(tmp_path):
     files, config = made_up(tmp_path, 2), config_of(2)
     column = derived("aor_deg", "published_simulated")
     table = pd.read_csv(files["published"])
@@ -161,11 +149,6 @@ def test_every_mark_of_the_published_solutions_has_its_words(tmp_path):
         result = texts(checks.published_solutions({"published": files["published"]}, config))
     assert result.count("not published") == 5
     assert {"measured ± standard deviation", "measured mean", "published simulation"} <= set(result)
-
-
-def test_a_set_whose_pile_was_measured_has_its_mark_and_stale_numbers_are_called_so(tmp_path):
-    files, config = made_up(tmp_path, 2), config_of(2)
-    table = pd.read_csv(files["published"])
     simulated, measured = (derived("aor_deg", f"published_{word}") for word in ("simulated", "measured"))
     table[simulated], table[measured] = [*5 * [32.0], np.nan], [*5 * [np.nan], 31.27]
     for stale in (False, True):
@@ -199,22 +182,15 @@ def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):
         assert "published simulation" not in result
 
 
-def test_a_fixed_parameter_has_no_panel(tmp_path):
+def test_fixed_parameters_have_no_panel_priors_are_the_axis_and_unknown_outputs_are_named(tmp_path):
     files = made_up(tmp_path, 2)
     fixed = {name: {"fixed": 0.3} for name in PARAMETERS[2:]}
     config = config_of(2, parameters=RANGES | fixed)
+    fewer = config | {"parameters": config["parameters"] | {"mus_gg": {"fixed": 0.5}}}
     with style.applied():
         over = samples.responses_over_parameters({"dataset": files["dataset"]}, config)
-        pairs = samples.design_matrix({"samples": files["samples"]}, config)
-        one = samples.design_matrix(
-            {"samples": files["samples"]}, config | {"parameters": config["parameters"] | {"mus_gg": {"fixed": 0.5}}}
-        )
-    assert len(over.axes) == 4
-    assert len(pairs.axes) == 4
-    assert len(one.axes) == 1
-
-
-def test_a_range_with_a_prior_is_the_axis(tmp_path):
+        pairs, one = (samples.design_matrix({"samples": files["samples"]}, some) for some in (config, fewer))
+    assert [len(figure.axes) for figure in (over, pairs, one)] == [4, 4, 1]
     files = made_up(tmp_path, 1)
     prior = {"e_gg": {"prior": {"mean": 0.25, "sd": 0.02}}}
     with style.applied():
@@ -222,9 +198,6 @@ def test_a_range_with_a_prior_is_the_axis(tmp_path):
             {"dataset": files["dataset"]}, config_of(1, parameters=RANGES | prior)
         )
     assert figure.axes[0].get_xlim() == pytest.approx((0.19, 0.31))
-
-
-def test_an_unknown_output_of_a_network_is_named(tmp_path):
     files = made_up(tmp_path, 1)
     network = json.loads(files["network"].read_text()) | {"outputs": ["colour_deg"]}
     files["network"].write_text(json.dumps(network))

@@ -1,13 +1,15 @@
 """The software renderer: known outlines, what hides what, shadows, the funnel, memory, animations."""
 
 import tracemalloc
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from PIL import Image
+from refusals import input_error
 
-from repose.core.errors import InputError
+from repose.apparatus.funnel import Funnel
 from repose.dem.rotations import rotation_matrices
 from repose.dem.tessellation import tessellate
 from repose.particle import build
@@ -15,18 +17,10 @@ from repose.pictures import film, raster, render
 from repose.pictures.scenery import Frustum, funnel_walls, look_at, outline
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
-HEAP = {
-    "inlet_diameter_mm": 150.0,
-    "outlet_diameter_mm": 32.0,
-    "cone_angle_deg": 60.0,
-    "tube_length_mm": 20.0,
-    "rim_radius_mm": 1.0,
-    "outlet_height_mm": 100.0,
-}
+HEAP = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
 
 
 def particle_of(semi_axes_mm):
-    """A particle with these half axes (K, 3); what drawing does not need is left at nothing."""
     axes = np.array(semi_axes_mm) * 1e-3
     return build.Particle("test", axes, 840.0, 0.0, 0.0, np.zeros(3), axes.sum(axis=0).max(), 0.0, 0.0)
 
@@ -59,14 +53,7 @@ def test_tessellation_lies_on_the_body_with_its_normals(particle):
         assert volume == pytest.approx(4 / 3 * np.pi * np.prod(particle.semi_axes_m), rel=0.02)
 
 
-def test_rotation_matrices_of_known_turns():
-    half = np.sqrt(0.5)
-    about_z = rotation_matrices(np.array([[half, 0, 0, half], [2.0, 0, 0, 0]]))
-    np.testing.assert_allclose(about_z[0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
-    np.testing.assert_allclose(about_z[1], np.eye(3), atol=1e-12)
-
-
-def test_the_camera_holds_all_points_and_fills_the_picture():
+def test_the_camera_holds_all_points_fills_the_picture_and_agrees_with_the_kernels():
     points = np.random.default_rng(0).uniform([-0.1, -0.1, 0], [0.1, 0.1, 0.06], (200, 3))
     camera = look_at(points, 600, 400, elevation_deg=20, azimuth_deg=35, margin=1.0)
     x, y, near = camera.project(points)
@@ -79,14 +66,15 @@ def test_the_camera_holds_all_points_and_fills_the_picture():
     ray = camera.rays()[123, 456]
     column, row, _ = camera.project(camera.eye_m + 0.7 * ray)
     assert (column, row) == (pytest.approx(456.5), pytest.approx(123.5))
-
-
-def test_the_kernels_and_the_rays_agree_about_places():
     camera = look_at(np.eye(3), 60, 40, elevation_deg=20, azimuth_deg=35)
     place = np.empty(3)
     lens = (camera.eye_m, camera.axes, camera.focal_px)
     raster.place_of(lens, (camera.height, camera.width), 7, 31, 0.7, place)
     np.testing.assert_allclose(place, camera.eye_m + 0.7 * camera.rays()[7, 31])
+    half = np.sqrt(0.5)
+    about_z = rotation_matrices(np.array([[half, 0, 0, half], [2.0, 0, 0, 0]]))
+    np.testing.assert_allclose(about_z[0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(about_z[1], np.eye(3), atol=1e-12)
 
 
 @pytest.mark.parametrize("multiple", [1, 2, 7])
@@ -133,7 +121,7 @@ def test_a_long_axis_along_the_view_shows_the_short_ones():
     assert side_width / side_height == pytest.approx(10.57 / 4.94, rel=0.05)
 
 
-def test_the_nearer_berry_hides_the_farther_one():
+def test_the_nearer_berry_hides_the_farther_one_and_none_is_seen_behind_the_camera():
     centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
     turns = np.repeat(UPRIGHT, 2, axis=0)
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
@@ -142,9 +130,6 @@ def test_the_nearer_berry_hides_the_farther_one():
     ghost[1] = np.nan
     alone = render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)
     assert reddish(both).sum() == reddish(alone).sum()
-
-
-def test_a_berry_behind_the_camera_is_not_seen():
     frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.02]])
     eye = look_at(frame, 120, 80, elevation_deg=14, azimuth_deg=0).eye_m
     behind = np.array([[2 * eye[0], 0.0, 2 * eye[2]]])
@@ -154,7 +139,7 @@ def test_a_berry_behind_the_camera_is_not_seen():
     assert np.abs(shown.astype(int) - bare).max() < 10
 
 
-def test_the_plate_is_darker_in_the_shadow_of_a_berry_than_elsewhere():
+def test_the_plate_is_darker_in_the_shadow_and_the_funnel_is_translucent():
     frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.02]])
     centre = np.array([[0.0, 0.0, 0.006]])
     bare = render_pile(np.full((1, 3), np.nan), UPRIGHT, BALL, 30, 0, 240, 160, frame_m=frame).astype(int)
@@ -163,18 +148,6 @@ def test_the_plate_is_darker_in_the_shadow_of_a_berry_than_elsewhere():
     assert (darker > 60).sum() > 50
     assert (darker[:20] == 0).all()
     assert not reddish(bare).any()
-
-
-def test_same_input_same_picture_and_shape():
-    rng = np.random.default_rng(5)
-    centres, turns = rng.uniform([-0.03, -0.03, 0.01], [0.03, 0.03, 0.07], (30, 3)), rng.normal(size=(30, 4))
-    first = render_pile(centres, turns, BARREL, width=120)
-    assert first.shape == (72, 120, 3)
-    assert first.dtype == np.uint8
-    np.testing.assert_array_equal(first, render_pile(centres, turns, BARREL, width=120))
-
-
-def test_the_funnel_is_drawn_translucent_over_the_berries():
     walls = [Frustum(0.0, 0.03, 0.06, 0.03)]
     centre = np.array([[0.0, 0.0, 0.03]])
     frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.08]])
@@ -187,6 +160,15 @@ def test_the_funnel_is_drawn_translucent_over_the_berries():
     assert not np.array_equal(dressed[middle], bare[middle])
 
 
+def test_same_input_same_picture_and_shape():
+    rng = np.random.default_rng(5)
+    centres, turns = rng.uniform([-0.03, -0.03, 0.01], [0.03, 0.03, 0.07], (30, 3)), rng.normal(size=(30, 4))
+    first = render_pile(centres, turns, BARREL, width=120)
+    assert first.shape == (72, 120, 3)
+    assert first.dtype == np.uint8
+    np.testing.assert_array_equal(first, render_pile(centres, turns, BARREL, width=120))
+
+
 def test_funnel_walls_follow_the_configuration():
     tube, cone = funnel_walls(HEAP)
     assert (tube.z_low_m, tube.z_high_m) == pytest.approx((0.1, 0.12))
@@ -196,7 +178,7 @@ def test_funnel_walls_follow_the_configuration():
     slope = (cone.z_high_m - cone.z_low_m) / (cone.r_high_m - cone.r_low_m)
     assert np.degrees(np.arctan(slope)) == pytest.approx(60)
     assert abs(cone.r_low_m - 0.016) < 0.001
-    assert len(funnel_walls(HEAP | {"tube_length_mm": 0.0})) == 1
+    assert len(funnel_walls(replace(HEAP, tube_length_m=0.0))) == 1
 
 
 @pytest.mark.slow
@@ -215,7 +197,6 @@ def test_a_large_picture_takes_few_bytes_for_each_ray():
 
 @pytest.fixture(scope="module")
 def trajectory(tmp_path_factory):
-    """Six frames in which three berries appear one after the other and fall."""
     time_s = np.linspace(0, 0.5, 6)
     position = np.full((6, 3, 3), np.nan, np.float32)
     for k in range(6):
@@ -235,10 +216,5 @@ def test_animation_has_its_frames_and_its_size(trajectory, tmp_path, ending):
         assert shown.n_frames == 6
         assert shown.size == (80, 100)
         assert shown.info["loop"] == 0
-    with pytest.raises(InputError, match="max_bytes"):
-        film.animate_pour(trajectory, BALL, out, frames=2, width=80, height=100, max_bytes=200)
-
-
-def test_animation_in_an_unknown_format_is_refused(trajectory, tmp_path):
-    with pytest.raises(InputError, match=r"\.gif or \.webp"):
-        film.animate_pour(trajectory, BALL, tmp_path / "pour.mp4")
+    input_error("max_bytes", film.animate_pour, trajectory, BALL, out, frames=2, width=80, height=100, max_bytes=200)
+    input_error(r"\.gif or \.webp", film.animate_pour, trajectory, BALL, tmp_path / "pour.mp4")

@@ -17,6 +17,7 @@ from repose.core.parameters import PARAMETERS
 from repose.pictures.figures import style
 from repose.pictures.report import page, prediction
 from repose.surrogate import load, make
+from repose.surrogate.settings import NetworkSettings
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]
 
@@ -38,7 +39,6 @@ def browser():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A made-up study with a photograph and a figure, and its report."""
     folder = tmp_path_factory.mktemp("report")
     config, jobs, files = made_up_study(folder, TARGETS, fixed=("e_gp",))
     page.write(config, jobs, files | pictures(folder), {"All samples": folder / "dataset.csv"}, folder / "report.html")
@@ -55,7 +55,6 @@ def pictures(folder):
 
 @pytest.fixture
 def opened(browser, folder):
-    """The report as opened by a double click, without a network; its complaints are in `complaints`."""
     with browser.new_context(viewport={"width": 800, "height": 600}, offline=True) as context:
         opened = open_page(context, folder)
         yield opened
@@ -63,7 +62,6 @@ def opened(browser, folder):
 
 
 def open_page(context, folder):
-    """A tab with the report."""
     tab = context.new_page()
     tab.complaints = []
     tab.on("console", lambda message: tab.complaints.append(message.text) if message.type == "error" else None)
@@ -86,12 +84,10 @@ def pixels(tab):
 
 
 def reddish(colours):
-    """Number of pixels that show a body."""
     return int(((colours[:, 0] - colours[:, 2]) > 40).sum())
 
 
 def move(tab, slider, value):
-    """Move a slider as a reader does."""
     tab.evaluate(
         """([id, value]) => { const slider = document.getElementById(id); slider.value = value;
         slider.dispatchEvent(new Event("input")); }""",
@@ -99,7 +95,7 @@ def move(tab, slider, value):
     )
 
 
-def test_javascript_predicts_what_python_predicts(opened, folder):
+def test_javascript_predicts_what_python_predicts_with_one_network_and_several(opened, folder):
     model = load(folder / "network.json")
     rng = np.random.default_rng(2)
     X = rng.uniform(0.02, 0.8, (40, len(PARAMETERS)))  # within and beyond the samples
@@ -107,13 +103,12 @@ def test_javascript_predicts_what_python_predicts(opened, folder):
     mean, std = model.predict(X, return_std=True, noise=False)
     np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
     np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)  # the page has single precision
-
-
-def test_javascript_predicts_what_several_networks_predict(opened):
     random = np.random.default_rng(3)
     X = random.uniform(size=(40, len(PARAMETERS)))
     Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(0, 0.1, (40, 2))
-    model = make("network_ensemble", {"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0}).fit(X, Y)
+    model = make("network_ensemble", NetworkSettings.of({"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0})).fit(
+        X, Y
+    )
     assert len(model.members_) > 1
     space = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
     content = prediction.for_page(model, space, X[0])

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up_report import made_up_study
-from shared import RANGES, TARGETS
+from refusals import input_error
+from shared import RANGES, TARGETS, target
 
 from repose import __version__
 from repose.core.errors import InputError
@@ -26,10 +27,7 @@ from repose.pictures.report import page, prediction, scene, three
 from repose.surrogate import load
 
 BOTH = Targets.of(TARGETS)
-MORE = [
-    *TARGETS,
-    {"response": "drum_slip_deg", "apparatus": "drum", "value": 44, "sd": 2, "repetitions": 5, "range": [40, 48]},
-]
+MORE = [*TARGETS, target("drum_slip_deg", 44, 2, 40, 48, 5)]
 
 
 def test_positions_are_kept_within_half_a_step_and_the_absent_stay_absent():
@@ -62,15 +60,11 @@ def test_a_body_of_spheres_lacks_only_what_other_spheres_hide():
     outside = (distance > -1e-9).all(axis=1)
     assert outside[triangles].any(axis=1).all()
     assert np.abs(points[outside, 0]).max() == pytest.approx(8.0, abs=0.1)
-    corner = points[triangles]
-    facing = np.einsum(
-        "ij,ij->i", np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), normals[triangles[:, 0]]
-    )
-    assert (facing > 0).all()
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[triangles[:, 0]]) > 0).all()
 
 
 def values_of(path):
-    """What the scripts of a page read."""
     text = path.read_text()
     return json.loads(re.search(r'id="content">(.*?)</script>', text, re.DOTALL).group(1)), text
 
@@ -195,8 +189,7 @@ def test_a_trimesh_without_a_fit_three_js_is_refused(monkeypatch):
     cases = zip(refused, (["NoSuchMesh"], [], []), ("no NoSuchMesh", "no three.js", "not a zip"), strict=True)
     for read, names, said in cases:
         monkeypatch.setattr(three.resources, "get_bytes", read)
-        with pytest.raises(InputError, match=rf"trimesh \d.*{said}.*expected a version of trimesh"):
-            three.library(names)
+        input_error(rf"trimesh \d.*{said}.*expected a version of trimesh", three.library, names)
 
 
 def test_faults_name_the_input(tmp_path):
@@ -204,12 +197,10 @@ def test_faults_name_the_input(tmp_path):
     with pytest.raises(InputError, match=r"photo.*one of dataset"):
         page.write(config, jobs, files | {"photo": "x"}, {}, tmp_path / "report.html")
     del files["table4"]
-    with pytest.raises(InputError, match="a report needs"):
-        page.write(config, jobs, files, {}, tmp_path / "report.html")
+    input_error("a report needs", page.write, config, jobs, files, {}, tmp_path / "report.html")
     (tmp_path / "photo.jpg").write_text("no picture")
     files["table4"], files["photograph"] = tmp_path / "table4.csv", tmp_path / "photo.jpg"
-    with pytest.raises(InputError, match=r"photo.jpg.*a PNG or JPEG"):
-        page.write(config, jobs, files, {}, tmp_path / "report.html")
+    input_error(r"photo.jpg.*a PNG or JPEG", page.write, config, jobs, files, {}, tmp_path / "report.html")
 
 
 def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_twice(tmp_path):

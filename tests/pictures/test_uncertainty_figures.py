@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from made_up import inputs_of, made_up_tables, words
 from matplotlib.colors import to_hex
+from shared import target
 
 from repose.core.files import write_json
 from repose.core.parameter_space import ParameterSpace
@@ -18,25 +19,18 @@ from repose.studies import implausibility
 
 NAMES = ("drum_slip_deg", "aor_deg", "height_mm", "base_radius_mm")
 FREE = PARAMETERS[1:4]
-PARAMETERS_OF_A_STUDY = {name: [0.2, 0.6] if name in FREE else {"fixed": 0.3} for name in PARAMETERS} | {
-    "mus_gg": {"prior": {"mean": 0.4, "sd": 0.05}, "range": [0.2, 0.6]}
-}
+PARAMETERS_OF_A_STUDY = {name: [0.2, 0.6] if name in FREE else {"fixed": 0.3} for name in PARAMETERS}
+PARAMETERS_OF_A_STUDY |= {"mus_gg": {"prior": {"mean": 0.4, "sd": 0.05}, "range": [0.2, 0.6]}}
 
 
 def config_of(count):
-    """A configuration with a given number of targets; its first parameter is fixed, its second one has a prior."""
-    target = {"value": 30.0, "sd": 2.0, "repetitions": 4, "range": [28.0, 32.0]}
-    return {
-        "targets": [{"response": name} | target for name in NAMES[:count]],
-        "parameters": PARAMETERS_OF_A_STUDY,
-        "refine": {"tolerance_percent": 1.0, "standard_error_percent": 0.7},
-    }
+    targets = [target(name, 30.0, 2.0, 28.0, 32.0, 4) for name in NAMES[:count]]
+    refine = {"tolerance_percent": 1.0, "standard_error_percent": 0.7}
+    return {"targets": targets, "parameters": PARAMETERS_OF_A_STUDY, "refine": refine}
 
 
 @pytest.fixture
 def files(tmp_path):
-    """A function that makes up the files of all studies of a configuration."""
-
     def made(config):
         made_up_tables(tmp_path, config["targets"])
         made_up_studies.write(tmp_path, config)
@@ -46,7 +40,6 @@ def files(tmp_path):
 
 
 def drawn(figure):
-    """Number of panels that are shown, and all texts."""
     figure.canvas.draw()
     return sum(panel.axison for panel in figure.axes), words(figure)
 
@@ -93,9 +86,8 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     space = ParameterSpace.of(config["parameters"])
     quantile = np.random.default_rng(1).random((20_000, space.dimensions))
     # what the first free parameter, with a prior, has below its median is excluded
-    share, table = implausibility.region(
-        SimpleNamespace(quantile=quantile), space, np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
-    )
+    excluded = np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
+    share, table = implausibility.region(SimpleNamespace(quantile=quantile), space, excluded)
     inputs = {"region": tmp_path / "region.csv", "summary": tmp_path / "summary.json"}
     table.to_csv(inputs["region"], index=False)
     write_json(inputs["summary"], {"not_implausible_share": share})

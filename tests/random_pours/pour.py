@@ -63,15 +63,12 @@ class TooLong(Exception):
 
 
 class Seen:
-    """The largest energy, speed and overlap of a run, over what the bounds are measured by."""
-
     def __init__(self):
         self.energy = self.speed = self.overlap = self.wall_overlap = 0.0
         self.steps = 0
         self.began_s = None  # the first look: what is compiled before is no time of a pour
 
     def note(self, bounded):
-        """Add the present state."""
         now_s = time.process_time()
         self.began_s = now_s if self.began_s is None else self.began_s
         if now_s - self.began_s > LONGEST_S:
@@ -96,7 +93,6 @@ class Seen:
 
 
 def noting(seen):
-    """Bounded.look that adds to `seen` first."""
     look = Bounded.look
 
     def noted(self, everywhere=True):
@@ -107,7 +103,6 @@ def noting(seen):
 
 
 def sized(particle, factor):
-    """The particle at another size."""
     record = particle.record()
     for key, power in {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3}.items():
         record[key] = (np.array(record[key]) * factor**power).tolist()
@@ -117,7 +112,6 @@ def sized(particle, factor):
 
 
 def drawn(number, default, mean, particles):
-    """Configuration, parameters, particle and berry of a random case."""
     rng = np.random.default_rng([13, number])
     config = copy.deepcopy(default)
     apparatus, name = str(rng.choice(list(SCENES))), str(rng.choice(list(PARTICLES)))
@@ -420,7 +414,6 @@ def counted(rows):
 
 
 def read(path):
-    """Rows of a table of pours; none where there is no file."""
     if not path.is_file():
         return []
     with path.open(newline="") as table:
@@ -428,7 +421,6 @@ def read(path):
 
 
 def main():
-    """Pour what is not in the table yet."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=2000, help="cases 0 to COUNT - 1")
     parser.add_argument("--first", type=int, default=0)

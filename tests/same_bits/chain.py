@@ -39,7 +39,6 @@ def verbs(samples):
 
 
 def words(line):
-    """A line as the program takes it."""
     split = line.split()
     return [cli.STAGE, *split] if split[0] in cli.STAGES else split
 
@@ -53,7 +52,6 @@ def poured(folder, table, purpose, count, seeds):
 
 
 def main():
-    """Run it; the first status that is not 0 ends it."""
     config = Study.load(ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml")).config
     write_json("results/config.json", config)
     for line in verbs(config["design"]["samples"]):

@@ -76,7 +76,6 @@ ENVIRONMENTS = {
 
 
 def run(name, work, pythons):
-    """Run the study of an environment, unless it has run; the exit status, None where it cannot be run here."""
     own = ENVIRONMENTS[name]
     folder, done = work / name / own.folder, work / name / "status"
     if done.is_file():
@@ -148,7 +147,6 @@ def ensembles(folder, plain):
 
 
 def row(name, work, status):
-    """A row of the table."""
     own = ENVIRONMENTS[name]
     if status is None:
         return f"| {own.what} | not run | | |"
@@ -174,7 +172,6 @@ def row(name, work, status):
 
 
 def main():
-    """Run what is asked for, and print the table of all that has run."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="environments; all without any")
     parser.add_argument("--work", type=Path, help="folder of the studies; what ran there is not run again")

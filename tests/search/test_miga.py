@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import value_error
 
 from repose.search.miga import MIGA, islands_ga, migrate
 
@@ -138,8 +139,7 @@ def test_the_same_seed_gives_the_same_search_and_another_does_not():
     ],
 )
 def test_a_bad_setting_is_named(setting, value, allowed):
-    with pytest.raises(ValueError, match=f"{setting} is {value}; expected {allowed}"):
-        MIGA(6, **{setting: value})
+    value_error(f"{setting} is {value}; expected {allowed}", MIGA, 6, **{setting: value})
 
 
 BOX = np.array([(-5.0, 5.0), (100.0, 200.0), (-1e-3, 0.0)])
@@ -203,5 +203,4 @@ def test_islands_ga_succeeds_from_every_seed_on_easy_functions(dimensions):
     ],
 )
 def test_islands_ga_names_what_is_wrong(function, bounds, settings, fault):
-    with pytest.raises(ValueError, match=fault):
-        islands_ga(function, bounds, **settings)
+    value_error(fault, islands_ga, function, bounds, **settings)

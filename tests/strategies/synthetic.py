@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from shared import RANGES
+from shared import RANGES, entries, settings_of, target
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -11,68 +11,39 @@ from repose.core.targets import Targets
 
 SPACE = ParameterSpace.of(RANGES)
 # What `responses` gives at mus_gg 0.61, mur_gg 0.05, mus_gp 0.68.
-TARGETS = Targets.of(
-    [
-        {"response": "aor_deg", "value": 33.89, "sd": 2.0, "repetitions": 10, "range": [32, 36]},
-        {"response": "height_mm", "value": 65.28, "sd": 4.0, "repetitions": 10, "range": [62, 68]},
-    ]
-)
-SECTION = {
-    "seeds": 3,
-    "screening_runs": 12,
-    "significance": 0.05,
-    "most_factors": 4,
-    "steps": 5,
-    "surface": "box_behnken",
-    "centres": 5,
-    "reach": 0.25,
-    "checks": 8,
-}
+TARGETS = Targets.of([target("aor_deg", 33.89, 2.0, 32, 36), target("height_mm", 65.28, 4.0, 62, 68)])
+SECTION = {"seeds": 3, "screening_runs": 12, "significance": 0.05, "most_factors": 4, "steps": 5}
+SECTION |= {"surface": "box_behnken", "centres": 5, "reach": 0.25, "checks": 8}
+REFINE = {"seeds": 20, "block": 8, "neighbours": 4, "neighbour_seeds": 3, "tolerance_percent": 1.0}
+REFINE |= {"standard_error_percent": 0.7}
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
 
 
 class Study(NamedTuple):
-    """What a strategy reads of a study."""
-
     parameters: ParameterSpace
     targets: Targets
     config: dict
 
+    @property
+    def settings(self):
+        return settings_of(self.config)
+
 
 def study(targets=None, space=None, **sections):
-    """A study of these sections."""
     targets, space = TARGETS if targets is None else targets, SPACE if space is None else space
     return Study(space, targets, configuration(targets, space, **sections))
 
 
 def configuration(targets, space, **sections):
-    """What the check of a strategy reads of a study's configuration."""
     parameters = {name: {"fixed": value} for name, value in space.fixed.items()}
     for name, low, high in zip(space.free, space.low.tolist(), space.high.tolist(), strict=True):
         parameters[name] = [low, high]
         if name in space.prior:
             mean, sd = space.prior[name]
             parameters[name] = {"range": [low, high], "prior": {"mean": mean, "sd": sd}}
-    return {
-        "label": "made_up",
-        "results_dir": "results",
-        "small_run": False,
-        "targets": [
-            {
-                "response": one.name,
-                "apparatus": one.response.apparatus,
-                "value": one.value,
-                "sd": one.sd,
-                "repetitions": one.repetitions,
-                "range": [one.low, one.high],
-            }
-            for one in targets
-        ],
-        "parameters": parameters,
-        "design": {"seed": 1},
-        "miga": {"solutions": 20, "distance": 0.02},
-        **sections,
-    }
+    own = {"label": "made_up", "results_dir": "results", "small_run": False, "design": {"seed": 1}}
+    own |= {"targets": entries(targets), "parameters": parameters, "miga": {"solutions": 20, "distance": 0.02}}
+    return own | sections
 
 
 def responses(table, noise=0.0, seed=1):
@@ -86,7 +57,6 @@ def responses(table, noise=0.0, seed=1):
 
 
 def write_poured(folder, table, noise=0.0, seed=1, seeds=3):
-    """The tables of a step's pours, as the verb dataset writes them."""
     runs = table.loc[table.index.repeat(seeds), ["sample", *PARAMETERS]].reset_index(drop=True)
     runs = runs.assign(seed=range(len(runs)), status="ok", reason="")
     runs[list(TARGETS.names)] = responses(runs, noise, seed)
@@ -100,7 +70,6 @@ def write_poured(folder, table, noise=0.0, seed=1, seeds=3):
 
 
 def dataset(table, noise=0.0, seed=1):
-    """The dataset of a step's samples, as the verb dataset writes it."""
     found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)
     found[list(TARGETS.names)] = responses(table, noise, seed)
     return found.assign(**{name: 0.1 for name in TARGETS.errors})

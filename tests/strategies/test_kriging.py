@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import value_error
 from scipy.stats import multivariate_normal, norm
 
 from repose.core.probability import within
@@ -49,7 +50,6 @@ def test_prediction_is_that_of_processes_of_all_responses_at_once():
 
 
 def one_process(model, observed, points, kernels):
-    """Means (m, 2) and covariances (m, 2, 2) by one matrix of all samples and responses."""
     mixing, scale = model._mixing, model._scale
     n, m = len(observed.unit), len(points)
     everywhere = np.vstack([observed.unit, points])
@@ -87,15 +87,12 @@ def test_a_sample_is_predicted_from_all_the_others():
         assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
 
 
-def test_the_factor_is_what_the_residuals_say_once_there_are_many():
+def test_the_factor_is_what_the_residuals_say_and_its_prior_where_all_is_noise():
     random = np.random.default_rng(3)
     variances, errors = random.uniform(0.5, 2.0, (2, 5000, 1))
     for factor in (0.4, 1.0, 3.0):
         residuals = np.sqrt(factor * variances + errors) * random.standard_normal((5000, 1))
         assert _factor(residuals, variances, errors) == pytest.approx(factor, rel=0.15)
-
-
-def test_residuals_that_are_all_noise_leave_the_factor_at_its_prior():
     residuals = np.random.default_rng(4).standard_normal((20, 1))
     assert _factor(residuals, 1e-4 * np.ones((20, 1)), np.ones((20, 1))) == pytest.approx(FACTOR_MEDIAN, rel=0.01)
 
@@ -111,13 +108,10 @@ def test_many_parameters_do_not_make_the_predictions_less_certain_than_they_are(
     assert 0.45 < np.mean(squares) < 1.5
 
 
-def test_the_noise_is_the_covariance_within_samples():
+def test_the_noise_is_that_within_samples_between_a_samples_own_and_the_common_one():
     observed = poured(n=3000, seeds=2)
     assert observed.noise() == pytest.approx(NOISE, rel=0.08)
     assert observed.freedom == 3000
-
-
-def test_errors_of_means_lie_between_a_samples_own_and_the_common_one():
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing
     own = (mixed**2).sum(axis=1) / 3
@@ -125,9 +119,6 @@ def test_errors_of_means_lie_between_a_samples_own_and_the_common_one():
     assert moderated == pytest.approx((PRIOR_FREEDOM + 3 * own) / (PRIOR_FREEDOM + 3))
     assert (np.minimum(own, 1) <= moderated + 1e-9).all()
     assert (moderated <= np.maximum(own, 1) + 1e-9).all()
-
-
-def test_a_sample_of_one_pour_has_the_common_noise():
     observed = poured(n=40, seeds=3)
     observed.values[7, 1:] = np.nan
     model = Kriging(observed)
@@ -149,11 +140,8 @@ def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means():
 
 
 def test_too_few_pours_are_refused():
-    with pytest.raises(ValueError, match="at least 3"):
-        Kriging(poured(seeds=1))
-    with pytest.raises(ValueError, match="at least 2"):
-        Kriging(poured(n=1, seeds=9))
+    value_error("at least 3", Kriging, poured(seeds=1))
+    value_error("at least 2", Kriging, poured(n=1, seeds=9))
     observed = poured()
     observed.values[:] = observed.values[:, :1]
-    with pytest.raises(ValueError, match="all alike"):
-        Kriging(observed)
+    value_error("all alike", Kriging, observed)

@@ -30,7 +30,12 @@ def runs_of(sd, samples=400, seed=1):
     return table.assign(sample=np.arange(samples).repeat(2), status="ok")
 
 
-def test_the_default_noise_asks_for_as_many_pours_as_by_hand():
+def test_the_noise_is_that_of_the_runs_or_the_default_as_by_hand():
+    sd = np.array([0.5, 2.0])
+    found = plan.measured_noise(runs_of(sd), TARGETS)
+    # 400 degrees of freedom: a variance is known to 7 %
+    assert found == pytest.approx(np.outer(sd, sd) * [[1, 0.5], [0.5, 1]], rel=0.25)
+    assert plan.plan(CONFIG, runs_of(sd)).measured
     height = Targets.of(CONFIG["targets"])[1:]
     found = plan.plan(CONFIG | {"targets": CONFIG["targets"][1:]})
     assert len(height) == 1
@@ -38,14 +43,9 @@ def test_the_default_noise_asks_for_as_many_pours_as_by_hand():
         by_hand = (norm.ppf((1 + plan.CERTAINTY) / 2) * plan.NOISE_PERCENT / percent) ** 2
         assert found.needed[percent] == int(np.ceil(by_hand))
     assert not found.measured
-
-
-def test_the_noise_is_that_of_the_runs():
-    sd = np.array([0.5, 2.0])
-    found = plan.measured_noise(runs_of(sd), TARGETS)
-    # 400 degrees of freedom: a variance is known to 7 %
-    assert found == pytest.approx(np.outer(sd, sd) * [[1, 0.5], [0.5, 1]], rel=0.25)
-    assert plan.plan(CONFIG, runs_of(sd)).measured
+    runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
+    with pytest.raises(InputError, match=r"a\.csv: runs that determine the noise is 0; expected at least 3"):
+        plan.measured_noise(runs, TARGETS, "a.csv")
 
 
 @pytest.mark.parametrize("percent", [0.1, 1.1, 1.9, 5.0, 30.0])
@@ -64,19 +64,18 @@ def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_camp
         assert (found[name].to_numpy() >= by_pours.min().to_numpy() - 1e-12).all()
 
 
-def test_between_two_scatters_the_chances_lie_between_and_at_one_they_are_its_own():
+def test_chances_between_two_scatters_and_their_errors_are_those_by_hand():
     table = pd.read_csv(plan.SUCCESS).query("responses == 1")
     low, high = sorted(table["noise_percent"].unique())[:2]
     own = [table[table["noise_percent"] == one]["within_1_percent"].to_numpy() for one in (low, high)]
     assert plan.chances(1, low)["within_1_percent"].to_numpy() == pytest.approx(own[0])
     middle = plan.chances(1, float(np.sqrt(low * high)))["within_1_percent"].to_numpy()
     assert middle == pytest.approx((own[0] + own[1]) / 2)
-
-
-def test_a_share_has_the_standard_error_of_a_beta_distribution_also_at_its_ends():
     shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
     assert plan.share_error(shares, trials).to_numpy() == pytest.approx(by_hand, rel=1e-12)
+    # 150 jobs of 6 pours of 500 grains took 27.6 MB
+    assert plan.disk_mb(CONFIG, 900) == pytest.approx(27.6, rel=0.05)
 
 
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("published", "sequential")]
@@ -122,17 +121,6 @@ def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monke
     assert ["sequential"] in [line[:1] for line in lines]
 
 
-def test_runs_that_do_not_tell_the_noise_are_named():
-    runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
-    with pytest.raises(InputError, match=r"a\.csv: runs that determine the noise is 0; expected at least 3"):
-        plan.measured_noise(runs, TARGETS, "a.csv")
-
-
 def test_the_table_is_that_of_the_hidden_truths():
     expected = hidden_truths.success(pd.read_csv(ROOT / "research/answers/hidden_truths.csv"))
     pd.testing.assert_frame_equal(pd.read_csv(plan.SUCCESS), expected, atol=5e-4, check_dtype=False)
-
-
-def test_disk_goes_with_grains_and_pours():
-    # 150 jobs of 6 pours of 500 grains took 27.6 MB
-    assert plan.disk_mb(CONFIG, 900) == pytest.approx(27.6, rel=0.05)

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import synthetic
 from matplotlib.text import Text
+from shared import entries
 from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, configuration, dataset, responses, write_poured
 
 from repose.core.errors import InputError
@@ -20,13 +21,7 @@ from repose.strategies import Answer, batches
 from repose.strategies.response_surface import ResponseSurface, screening, surface
 from repose.strategies.response_surface.steps import STEPS, factors_of, numbers
 
-CONFIG = {
-    "targets": [
-        {"response": one.name, "value": one.value, "sd": one.sd, "repetitions": 10, "range": [one.low, one.high]}
-        for one in TARGETS
-    ],
-    "parameters": RANGES,
-}
+CONFIG = {"targets": entries(TARGETS), "parameters": RANGES}
 
 
 def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
@@ -42,7 +37,6 @@ def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
 
 @pytest.fixture(scope="module")
 def noisy(tmp_path_factory):
-    """A campaign with 0.5 % of noise, and its check."""
     folder = tmp_path_factory.mktemp("noisy")
     return folder, campaign(folder, 0.5)
 
@@ -65,9 +59,15 @@ def test_the_screening_finds_the_parameters_that_matter(noisy):
     assert set(found["kept"]) >= MATTER
     assert found["kept"][0] in {"mus_gg", "mur_gg"}
     assert set(found["kept"]) | set(found["dropped"]) == set(PARAMETERS)
+    table = screening.design(SPACE, SECTION)
+    models = screening.models_of(table, dataset(table, 0.1), TARGETS, "linear")
+    none = SECTION | {"significance": 1e-30}
+    assert len(screening.kept_factors(models, none)) == 3
+    assert len(screening.kept_factors(models, none | {"surface": "rotatable"})) == 2
+    assert len(screening.kept_factors(models, SECTION | {"significance": 0.999999})) == 4
 
 
-def test_the_ascent_begins_at_the_centre_and_moves_what_was_kept(noisy):
+def test_the_ascent_begins_at_the_centre_and_the_surface_lies_about_its_best_point(noisy):
     path = pd.read_csv(noisy[0] / "path.csv")
     kept = factors_of(path)
     assert path.loc[0, list(PARAMETERS)].to_numpy(float) == pytest.approx(list(SPACE.centre.values()))
@@ -77,9 +77,6 @@ def test_the_ascent_begins_at_the_centre_and_moves_what_was_kept(noisy):
     assert np.abs(coded.to_numpy()).max() == pytest.approx(1), "the last step is at the edge of a range"
     assert path["best"].sum() == 1
     assert path.loc[path["best"], "error_percent"].iloc[0] == path["error_percent"].min()
-
-
-def test_the_surface_lies_about_the_best_point_inside_the_ranges(noisy):
     path, table = (pd.read_csv(noisy[0] / name) for name in ("path.csv", "surface/samples.csv"))
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     assert unit.min() > -1e-12
@@ -91,7 +88,7 @@ def test_the_surface_lies_about_the_best_point_inside_the_ranges(noisy):
         assert unit[:, k].mean() == pytest.approx(np.clip(best[k], 0.25, 0.75))
 
 
-def test_the_check_is_the_optimum_again(noisy):
+def test_the_check_is_the_optimum_again_in_coded_and_natural_units(noisy):
     folder, check = noisy
     table = pd.read_csv(folder / "check/samples.csv")
     optimum = json.loads((folder / "optimum.json").read_text())
@@ -101,9 +98,6 @@ def test_the_check_is_the_optimum_again(noisy):
     summary = json.loads((folder / "summary.json").read_text())
     samples = [len(pd.read_csv(folder / name / "samples.csv")) for name in ("screening", "ascent", "surface", "check")]
     assert summary["pours"] == 3 * sum(samples)
-
-
-def test_coded_and_natural_optimum_are_the_same_point(noisy):
     table = pd.read_csv(noisy[0] / "surface/samples.csv")
     for k in (0, 7, len(table) - 1):
         coded = table.loc[k, [f"coded_{name}" for name in factors_of(table)]].to_numpy(float)
@@ -139,21 +133,11 @@ def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
     assert np.ptp(unit[:, k]) == pytest.approx(2 * SECTION["reach"])
 
 
-def test_at_least_as_many_factors_as_the_surface_needs_and_no_more_than_allowed():
-    table = screening.design(SPACE, SECTION)
-    models = screening.models_of(table, dataset(table, 0.1), TARGETS, "linear")
-    none = SECTION | {"significance": 1e-30}
-    assert len(screening.kept_factors(models, none)) == 3
-    assert len(screening.kept_factors(models, none | {"surface": "rotatable"})) == 2
-    assert len(screening.kept_factors(models, SECTION | {"significance": 0.999999})) == 4
-
-
 def bent(table):
     """A dataset of a response that the corners of the ranges underrate: 60 mm in their mean, 68 mm at the centre."""
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
-    height = (
-        68 + 8 * (unit[:, 1] - 0.5) + 4 * (unit[:, 2] - 0.5) - 16 * ((unit[:, 4] - 0.5) ** 2 + (unit[:, 0] - 0.5) ** 2)
-    )
+    off = unit - 0.5
+    height = 68 + 8 * off[:, 1] + 4 * off[:, 2] - 16 * (off[:, 4] ** 2 + off[:, 0] ** 2)
     found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)
     return found.assign(height_mm=height, aor_deg=30.0)
 
@@ -168,7 +152,7 @@ def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_c
     assert np.sign(found.samples["coded_mus_gg"].iloc[-1]) == sign
 
 
-def test_samples_that_gave_no_pile_are_left_out():
+def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
     table = screening.design(SPACE, SECTION)
     data = dataset(table)
     data.loc[[0, 5], "status"] = "failed"
@@ -176,6 +160,8 @@ def test_samples_that_gave_no_pile_are_left_out():
     whole = screening.models_of(table, dataset(table), TARGETS, "linear")
     fewer = screening.models_of(table, data, TARGETS, "linear")
     assert len(fewer[0].response) == len(whole[0].response) - 2
+    steps = [set(numbers(step, 500)) for step in ("screening", "ascent", "surface", "check")]
+    assert len(set().union(*steps)) == 2000
 
 
 def test_too_few_piles_are_reported_with_their_folder(tmp_path):
@@ -192,11 +178,6 @@ def test_too_few_piles_are_reported_with_their_folder(tmp_path):
     write_poured(tmp_path, table.iloc[:5])
     with pytest.raises(InputError, match="all samples of the step"):
         batches.run_propose("response_surface", study, [tmp_path], tmp_path / "next")
-
-
-def test_no_two_steps_share_a_sample():
-    steps = [set(numbers(step, 500)) for step in ("screening", "ascent", "surface", "check")]
-    assert len(set().union(*steps)) == 2000
 
 
 def test_figures(noisy):

@@ -1,4 +1,4 @@
-"""Verdicts of the refinement's rounds, for one target, two and four."""
+"""Rounds and batches of a strategy."""
 
 from itertools import chain
 
@@ -6,50 +6,42 @@ import numpy as np
 import pandas as pd
 import pytest
 from shared import targets_of
+from synthetic import REFINE as SECTION
+from synthetic import SPACE
 
+from repose.chain.dataset import assemble
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
+from repose.strategies import batches
 from repose.strategies.refined import rounds
+from repose.strategies.runs import samples_of_runs
+from repose.strategies.sequential.strategy import observed_of
 
-SECTION = {
-    "seeds": 20,
-    "block": 8,
-    "neighbours": 4,
-    "neighbour_seeds": 3,
-    "tolerance_percent": 1.0,
-    "standard_error_percent": 0.7,
-}
 TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
 
 
 def proposed(targets, seeds):
-    """A proposal of round 0 in two blocks, the second of one seed, and a neighbour, all predicted to be on target."""
     table = pd.DataFrame({"sample": [1001, 1002, 1101], "role": ["proposal", "proposal", "neighbour"]})
     table = table.assign(**dict.fromkeys(PARAMETERS, 0.5), seeds=[seeds - 1, 1, 3], warning="")
     return table.assign(**{one.response.predicted: one.value for one in targets})
 
 
 def runs_of(samples, **responses):
-    """Runs, all ok, of one sample a value."""
     return pd.DataFrame({"sample": samples, "status": "ok", "reason": ""}).assign(**responses)
 
 
 def judged(targets=TARGETS, section=SECTION, **responses):
-    """Verdict of round 0 whose proposal was run with these results."""
     count = len(next(iter(responses.values())))
     noise = runs_of([1101], **dict.fromkeys(responses, 99.0))  # a neighbour, which has no say
     runs = pd.concat([runs_of([1001] * (count - 1) + [1002], **responses), noise])
     return rounds.judge(proposed(targets, count), runs, targets, section, 0, PARAMETERS)
 
 
-def test_a_round_is_cut_into_blocks_of_its_seeds_and_neighbours():
+def test_a_round_is_cut_into_blocks_whose_seeds_were_never_used():
     jobs = rounds.jobs(SECTION, 2)
     assert jobs[:3] == [(3001, "proposal", 8), (3002, "proposal", 8), (3003, "proposal", 4)]
     assert jobs[3:] == [(number, "neighbour", 3) for number in (3101, 3102, 3103, 3104)]
     assert [rounds.round_of(number) for number in (1001, 3104, 150)] == [0, 2, -1]
-
-
-def test_no_seed_of_a_round_was_used_before():
     seeds = [
         pour_seeds(2026, "refined", sample, count)
         for round_ in range(4)
@@ -62,15 +54,12 @@ def test_no_seed_of_a_round_was_used_before():
     assert len(set(every)) == len(every)
 
 
-def test_a_round_within_both_bars_is_within():
+def test_a_round_is_within_both_bars_misses_them_is_not_precise_or_gave_no_pile():
     row = judged(aor_deg=[30.1, 30.3, 30.2, 30.2], height_mm=[60.2, 59.8, 60.0, 60.0])
     assert (row["outcome"], row["reason"], row["n_seeds"]) == ("within", "", 4)
     assert row["aor_deviation_percent"] == pytest.approx(100 * 0.2 / 30)
     assert row["aor_se_deg"] == pytest.approx(np.std([30.1, 30.3, 30.2, 30.2], ddof=1) / 2)
     assert row["aor_deviation_se"] == pytest.approx(0.2 / row["aor_se_deg"])
-
-
-def test_a_round_that_misses_says_by_how_much_each_response_is_off():
     row = judged(aor_deg=[30.6, 31.0, 30.8, 30.8], height_mm=[58.8, 59.2, 59.0, 59.0])
     assert row["outcome"] == "not within"
     assert row["reason"] == (
@@ -80,17 +69,11 @@ def test_a_round_that_misses_says_by_how_much_each_response_is_off():
     alone = judged(aor_deg=[30.6, 31.0, 30.8, 30.8], height_mm=[60.2, 59.8, 60.3, 60.3])
     assert alone["outcome"] == "not within"
     assert alone["reason"].endswith("Height 60.15 mm is 0.25 % (1.3 standard errors) above 60 mm, within 1 %")
-
-
-def test_a_mean_that_is_near_by_luck_is_not_precise_enough():
     row = judged(aor_deg=[28.0, 32.0, 30.0, 30.0], height_mm=[60.2, 59.8, 60.0, 60.0])
     assert row["outcome"] == "not precise"
     assert "its standard error is 2.72 %, not below 0.7 %" in row["reason"]
     single = judged(section=SECTION | {"standard_error_percent": 1e-9}, aor_deg=[30.0, 30.0], height_mm=[60.0, 60.0])
     assert single["outcome"] == "within", "a standard error of nought is below any"
-
-
-def test_a_proposal_without_a_pile_has_an_outcome_of_its_own():
     runs = runs_of([1001, 1002], aor_deg=30.0, height_mm=60.0).assign(status="jammed", reason="stuck")
     row = rounds.judge(proposed(TARGETS, 2), runs, TARGETS, SECTION, 0, PARAMETERS)
     assert row["outcome"] == "no pile"
@@ -98,25 +81,12 @@ def test_a_proposal_without_a_pile_has_an_outcome_of_its_own():
     assert np.isnan(row["aor_simulated_deg"])
 
 
-def test_one_target():
+def test_one_target_and_four_of_two_bench_tests():
     row = judged(targets_of(drum_slip_deg=40.0), drum_slip_deg=[40.2, 40.2, 40.0, 40.0])
     assert row["outcome"] == "within"
     assert row["drum_slip_simulated_deg"] == pytest.approx(40.1)
     assert rounds.why_stopped(row, 4, targets_of(drum_slip_deg=40.0)) == "round 0 meets the target"
     assert rounds.claim(row, targets_of(drum_slip_deg=40.0)).startswith("slip 40.10 ± 0.06 deg (+0.25 %), mean")
-
-
-FOUR = targets_of(aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0, drum_slip_deg=40.0)
-
-
-def of_two_bench_tests(slip):
-    """Runs of a proposal: four in the funnel, all on target, and one a value of slip in the drum."""
-    funnel = runs_of([1001] * 4, aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0).assign(apparatus="funnel")
-    drum = runs_of([1001] * len(slip), drum_slip_deg=slip).assign(apparatus="drum")
-    return pd.concat([funnel, drum])
-
-
-def test_four_targets_of_two_bench_tests():
     row = rounds.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0, PARAMETERS)
     assert (row["poured"], row["n_seeds"]) == (7, 3)
     assert row["outcome"] == "not within"
@@ -128,6 +98,16 @@ def test_four_targets_of_two_bench_tests():
     row = rounds.judge(proposed(FOUR, 4), failed, FOUR, SECTION, 0, PARAMETERS)
     assert (row["outcome"], row["reason"]) == ("no pile", "jammed: 2 of 2 runs jammed (stuck)")
     assert rounds.why_stopped(row | {"outcome": "within"}, 4, FOUR) == "round 0 meets all targets"
+
+
+FOUR = targets_of(aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0, drum_slip_deg=40.0)
+
+
+def of_two_bench_tests(slip):
+    """Runs of a proposal: four in the funnel, all on target, and one a value of slip in the drum."""
+    funnel = runs_of([1001] * 4, aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0).assign(apparatus="funnel")
+    drum = runs_of([1001] * len(slip), drum_slip_deg=slip).assign(apparatus="drum")
+    return pd.concat([funnel, drum])
 
 
 def test_the_loop_goes_on_while_there_is_something_to_learn():
@@ -156,3 +136,40 @@ def test_targets_out_of_reach_end_the_loop_where_it_comes_no_nearer():
     assert rounds.goes_on(row | {"out_of_reach": False}, nearer)
     assert "out of reach and came no nearer" in rounds.why_stopped(row, 4, TARGETS, nearer)
     assert "the limit of 4 refits" in rounds.why_stopped(row, 4, TARGETS, farther)
+
+
+def job(sample, name, good):
+    runs = [
+        {"seed": seed, "status": "ok", "reason": "", name: 50.0 + sample + seed**2}
+        if one
+        else {"seed": seed, "status": "jammed", "reason": "stuck", name: None}
+        for seed, one in enumerate(good)
+    ]
+    return {"sample": sample, "parameters": {}, "runs": runs}
+
+
+@pytest.mark.parametrize("names", [("height_mm",), ("height_mm", "drum_slip_deg")])
+def test_samples_are_those_of_the_dataset_also_where_runs_failed(names):
+    targets = targets_of(**dict.fromkeys(names, 60.0))
+    good = {
+        "height_mm": [(1, 1, 1), (1, 0, 1), (0, 0, 1), (1, 1, 1), (0, 0, 0)],
+        "drum_slip_deg": [(1, 1, 1), (1, 1, 0), (1, 1, 1), (0, 1, 0), (0, 0, 0)],
+    }
+    samples = pd.DataFrame(SPACE.values(np.random.default_rng(1).random((5, 6))), columns=list(PARAMETERS))
+    samples.insert(0, "sample", range(1, 6))
+    jobs = {
+        target.response.apparatus: {k: job(k, target.name, good[target.name][k - 1]) for k in range(1, 6)}
+        for target in targets
+    }
+    dataset, runs = assemble(samples, jobs, targets)
+    data = batches.data_of(dataset, runs, targets)
+    table = samples_of_runs(data, SPACE, targets)
+    ok = dataset["status"] == "ok"
+    assert ((table["status"] == "ok") == ok).all()
+    assert (table["n_seeds"] == dataset["n_seeds"]).all()
+    columns = ["sample", *PARAMETERS, *targets.names, *targets.errors]
+    pd.testing.assert_frame_equal(table.loc[ok, columns], dataset.loc[ok, columns], check_dtype=False)
+    observed, failed = observed_of(data, SPACE, targets)
+    assert len(data) == 15
+    np.testing.assert_allclose(SPACE.values(observed.unit), samples.loc[ok, list(PARAMETERS)])
+    np.testing.assert_allclose(SPACE.values(failed), samples.loc[~ok, list(PARAMETERS)])

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.text import Text
 from scipy.spatial.distance import cdist
 from scipy.stats import norm
+from shared import entries
 from synthetic import RANGES, SPACE, TARGETS, responses, study
 
 from repose import Study
@@ -26,26 +27,9 @@ from repose.strategies.sequential.kriging import Kriging, Observed
 from repose.strategies.sequential.reach import Draws
 from repose.strategies.sequential.strategy import observed_of
 
-SECTION = {
-    "start_samples": 12,
-    "seeds": 2,
-    "batch": 4,
-    "tolerance_percent": 1.0,
-    "probability": 0.8,
-    "most_pours": 64,
-    "checks": 4,
-}
-BOTH = [
-    {
-        "response": one.name,
-        "apparatus": "funnel",
-        "value": one.value,
-        "sd": one.sd,
-        "repetitions": 10,
-        "range": [one.low, one.high],
-    }
-    for one in TARGETS
-]
+SECTION = {"start_samples": 12, "seeds": 2, "batch": 4, "tolerance_percent": 1.0, "probability": 0.8}
+SECTION |= {"most_pours": 64, "checks": 4}
+BOTH = entries(TARGETS)
 HEIGHT = Targets.of(BOTH[1:])
 
 
@@ -72,7 +56,6 @@ def write_poured(folder, table, runs, targets):
 
 
 def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, seed=1):
-    """All batches and the check on files; the summary."""
     known = study(targets, space, sequential=section, design={"seed": seed})
     folders, found = [], {"answer": False}
     while not found["answer"]:
@@ -90,13 +73,11 @@ def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, s
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
-    """A campaign for two targets, and its summary."""
     folder = tmp_path_factory.mktemp("sequential")
     return folder, campaign(folder)
 
 
 def observed(n=40, noise=0.5, targets=TARGETS, seed=1, space=SPACE):
-    """Samples all over the ranges."""
     unit = np.random.default_rng(seed).random((n, space.dimensions))
     table = pd.DataFrame(space.values(unit), columns=list(PARAMETERS)).assign(sample=range(n))
     values = runs_of(table, 3, noise, seed, targets.names)[list(targets.names)].to_numpy(float)
@@ -104,14 +85,13 @@ def observed(n=40, noise=0.5, targets=TARGETS, seed=1, space=SPACE):
 
 
 def advised(data, targets=TARGETS, failed=None, **changes):
-    """Advice after some pours."""
     section = SECTION | changes
     goal = Goal.of(targets, section["tolerance_percent"], SPACE)
     nowhere = np.empty((0, 6)) if failed is None else failed
     return advise(data, nowhere, goal, section, 3 * len(data.unit), np.random.default_rng(1))
 
 
-def test_the_answer_of_a_campaign_meets_the_targets(done):
+def test_the_answer_of_a_campaign_meets_the_targets_after_one_batch_and_another(done):
     folder, summary = done
     answer = pd.DataFrame([summary["answer"]])
     off = 100 * np.abs(responses(answer)[0] / TARGETS.aim - 1)
@@ -122,11 +102,6 @@ def test_the_answer_of_a_campaign_meets_the_targets(done):
     assert summary["stop"] == "probability"
     assert summary["probability"] >= 0.8
     assert summary["pours"] < SECTION["most_pours"]
-
-
-def test_batches_are_poured_one_after_the_other(done):
-    folder, summary = done
-    table = pd.read_csv(folder / "batches.csv")
     assert table["pours"].tolist() == [24 + 8 * k for k in range(len(table))]
     assert table["stop"].notna().tolist() == [False] * (len(table) - 1) + [True]
     numbers = pd.read_csv(folder / "dataset.csv")["sample"]
@@ -146,10 +121,14 @@ def test_the_same_pours_give_the_same_bits(done, tmp_path):
         assert path.read_bytes() == (folder / path.relative_to(tmp_path)).read_bytes()
 
 
-def test_one_target_a_fixed_parameter_and_a_prior(tmp_path):
-    space = ParameterSpace.of(
-        RANGES | {"e_gg": {"fixed": 0.25}, "mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}}
-    )
+def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_path):
+    known = {"mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}}
+    unit = start(ParameterSpace.of(RANGES | known), SECTION, 1)
+    strata = np.sort(np.floor(12 * ParameterSpace.of(RANGES | known).prior_cdf(unit)), axis=0)
+    assert (strata == np.arange(12)[:, None]).all()
+    values = ParameterSpace.of(RANGES | known).values(unit)[:, PARAMETERS.index("mus_gp")]
+    assert values.std() == pytest.approx(0.02, rel=0.3)
+    space = ParameterSpace.of(RANGES | known | {"e_gg": {"fixed": 0.25}})
     summary = campaign(tmp_path, HEIGHT, space)
     assert summary["answer"]["e_gg"] == 0.25
     # far from the prior's mean the density is small; five of its standard deviations are never worth it here
@@ -158,37 +137,22 @@ def test_one_target_a_fixed_parameter_and_a_prior(tmp_path):
     assert (poured["e_gg"] == 0.25).all()
 
 
-def test_the_start_is_spread_as_the_prior():
-    space = ParameterSpace.of(RANGES | {"mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}})
-    unit = start(space, SECTION, 1)
-    strata = np.sort(np.floor(12 * space.prior_cdf(unit)), axis=0)
-    assert (strata == np.arange(12)[:, None]).all()
-    values = space.values(unit)[:, PARAMETERS.index("mus_gp")]
-    assert values.std() == pytest.approx(0.02, rel=0.3)
-
-
-def test_it_stops_where_the_answer_is_probable_enough():
+def test_it_stops_where_the_answer_is_probable_enough_the_budget_is_used_up_or_no_pour_helps():
     found = advised(observed(), probability=0.7, most_pours=999)
     assert found.stop == "probability"
     assert len(found.batch) == 0
-
-
-def test_it_stops_where_the_budget_is_used_up():
     data = observed(noise=6.0)
     found = advised(data, probability=0.99, most_pours=121)
     assert found.stop == "budget", "one pour is left, and a sample takes two"
     more = advised(data, probability=0.99, most_pours=127)
     assert more.stop is None
     assert len(more.batch) == 3, "the pours that are left, though a batch has four samples"
-
-
-def test_it_stops_where_no_pour_can_help():
     found = advised(observed(noise=40.0), probability=0.99, most_pours=122)
     assert found.stop == "noise"
     assert found.reachable < found.probability + LEAST_GAIN
 
 
-def test_it_stops_where_no_parameter_set_meets_the_targets_and_answers_with_the_nearest():
+def test_it_stops_where_no_parameter_set_meets_the_targets_but_not_by_the_start_alone():
     far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
     found = advised(observed(noise=0.2), far, most_pours=999)
     assert found.stop == "out_of_reach"
@@ -200,9 +164,6 @@ def test_it_stops_where_no_parameter_set_meets_the_targets_and_answers_with_the_
     own = pd.DataFrame(SPACE.values(found.answer[None]), columns=list(PARAMETERS))
     assert goal.of_responses(responses(own))[1][0] < least + 0.1
     assert found.reach.nearest == pytest.approx(least, abs=max(0.1, 3 * found.reach.error))
-
-
-def test_the_start_alone_does_not_say_that_targets_are_out_of_reach():
     far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
     found = advised(observed(n=12, noise=0.2), far, most_pours=999, start_samples=18)
     assert found.stop is None
@@ -213,9 +174,8 @@ def test_the_start_alone_does_not_say_that_targets_are_out_of_reach():
 def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
     model = Kriging(observed(n=20, noise=4.0, targets=targets))
     unit = np.random.default_rng(4).random((30, 6))
-    drawn = np.concatenate(
-        [Draws(model, k, np.random.default_rng([7, k, j]))(unit) for k in range(len(model.sets)) for j in range(12)]
-    )
+    draws = (Draws(model, k, np.random.default_rng([7, k, j])) for k in range(len(model.sets)) for j in range(12))
+    drawn = np.concatenate([draw(unit) for draw in draws])
     mean, covariance = model.predict(unit)
     sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     # 1536 draws: a mean to 3 % of the standard deviation, a standard deviation to 2 %; random features add to both
@@ -284,7 +244,7 @@ def test_no_point_near_a_failed_sample():
         assert (cdist(points, failed)[:, 0] >= cdist(points, data.unit).min(axis=1)).all()
 
 
-def test_failed_runs_count_for_the_budget_and_failed_samples_are_known(tmp_path):
+def test_failed_runs_count_for_the_budget_and_too_few_are_refused(tmp_path):
     batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
     runs = runs_of(table, 2, 0.5, 1, TARGETS.names)
@@ -297,6 +257,12 @@ def test_failed_runs_count_for_the_budget_and_failed_samples_are_known(tmp_path)
     seen, failed = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
     assert SPACE.values(failed)[0] == pytest.approx(table.loc[2, list(PARAMETERS)].to_numpy(float))
+    batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
+    table = pd.read_csv(tmp_path / "samples.csv")
+    runs = runs_of(table, 1, 0.5, 1, TARGETS.names)
+    write_poured(tmp_path, table, runs, TARGETS)
+    with pytest.raises(InputError, match="enough for an estimate of the noise"):
+        batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
 
 
 def test_runs_of_several_bench_tests_are_independent():
@@ -305,26 +271,11 @@ def test_runs_of_several_bench_tests_are_independent():
     table = pd.DataFrame(SPACE.values(np.full((2, 6), 0.5)), columns=list(PARAMETERS))
     data = table.assign(sample=[1, 2], status="ok")
     runs = pd.DataFrame(
-        {
-            "sample": [1, 1, 2, 2, 1, 1, 2],
-            "apparatus": ["funnel"] * 4 + ["drum"] * 3,
-            "status": "ok",
-            "height_mm": [60, 61, 62, 63, np.nan, np.nan, np.nan],
-            "drum_slip_deg": [np.nan] * 4 + [40, 41, 42],
-        }
-    )
+        {"sample": [1, 1, 2, 2, 1, 1, 2], "apparatus": ["funnel"] * 4 + ["drum"] * 3, "status": "ok"}
+    ).assign(height_mm=[60, 61, 62, 63, *3 * [np.nan]], drum_slip_deg=[*4 * [np.nan], 40, 41, 42])
     seen, _ = observed_of(data_of(data, runs, targets), SPACE, targets)
     assert seen.values[0].tolist() == [[60, 40], [61, 41]]
     assert seen.counts.tolist() == [2, 1]
-
-
-def test_pours_that_do_not_tell_the_noise_are_refused(tmp_path):
-    batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
-    table = pd.read_csv(tmp_path / "samples.csv")
-    runs = runs_of(table, 1, 0.5, 1, TARGETS.names)
-    write_poured(tmp_path, table, runs, TARGETS)
-    with pytest.raises(InputError, match="enough for an estimate of the noise"):
-        batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
 
 
 @pytest.mark.parametrize("targets", [TARGETS, HEIGHT])
@@ -340,7 +291,6 @@ def test_figure(done, targets):
 
 
 def test_a_corner_that_all_draws_find_is_asked_for_once():
-    """A target beyond the ranges: the nearest points of all draws lie in one corner."""
     section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}
     target = {"value": 20.0, "sd": 0.1, "repetitions": 1, "noise_sd": 0.01}
     own = Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"sum_mm": target}, sequential=section)

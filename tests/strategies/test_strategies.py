@@ -3,12 +3,15 @@
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
+from shared import entries
+from synthetic import TARGETS, responses
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import repose
 from repose import strategies
-from repose.core.errors import InputError
 
+FEW_FACTORS = {"strategy": "response_surface", "response_surface": {"most_factors": 2}}
 STUDY = {
     "parameters": {"friction": (0.2, 0.8), "rolling": (0.01, 0.2), "sliding": (0.0, 1.0)},
     "targets": {"angle_deg": (30.0, 1.2), "time": (4.0, 0.2, 10)},
@@ -23,7 +26,6 @@ STUDY = {
 
 
 def simulate(samples, noise=0.005):
-    """Responses of runs, each with noise that is its own."""
     friction, rolling = samples["friction"], samples["rolling"]
     exact = np.column_stack([18 + 18 * friction + 40 * rolling - 6 * friction**2, 3 + 2 * friction - 2 * rolling])
     drawn = [np.random.default_rng(run).normal(size=2) for run in samples[["sample", "run"]].to_numpy()]
@@ -32,7 +34,6 @@ def simulate(samples, noise=0.005):
 
 
 def walk(study):
-    """All samples that a study asks for, until it is done."""
     asked = []
     while not study.done:
         asked.append(study.ask())
@@ -42,7 +43,6 @@ def walk(study):
 
 @pytest.fixture(scope="module", params=strategies.names())
 def walked(request, tmp_path_factory):
-    """A study that is done, all that it asked for, and its file."""
     file = tmp_path_factory.mktemp(request.param) / "study.csv"
     study = repose.Study(**STUDY, strategy=request.param, file=file)
     return study, walk(study), file
@@ -50,8 +50,7 @@ def walked(request, tmp_path_factory):
 
 def test_strategies_are_known_by_name():
     assert {"published", "refined", "response_surface", "sequential"} <= set(strategies.names())
-    with pytest.raises(InputError, match="strategy is 'brute'; expected one of published, "):
-        strategies.strategy("brute")
+    input_error("strategy is 'brute'; expected one of published, ", strategies.strategy, "brute")
 
 
 @pytest.mark.slow
@@ -108,15 +107,13 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
         (returned.assign(friction=0.5), "friction is 'changed'"),
         (returned.assign(time=np.inf), "time is 'inf'"),
     ):
-        with pytest.raises(InputError, match=words):
-            study.tell(bad)
+        input_error(words, study.tell, bad)
     assert study.runs.empty
     assert not (tmp_path / "study.csv").exists()
     failed = returned.assign(time=returned["time"].mask(returned["sample"] == 3))
     study.tell(failed)
     assert (study.runs["status"] != "ok").sum() == 2
-    with pytest.raises(InputError, match="seed is 1; expected 2, as asked for"):
-        repose.Study(**STUDY | {"seed": 2}, file=tmp_path / "study.csv")
+    input_error("seed is 1; expected 2, as asked for", repose.Study, **STUDY | {"seed": 2}, file=tmp_path / "study.csv")
 
 
 @pytest.mark.parametrize(
@@ -128,31 +125,17 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
         ({"design": {"samples": 3}}, "design.samples is 3; expected an integer from 12"),
         ({"surrogate": "crystal"}, "surrogate is 'crystal'; expected .*gaussian_process"),
         ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
-        (
-            {"strategy": "response_surface", "response_surface": {"most_factors": 2}},
-            "most_factors is 2; expected at least 3",
-        ),
+        (FEW_FACTORS, "most_factors is 2; expected at least 3"),
     ],
 )
 def test_bad_settings_are_refused_by_name(changes, words):
-    with pytest.raises(InputError, match=words):
-        repose.Study(**STUDY | changes)
+    input_error(words, repose.Study, **STUDY | changes)
 
 
 @pytest.mark.slow
 def test_a_study_of_our_bench_tests_is_the_same_loop():
-    from synthetic import TARGETS, responses
-
-    changes = {
-        "strategy": "sequential",
-        "sequential": {"start_samples": 16, "most_pours": 48, "seeds": 2},
-        "posterior": {"walkers": 32, "steps": 100},
-        "targets": [
-            {"response": one.name, "apparatus": "funnel", "value": one.value, "sd": one.sd}
-            | {"repetitions": one.repetitions, "range": [one.low, one.high]}
-            for one in TARGETS
-        ],
-    }
+    changes = {"strategy": "sequential", "sequential": {"start_samples": 16, "most_pours": 48, "seeds": 2}}
+    changes |= {"posterior": {"walkers": 32, "steps": 100}, "targets": entries(TARGETS)}
     study, k = repose.Study.load("config/quick.yaml", overrides=changes), 0
     while not study.done:
         asked, k = study.ask(), k + 1
@@ -173,12 +156,8 @@ def test_the_loop_as_a_user_writes_it():
         angle[random.random(len(samples)) < 0.1] = np.nan  # runs that failed
         return pd.DataFrame({"sample": samples["sample"], "aor_deg": angle})
 
-    study = repose.Study(
-        parameters={"mus_gg": (0.35, 0.75), "mur_gg": (0.02, 0.2)},
-        targets={"aor_deg": (32.87, 2.20)},
-        strategy="sequential",
-        seed=1,
-    )
+    ranges, targets = {"mus_gg": (0.35, 0.75), "mur_gg": (0.02, 0.2)}, {"aor_deg": (32.87, 2.20)}
+    study = repose.Study(parameters=ranges, targets=targets, strategy="sequential", seed=1)
     while not study.done:
         samples = study.ask()  # DataFrame: sample, parameters
         study.tell(simulate(samples))  # DataFrame: sample, responses; NaN is a run that failed

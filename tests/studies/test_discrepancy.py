@@ -1,15 +1,20 @@
-"""The covariance of the discrepancies: as stated, and as a shape study shows it."""
+"""Discrepancy and implausibility."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 from shared import targets_of
 
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.studies import discrepancy
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.studies import discrepancy, implausibility
+from repose.studies.likelihood import observation
 
 TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
 OWN = {"slope": 30.0, "time": 4.0}
@@ -23,7 +28,6 @@ def design(*slopes):
 
 
 def combinations(folder, differences, errors=(0.0, 0.0), eligible=True, distance=1.0):
-    """A table of a shape study with these differences (n, 2), each of a model of its own."""
     table = pd.DataFrame(differences, columns=["aor_difference_deg", "height_difference_mm"])
     table = table.assign(aor_se_deg=errors[0], height_se_mm=errors[1], eligible=eligible, distance=distance)
     table = table.assign(particle=range(len(table)), tension="keep", filling="open")
@@ -52,9 +56,8 @@ def test_that_of_a_shape_study_is_the_spread_of_its_plausible_models(tmp_path):
     found = result.covariance
     assert np.sqrt(np.diag(found)) == pytest.approx([3, 5], rel=0.05)
     raw = known + np.diag([0.25, 4.0])
-    assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(
-        12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03
-    )
+    correlation = found[0, 1] / np.sqrt(found[0, 0] * found[1, 1])
+    assert correlation == pytest.approx(12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03)
     assert (discrepancy.of_targets(TARGETS, design(1, 1), 2.0, 0.0, found) == found).all()
     height = discrepancy.of_shape_study(path, targets_of(height_mm=60.0)).covariance
     assert height == pytest.approx(found[1:, 1:])
@@ -81,8 +84,7 @@ def test_a_study_that_says_too_little_is_refused(tmp_path):
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
     with pytest.raises(InputError, match=r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"):
         discrepancy.of_shape_study(few, TARGETS)
-    with pytest.raises(InputError, match="drum_slip_difference_deg"):
-        discrepancy.of_shape_study(few, targets_of(drum_slip_deg=40.0))
+    input_error("drum_slip_difference_deg", discrepancy.of_shape_study, few, targets_of(drum_slip_deg=40.0))
 
 
 @pytest.mark.parametrize(
@@ -102,8 +104,7 @@ def test_a_cell_that_cannot_be_is_refused_with_its_row(tmp_path, column, value, 
     table = pd.read_csv(path, dtype=str)
     table.loc[2, column] = str(value)
     table.to_csv(path, index=False)
-    with pytest.raises(InputError, match=rf"row 3: {column} is .*{allowed}"):
-        discrepancy.of_shape_study(path, TARGETS)
+    input_error(rf"row 3: {column} is .*{allowed}", discrepancy.of_shape_study, path, TARGETS)
 
 
 def test_the_study_of_the_configuration_is_the_published_one():
@@ -113,15 +114,89 @@ def test_the_study_of_the_configuration_is_the_published_one():
 
 
 def test_responses_of_a_simulator_that_only_its_user_knows_have_a_discrepancy():
-    own = Study.own(
-        {
-            "simulator": "mine",
-            "label": "own",
-            "seed": 1,
-            "parameters": {"friction": [0.2, 0.8]},
-            "targets": {name: {"value": value, "sd": 1.0, "repetitions": 5} for name, value in OWN.items()},
-        }
-    ).targets
+    content = {"simulator": "mine", "label": "own", "seed": 1, "parameters": {"friction": [0.2, 0.8]}}
+    content["targets"] = {name: {"value": value, "sd": 1.0, "repetitions": 5} for name, value in OWN.items()}
+    own = Study.own(content).targets
     runs = pd.DataFrame({"sample": [1, 2, 3], "slope": [29.0, 30.0, 31.0], "time": [3.0, 4.0, 5.0]})
     found = discrepancy.of_targets(own, runs, 10.0, 0.5)
     assert found == pytest.approx(np.array([[9.0, 0.5 * 3.0 * 0.4], [0.5 * 3.0 * 0.4, 0.16]]))
+
+
+SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+
+
+class Linear:
+    """Responses that each follow one parameter, known without error."""
+
+    def __init__(self, *slopes):
+        self.slopes = np.array(slopes)
+
+    def predict(self, X):
+        return 40 + X[:, : len(self.slopes)] * self.slopes
+
+    def covariance(self, X):
+        return np.zeros((len(X), len(self.slopes), len(self.slopes)))
+
+
+def observed(targets):
+    runs = pd.DataFrame({"sample": [1, 2, 3]} | {name: [1.0, 2.0, 3.0] for name in targets.names})
+
+    def of(percent, between=0.0):
+        unknown = discrepancy.of_targets(targets, runs, percent, between)
+        return observation(targets, np.eye(len(targets)), unknown)
+
+    return of
+
+
+def curve_of(model, targets, study=None):
+    points = implausibility.Points(model, SPACE)
+    return points, implausibility.curve(points, SPACE, targets, observed(targets), study)
+
+
+def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribution():
+    targets = targets_of(height_mm=60.0)
+    _, table = curve_of(Linear(40.0), targets)
+    assert table["discrepancy_percent"].tolist() == list(implausibility.PERCENT)
+    assert (np.diff(table["information_bits"]) < 0).all()
+    for row in table.iloc[:3].itertuples():
+        sd = math.hypot(targets.standard_error[0], row.discrepancy_percent / 100 * 60) / 40
+        bits = -math.log2(sd * math.sqrt(2 * math.pi * math.e))
+        assert row.information_bits == pytest.approx(bits, abs=0.01)
+        first = PARAMETERS[0]
+        assert getattr(row, f"{first}_low") == pytest.approx(0.5 - 1.96 * sd, abs=0.005)
+        assert getattr(row, f"{first}_high") == pytest.approx(0.5 + 1.96 * sd, abs=0.005)
+        assert getattr(row, f"{first}_bits") == pytest.approx(bits, abs=0.1)
+        assert getattr(row, f"{PARAMETERS[1]}_bits") < 0.02
+
+
+def test_a_correlated_discrepancy_leaves_the_contrast_sharp_and_a_shape_study_is_that_stated():
+    targets = targets_of(aor_deg=30.0, height_mm=60.0)
+    _, table = curve_of(Linear(20.0, 40.0), targets)
+    bits = table.pivot(index="discrepancy_percent", columns="discrepancy_correlation", values="information_bits")
+    assert bits.loc[0.0, 0.0] == pytest.approx(bits.loc[0.0, 0.9])
+    assert bits.loc[10.0, 0.9] > bits.loc[10.0, 0.0] + 0.5
+    _, table = curve_of(Linear(20.0, 40.0), targets, observed(targets)(5.0, 0.9))
+    stated = table[(table["discrepancy_percent"] == 5.0) & (table["discrepancy_correlation"] == 0.9)].iloc[0]
+    study = table.iloc[-1]
+    assert (study["evidence"], stated["evidence"]) == ("shape study", "stated")
+    found, known = (row.drop("evidence").astype(float).to_numpy() for row in (study, stated))
+    assert found == pytest.approx(known)
+    assert "with the discrepancy of the shape study, 5 %:" in implausibility.message(table, 0.5)
+
+
+def test_the_region_is_where_the_response_is_within_three_standard_deviations():
+    targets = targets_of(height_mm=60.0)
+    points = implausibility.Points(Linear(40.0), SPACE)
+    mean, covariance = observed(targets)(2.0)
+    implausible = implausibility.implausibility(points, mean, covariance)
+    share, table = implausibility.region(points, SPACE, implausible)
+    half = 3 * math.sqrt(covariance[0, 0]) / 40
+    assert share == pytest.approx(2 * half, abs=0.002)
+    assert len(table) == 15 * implausibility.CELLS**2
+    own = table[(table["x"] == PARAMETERS[0]) & (table["y"] == PARAMETERS[1])]
+    far = (own["x_quantile"] - 0.5).abs() > half + 1 / implausibility.CELLS
+    assert (own.loc[far, "share"] == 0).all()
+    assert (own.loc[far, "least_implausibility"] > 3).all()
+    others = table[(table["x"] == PARAMETERS[2]) & (table["y"] == PARAMETERS[3])]
+    assert others["share"].to_numpy() == pytest.approx(share, abs=0.15)
+    assert "not implausible" in implausibility.message(curve_of(Linear(40.0), targets)[1], share)

@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from refusals import input_error
+from shared import at, put
 
 from repose.chain import card
 from repose.cli import main
@@ -28,17 +30,11 @@ SINGLE = CONTENT | {"sequential": {"start_samples": 32, "seeds": 1}}
 FREE = ["friction", "rolling"]
 
 
-def study_of(content, file=None):
-    """The study of a configuration."""
-    return Study.own(content, file)
-
-
 def observed(study, runs):
     return observed_of(runs, study.parameters, study.targets)
 
 
 def simulate(table, noise=0.01, seed=1):
-    """The stand-in of the documentation."""
     factor = 1 + noise * np.random.default_rng(seed).normal(size=(len(table), 2))
     friction, rolling = table["friction"], table["rolling"]
     angle = (18 + 18 * friction + 40 * rolling - 6 * friction**2) * factor[:, 0]
@@ -47,7 +43,7 @@ def simulate(table, noise=0.01, seed=1):
 
 @pytest.fixture(scope="module")
 def study():
-    return study_of(CONTENT)
+    return Study.own(CONTENT)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +68,7 @@ def test_the_start_fills_the_ranges_and_repeats_each_sample(study):
 
 
 @pytest.mark.slow
-def test_the_answer_meets_the_targets_of_a_known_simulator(found):
+def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(found):
     answer = pd.DataFrame([found.summary["representative"]])
     exact = simulate(answer, noise=0.0).iloc[0]
     for k, one in enumerate(found.study.targets):
@@ -82,23 +78,22 @@ def test_the_answer_meets_the_targets_of_a_known_simulator(found):
     assert 0.5 < chance["within_1_percent"] <= chance["within_2_percent"] <= 1
     # the ranges are 2 % of the values to each side, as none were given
     assert chance["inside"] == pytest.approx(chance["within_2_percent"])
-
-
-@pytest.mark.slow
-def test_the_intervals_hold_the_parameters_that_give_the_targets(found):
     rows = found.posterior.parameters.set_index("parameter")
     assert list(rows.index) == FREE
     # solved by hand from the two lines of the simulator: rolling = friction - 0.5, and 58 f - 6 f^2 = 32
     friction = (58 - np.sqrt(58**2 - 24 * 32)) / 12
     for name, value in zip(FREE, (friction, friction - 0.5), strict=True):
         assert rows.loc[name, "credible_low"] < value < rows.loc[name, "credible_high"]
-
-
-@pytest.mark.slow
-def test_solutions_are_inside_all_ranges(found):
     assert len(found.solutions) > 5
     for one in found.study.targets:
         assert found.solutions[one.response.predicted].between(one.low, one.high).all()
+    table = found.posterior.parameters.assign(credible_low=0.0, credible_high=0.001)
+    moved = found._replace(posterior=found.posterior._replace(parameters=table))
+    for name in FREE:
+        assert moved.intervals[name]["high"] == found.parameters[name]
+    assert calibration.describe(moved).count("; interval widened to hold the answer") == 2
+    assert calibration.describe(found).count("widened") == 0
+    assert "friction" in moved._repr_html_()
 
 
 @pytest.mark.slow
@@ -136,24 +131,13 @@ def test_a_calibration_ends_well_whatever_its_answer(found, monkeypatch, tmp_pat
 
 
 @pytest.mark.slow
-def test_the_intervals_shown_hold_the_answer(found):
-    table = found.posterior.parameters.assign(credible_low=0.0, credible_high=0.001)
-    moved = found._replace(posterior=found.posterior._replace(parameters=table))
-    for name in FREE:
-        assert moved.intervals[name]["high"] == found.parameters[name]
-    assert calibration.describe(moved).count("; interval widened to hold the answer") == 2
-    assert calibration.describe(found).count("widened") == 0
-    assert "friction" in moved._repr_html_()
-
-
-@pytest.mark.slow
 def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path):
     record, runs, k, stop = tmp_path / "runs.csv", None, 0, None
     following = study.ask()
     while not stop:
         simulate(following, seed=k).to_csv(tmp_path / "new.csv", index=False)
         runs = add_runs(study, tmp_path / "new.csv", record)
-        now = study_of(CONTENT, record)
+        now = Study.own(CONTENT, record)
         following, stop, k = now.ask(), now.done, k + 1
     assert now.proposal.notes["stop"] == "probability"
     assert len(runs) == 32 + 16 * (k - 1)
@@ -162,14 +146,11 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
     assert abs(off).max() < 0.02
 
 
-def test_rows_with_the_same_parameters_are_replicates(study, table):
+def test_rows_with_the_same_parameters_are_replicates_and_failed_runs_known_as_such(study, table):
     runs = checked_runs(study, table.drop(columns=["sample", "run"]))
     assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
     mixed = checked_runs(study, table.sample(frac=1, random_state=1))
     assert observed(study, mixed)[0].counts.tolist() == [2] * 16
-
-
-def test_failed_runs_are_known_as_such(study, table):
     failed = table.astype({"angle_deg": object}).assign(status="ok")
     failed.loc[:2, ["status", "angle_deg"]] = ["jammed", ""]
     good, nowhere = observed(study, checked_runs(study, failed))
@@ -195,7 +176,7 @@ def test_a_fixed_parameter_needs_no_column(study, table, tmp_path):
 
 def test_single_runs_give_a_rough_noise_and_a_warning(study):
     """A Latin hypercube of 32, each run once; the noise is 2 % of the responses."""
-    single = study_of(SINGLE).ask()
+    single = Study.own(SINGLE).ask()
     exact, noisy = (simulate(single, noise=noise, seed=3)[["angle_deg", "time_s"]] for noise in (0.0, 0.02))
     found = noise_of(study, single.join(noisy))
     true = 0.02 * np.sqrt((exact**2).mean().to_numpy())
@@ -209,24 +190,22 @@ def test_single_runs_give_a_rough_noise_and_a_warning(study):
 @pytest.mark.parametrize(("samples", "low", "high"), [(16, 0.3, 1.3), (32, 0.8, 1.2)])
 def test_how_rough_the_estimate_is(samples, low, high):
     """The numbers of docs/own_simulator.md: estimated over true noise, eight seeds, both responses."""
-    study = study_of(CONTENT | {"sequential": {"start_samples": samples, "seeds": 1}})
+    study = Study.own(CONTENT | {"sequential": {"start_samples": samples, "seeds": 1}})
     single = study.ask()
     true = 0.02 * np.sqrt((simulate(single, noise=0.0)[["angle_deg", "time_s"]] ** 2).mean().to_numpy())
-    ratios = [
-        np.sqrt(np.diagonal(noise_of(study, simulate(single, 0.02, seed)).covariance)) / true for seed in range(8)
-    ]
+    found = [noise_of(study, simulate(single, 0.02, seed)).covariance for seed in range(8)]
+    ratios = [np.sqrt(np.diagonal(covariance)) / true for covariance in found]
     assert low < np.min(ratios) <= np.max(ratios) < high
 
 
 def test_the_correlation_of_responses_needs_more_repeated_runs_than_responses(study):
-    """Of fewer its estimate is singular."""
     needed = len(study.targets) + 2
     assert calibration.posterior_settings(study, needed - 1)["measured_correlation"] == 0.0
     assert calibration.posterior_settings(study, needed) == study.config["posterior"]
 
 
 def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table):
-    known = study_of(changed("targets.angle_deg.noise_sd", 0.7))
+    known = Study.own(changed("targets.angle_deg.noise_sd", 0.7))
     single = noise_of(known, table[::2])
     assert single.covariance[0, 0] == pytest.approx(0.49)
     assert single.sources == {"angle_deg": "noise_sd", "time_s": "estimated from single runs"}
@@ -236,8 +215,7 @@ def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table)
 
 
 def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
-    with pytest.raises(InputError, match=r"is 0; expected at least 3: .*noise_sd .* at least 8 samples"):
-        noise_of(study, table[:14:2])
+    input_error(r"is 0; expected at least 3: .*noise_sd .* at least 8 samples", noise_of, study, table[:14:2])
     alike = table.assign(angle_deg=table.groupby("sample")["angle_deg"].transform("first"))
     alike["time_s"] += np.linspace(0, 1e-7, len(alike))  # no row twice
     found = noise_of(study, alike)  # as of a simulator without random numbers: each set counts once
@@ -247,7 +225,7 @@ def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
 @pytest.mark.slow
 def test_single_runs_are_calibrated_with_a_warning(tmp_path, capsys):
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(SINGLE))
-    table = simulate(study_of(SINGLE).ask(), noise=0.02)
+    table = simulate(Study.own(SINGLE).ask(), noise=0.02)
     table.drop(columns=["restitution", "sample", "run"]).to_csv(tmp_path / "results.csv", index=False)
     words = [str(tmp_path / "results.csv"), "--config", str(tmp_path / "own.yaml"), "--out", str(tmp_path)]
     assert main(["calibrate", *words]) == 0
@@ -264,6 +242,10 @@ def test_single_runs_are_calibrated_with_a_warning(tmp_path, capsys):
 
 def without(name):
     return lambda table: table.drop(columns=name)
+
+
+def twice(table):
+    return pd.concat([table, table[:1]]).drop(columns="run")
 
 
 def cell(row, name, value):
@@ -289,31 +271,21 @@ BAD = {
     "an id twice": (cell(2, "sample", 1), "row 3: sample is '1'; expected one set of parameters for each sample"),
     "two ids": (cell(1, "sample", 99), "row 2: sample is '99'; expected 1, the sample of row 1"),
     "a run twice": (cell(1, "run", 1), r"row 2: sample and run is \[1, '1'\]; expected each once"),
-    "a row twice": (
-        lambda table: pd.concat([table, table[:1]]).drop(columns="run"),
-        "row 33: row is 'there twice'; expected a run of its own",
-    ),
+    "a row twice": (twice, "row 33: row is 'there twice'; expected a run of its own"),
 }
 
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_runs_are_refused_by_name(case, study, table):
     change, words = BAD[case]
-    with pytest.raises(InputError, match=words):
-        checked_runs(study, change(table))
+    input_error(words, checked_runs, study, change(table))
 
 
 def changed(key, value):
-    """The configuration with one key changed; None removes it."""
-    content = yaml.safe_load(yaml.safe_dump(CONTENT))
-    *path, last = key.split(".")
-    section = content
-    for step in path:
-        section = section[step]
+    content = put(yaml.safe_load(yaml.safe_dump(CONTENT)), key, value)
     if value is None:
-        del section[last]
-    else:
-        section[last] = value
+        section, _, last = key.rpartition(".")
+        del (at(content, section) if section else content)[last]
     return content
 
 
@@ -347,8 +319,7 @@ def changed(key, value):
     ],
 )
 def test_a_bad_configuration_is_refused_by_name(key, value, words):
-    with pytest.raises(InputError, match=words):
-        study_of(changed(key, value))
+    input_error(words, Study.own, changed(key, value))
 
 
 def test_all_faults_of_a_configuration_are_reported_at_once():
@@ -356,7 +327,7 @@ def test_all_faults_of_a_configuration_are_reported_at_once():
     content["parameters"]["mu.s"] = [0.8, 0.2]
     content["targets"]["time_s"] |= {"sd": -1, "repetitions": "many"}
     with pytest.raises(InputError) as caught:
-        study_of(content)
+        Study.own(content)
     found = {fault.key for fault in caught.value.faults}
     targets = {"targets.time_s.sd", "targets.time_s.repetitions"}
     assert found == {"seed", "design.samples", "label", "parameters.mu.s", *targets}
@@ -365,7 +336,7 @@ def test_all_faults_of_a_configuration_are_reported_at_once():
 @pytest.mark.slow
 def test_a_prior_moves_the_answer(table):
     content = changed("parameters.friction", {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.2, 0.8]})
-    study = study_of(content)
+    study = Study.own(content)
     found = calibration.calibrate(study, checked_runs(study, table))
     assert found.summary["representative"]["friction"] < 0.58, "0.59 without it"
 
@@ -386,9 +357,8 @@ def test_every_command_of_the_documentation_runs(tmp_path, monkeypatch):
     Path("own.yaml").write_text(yaml.safe_dump(CONTENT, sort_keys=False))
     Path("simulator.py").write_text(BLOCKS["python"])
     commands = re.findall(r"^    ((?:repose|python) .*)$", DOC, re.MULTILINE)
-    assert [line.split()[1] for line in commands if line.startswith("repose")] == [
-        *("design", "calibrate", "tell", "ask", "tell", "calibrate")
-    ]
+    verbs = [line.split()[1] for line in commands if line.startswith("repose")]
+    assert verbs == ["design", "calibrate", "tell", "ask", "tell", "calibrate"]
     for line in [*commands[:7], *commands[4:7], commands[-1]]:
         program, *words = line.split()
         if program == "repose":

@@ -1,4 +1,4 @@
-"""The posterior: its terms and statements; priors, fixed parameters, any number of targets; one study from files."""
+"""The posterior and its likelihood."""
 
 import json
 import math
@@ -14,20 +14,20 @@ from repose.chain import train
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.studies import implausibility, posterior
+from repose.studies import implausibility, likelihood, posterior
 from repose.studies.likelihood import observation
 from repose.surrogate import names
 from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.settings import NetworkSettings
 
 # standard errors of the means 1 deg and 2 mm
 TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
 SETTINGS = {"shape_study": None, "discrepancy_percent": 2.0, "discrepancy_correlation": 0.0}
-SETTINGS |= {"measured_correlation": "simulated"}
-SETTINGS |= {"walkers": 24, "steps": 1000, "seed": 1}
+SETTINGS |= {"measured_correlation": "simulated", "walkers": 24, "steps": 1000, "seed": 1}
 
 
-def test_statements():
+def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     row = {"parameter": "e_gp", "information_bits": 0.05, "width_ratio": 0.98, "below_centre": 0.45}
     row |= {"credible_low": 0.21, "credible_high": 0.49}
     assert posterior.statement(row) == "e_gp is not determined: 98 % of the prior's width, 0.05 bits"
@@ -37,9 +37,6 @@ def test_statements():
     assert "e_gp lies in one of several places within 0.21 to 0.49" in posterior.statement(row)
     row |= {"width_ratio": 0.4}
     assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
-
-
-def test_a_reference_interval_has_its_share_of_a_prior_that_does_not_begin_at_0():
     space = ParameterSpace.of(UNIT | {"mus_gg": [0.4, 0.8]})
     k = space.free.index("mus_gg")
     found = posterior._reference("other", space, k, np.array([0.0, 0.5, 1.0]), 0.5, 0.7)
@@ -51,21 +48,17 @@ def test_a_reference_interval_has_its_share_of_a_prior_that_does_not_begin_at_0(
 
 
 class Everywhere:
-    """Samples that are thin nowhere."""
-
     def is_thin(self, X):
         return np.zeros(len(X), bool)
 
 
 def runs_of(targets, seeds=4, samples=20):
-    """Runs whose responses scatter independently of each other."""
     random = np.random.default_rng(1)
     runs = pd.DataFrame({"sample": np.repeat(np.arange(samples), seeds), "status": "ok"})
     return runs.assign(**{name: random.normal(30, 1, len(runs)) for name in targets.names})
 
 
 def inferred(targets, slopes, space=UNIT, runs=None, **changes):
-    """Posterior for a linear surrogate whose responses are 30 in the middle of the ranges."""
     beside = {name: pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS) for name in ("published", "miga")}
     model = Linear(targets.names, slopes, error=0.1)
     settings = SETTINGS | {"discrepancy_percent": 0.0} | changes
@@ -112,7 +105,6 @@ def test_four_targets_of_two_bench_tests_determine_four_parameters():
 
 
 def test_a_prior_narrows_its_parameter_and_counts_as_no_information():
-    """Prior N(0.3, 0.05) on a parameter that moves nothing, and on one that moves the target."""
     space = UNIT | {"e_gg": {"prior": {"mean": 0.3, "sd": 0.05}, "range": [0.0, 1.0]}}
     space["mus_gp"] = {"prior": {"mean": 0.4, "sd": 0.1}, "range": [0.0, 1.0]}
     found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 6.0}], space)
@@ -127,7 +119,7 @@ def test_a_prior_narrows_its_parameter_and_counts_as_no_information():
     assert table.loc["mus_gp", "sd"] == pytest.approx(precision.sum() ** -0.5, rel=0.1)
 
 
-def test_fixed_parameters_are_not_sampled():
+def test_fixed_parameters_are_not_sampled_and_unpublished_ones_have_no_published_interval():
     space = UNIT | {name: {"fixed": 0.5} for name in PARAMETERS if name not in ("mus_gp", "e_gg")}
     found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}], space, steps=400)
     assert list(found.parameters["parameter"]) == ["e_gg", "mus_gp"]
@@ -136,9 +128,6 @@ def test_fixed_parameters_are_not_sampled():
     assert "mur_gg is fixed at 0.5" in posterior.message(found.summary)
     alone = inferred(targets_of(drum_slip_deg=30.0), [{"mus_gp": 12.0}], space | {"e_gg": {"fixed": 0.5}}, steps=200)
     assert alone.summary["correlations"] == [[1.0]]
-
-
-def test_a_parameter_that_the_published_table_lacks_has_no_published_interval():
     space = ParameterSpace.of(UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}})
     published = pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS)
     unit = np.random.default_rng(1).uniform(size=(500, 7))
@@ -172,12 +161,12 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
     assert 0.003 < found["information_se_bits"] < 0.03
     assert found["information_bits"] == pytest.approx(exact, abs=3 * found["information_se_bits"])
     model, space = Linear(targets.names, [slopes], error=0.1), ParameterSpace.of(UNIT)
-    curve = implausibility.curve(
-        implausibility.Points(model, space),
-        space,
-        targets,
-        lambda percent, between: observation(targets, np.eye(1), np.array([[(percent / 100 * 31.0) ** 2]])),
-    )
+    points = implausibility.Points(model, space)
+
+    def observed(percent, between):
+        return observation(targets, np.eye(1), np.array([[(percent / 100 * 31.0) ** 2]]))
+
+    curve = implausibility.curve(points, space, targets, observed)
     own = curve.set_index("discrepancy_percent").loc[2.0, "information_bits"]
     assert own == pytest.approx(exact, abs=0.01)
 
@@ -185,13 +174,12 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
 # From files
 
 
-TRAINING = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1, "split": [0.7, 0.15, 0.15]}
-TRAINING |= {"replicates": True, "prior": "inputs"}
+TRAINING = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1, "replicates": True, "prior": "inputs"}
+TRAINING = NetworkSettings.of(TRAINING)
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """A study in which AoR follows mus_gp alone and Height mur_gg alone, with its trained network."""
     folder = tmp_path_factory.mktemp("study")
     random = np.random.default_rng(1)
     table = pd.DataFrame(random.uniform(size=(60, 6)), columns=list(PARAMETERS)).clip(lower=0.01)
@@ -235,7 +223,7 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(s
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in names() if name != "network"])
 def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
-    train.run(study["dataset"], study["runs"], TARGETS, TRAINING | {"surrogate": name}, tmp_path)
+    train.run(study["dataset"], study["runs"], TARGETS, TRAINING, tmp_path, surrogate=name)
     files = study | {"network": tmp_path / "network.json", "predictions": tmp_path / "predictions.csv"}
     summary = posterior.run(files, ParameterSpace.of(UNIT), TARGETS, SETTINGS | {"walkers": 14, "steps": 400}, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
@@ -278,3 +266,31 @@ def test_restored_network_has_the_error_bars_it_was_trained_with(study):
     covariance = again.covariance(X)
     assert np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) == pytest.approx(found[1])
     assert (np.linalg.det(covariance) > 0).all()
+
+
+def correlated(value):
+    return np.array([[1.0, value], [value, 1.0]])
+
+
+def test_the_likelihood_is_a_normal_density_about_the_observation_and_its_misfit():
+    mean, covariance = likelihood.observation(TARGETS, correlated(0.5), np.diag([0.36, 1.44]))
+    assert mean.tolist() == [30.0, 60.0]
+    # standard errors 1 and 2, discrepancies 0.6 and 1.2
+    assert covariance == pytest.approx(np.array([[1 + 0.36, 1.0], [1.0, 4 + 1.44]]))
+    with pytest.raises(ValueError, match="expected a positive definite matrix"):
+        likelihood.observation(TARGETS, correlated(1.0), np.zeros((2, 2)))
+    targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
+    simulated = np.diag([1.0, 1.0, 1.0]) + 0.5 * np.eye(3)[[1, 0, 2]] * [[1], [1], [0]]
+    assert (likelihood.measured_correlation(targets, simulated, "simulated") == simulated).all()
+    found = likelihood.measured_correlation(targets, simulated, 0.3)
+    assert found.tolist() == [[1, 0.3, 0], [0.3, 1, 0], [0, 0, 1]]
+    mean, covariance = likelihood.observation(TARGETS, correlated(0.3), np.diag([0.36, 1.44]))
+    responses = np.array([[29.0, 62.0], [33.0, 55.0]])
+    weights = np.array([[[0.5, 0.1], [0.1, 0.7]], [[2.0, 0.0], [0.0, 3.0]]])
+    found = likelihood.log_likelihood(responses, weights, mean, covariance)
+    for k in range(2):
+        known = stats.multivariate_normal(responses[k], covariance + weights[k]).logpdf(mean)
+        assert found[k] == pytest.approx(known)
+    mean, covariance = likelihood.observation(TARGETS, np.eye(2), np.zeros((2, 2)))
+    found = likelihood.misfit(np.array([[32.0, 60.0], [31.0, 62.0]]), np.zeros((2, 2, 2)), mean, covariance)
+    assert found == {"squared_distance": pytest.approx(2), "p_value": pytest.approx(stats.chi2.sf(2, 2))}

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from refusals import value_error
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -13,7 +14,6 @@ from repose.studies.likelihood import log_likelihood
 
 @pytest.fixture(scope="module")
 def linear():
-    """y = A theta + c with noise: the posterior of theta, well inside the cube, is normal in closed form."""
     A, c = np.array([[8.0, 3.0], [-2.0, 10.0]]), np.array([20.0, 50.0])
     truth = np.array([0.45, 0.55])
     mean, covariance = A @ truth + c, np.array([[0.3, 0.1], [0.1, 0.4]])
@@ -25,7 +25,7 @@ def linear():
     return log_density, sampler.sample(log_density, 2, 24, 1200, 3), truth, known
 
 
-def test_linear_model_has_its_closed_form_posterior(linear):
+def test_linear_model_has_its_closed_form_posterior_and_information(linear):
     log_density, chains, truth, known = linear
     draws, effective = chains.points.reshape(-1, 2), chains.log_density.size / chains.times.max()
     assert chains.log_density.ravel() == pytest.approx(log_density(draws))
@@ -34,12 +34,7 @@ def test_linear_model_has_its_closed_form_posterior(linear):
     assert draws.mean(axis=0) == pytest.approx(truth, abs=4 * error.max())
     assert np.cov(draws.T) == pytest.approx(known, abs=5 * known.max() * math.sqrt(2 / effective))
     assert (sampler.split_r_hat(chains.points) < 1.01).all()
-
-
-def test_information_of_the_linear_model(linear):
-    """KL(normal || uniform on the cube) = -entropy, since the uniform density is one."""
-    log_density, chains, _, known = linear
-    draws = chains.points.reshape(-1, 2)
+    # KL(normal || uniform on the cube) = -entropy, since the uniform density is one
     joint = -0.5 * np.log2((2 * math.pi * math.e) ** 2 * np.linalg.det(known))
     effective = chains.log_density.size / chains.density_time
     found, error = sampler.joint_information_bits(log_density, chains.log_density.ravel(), effective, 2, 1)
@@ -51,12 +46,17 @@ def test_information_of_the_linear_model(linear):
         assert sampler.information_bits(draws[:, k], effective) == pytest.approx(marginal, abs=0.06)
 
 
-def test_prior_ends_at_its_bounds():
-    """A slope of 3 over [0, 1]: a truncated exponential, mean 1 / (1 - e^-3) - 1 / 3."""
+def test_chains_end_at_their_bounds_repeat_by_seed_and_take_all_steps_where_nothing_changes():
     chains = sampler.sample(lambda u: 3 * u[:, 0], 1, 16, 1500, 1).points
     assert chains.min() >= 0
     assert chains.max() <= 1
     assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
+    first, second, other = (sampler.sample(lambda u: -u[:, 0], 2, 16, 100, seed).points for seed in (1, 1, 2))
+    assert np.array_equal(first, second)
+    assert not np.array_equal(first, other)
+    chains = sampler.sample(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
+    assert chains.density_time == 50
+    assert np.isfinite(chains.times).all()
 
 
 def test_a_mode_of_no_weight_holds_no_walkers():
@@ -79,19 +79,6 @@ def test_a_mode_of_no_weight_holds_no_walkers():
     assert draws.std(axis=0) == pytest.approx(0.01, rel=0.1)
 
 
-def test_what_never_changes_has_a_time_of_all_steps():
-    """A flat density: its autocorrelation is 0 / 0, as that of a walker which never moves."""
-    chains = sampler.sample(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
-    assert chains.density_time == 50
-    assert np.isfinite(chains.times).all()
-
-
-def test_same_seed_same_draws():
-    first, second, other = (sampler.sample(lambda u: -u[:, 0], 2, 16, 100, seed).points for seed in (1, 1, 2))
-    assert np.array_equal(first, second)
-    assert not np.array_equal(first, other)
-
-
 def test_r_hat_of_known_chains():
     random = np.random.default_rng(1)
     good = random.normal(size=(4, 2000, 1))
@@ -102,8 +89,7 @@ def test_r_hat_of_known_chains():
     drifting = good + np.linspace(0, 3, 2000)[None, :, None]
     # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
     assert sampler.split_r_hat(drifting) == pytest.approx(math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02)
-    with pytest.raises(ValueError, match=r"shape \(4, 3, 1\)"):
-        sampler.split_r_hat(good[:, :3])
+    value_error(r"shape \(4, 3, 1\)", sampler.split_r_hat, good[:, :3])
 
 
 def test_information_of_known_draws():

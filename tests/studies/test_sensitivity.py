@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from linear import Linear
+from refusals import input_error, value_error
 from shared import targets_of
 
 from repose.core.errors import InputError
@@ -12,6 +13,7 @@ from repose.core.parameters import PARAMETERS
 from repose.studies import sensitivity
 from repose.surrogate import make, names
 from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.settings import NetworkSettings
 
 LOW, HIGH = [-np.pi] * 3, [np.pi] * 3
 
@@ -38,9 +40,7 @@ def test_ishigami():
         assert (known - 0.01 <= found[f"{name}_high"][0]).all()
 
 
-def test_two_outputs_with_large_means_and_another_spread():
-    """A sum of a_i x_i has first = total = a_i^2 / sum a^2, whatever is added."""
-
+def test_sums_have_their_indices_and_main_effects_are_means_over_the_other_inputs():
     def weigh(X):
         return np.column_stack([1000 + X @ [1, 2, 0], -50 + X @ [0, 3, 4]])
 
@@ -48,10 +48,6 @@ def test_two_outputs_with_large_means_and_another_spread():
     known = np.array([[1, 4, 0], [0, 9, 16]]) / np.array([[5], [25]])
     assert found["first"] == pytest.approx(known, abs=0.01)
     assert found["total"] == pytest.approx(known, abs=0.01)
-
-
-def test_main_effect_is_the_mean_over_the_other_inputs():
-    """E[Ishigami | x_2] = a sin^2 x_2, E[. | x_1] = sin x_1 (1 + b pi^4 / 5) + a / 2."""
     grid, means = sensitivity.main_effects(ishigami, LOW, HIGH, 3, points=9)
     assert grid.shape == (3, 9)
     assert means[1] == pytest.approx(7 * np.sin(grid[1]) ** 2, abs=0.05)
@@ -59,10 +55,8 @@ def test_main_effect_is_the_mean_over_the_other_inputs():
 
 
 def test_bad_arguments_are_reported():
-    with pytest.raises(ValueError, match="samples is 100; expected a power of two"):
-        sensitivity.indices(ishigami, LOW, HIGH, 100, 20, 1)
-    with pytest.raises(ValueError, match="does not vary"):
-        sensitivity.indices(lambda X: np.ones(len(X)), LOW, HIGH, 64, 20, 1)
+    value_error("samples is 100; expected a power of two", sensitivity.indices, ishigami, LOW, HIGH, 100, 20, 1)
+    value_error("does not vary", sensitivity.indices, lambda X: np.ones(len(X)), LOW, HIGH, 64, 20, 1)
 
 
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
@@ -96,7 +90,7 @@ def test_a_fixed_parameter_has_no_index():
 def test_tables_of_every_surrogate(name, tmp_path):
     random = np.random.RandomState(1)
     X, targets = random.uniform(size=(60, 6)), targets_of(aor_deg=30.0, height_mm=60.0)
-    model = make(name, {"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1})
+    model = make(name, NetworkSettings.of({"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1}))
     model.describe(PARAMETERS, targets.names).fit(X, X @ random.uniform(size=(6, 2)))
     model.save(tmp_path / "network.json")
     parts = (tmp_path / "network.json", ParameterSpace.of(UNIT), targets, SETTINGS)
@@ -120,5 +114,4 @@ def test_faults_are_reported_with_the_file(tmp_path):
     with pytest.raises(InputError, match="outputs"):
         sensitivity.run(path, ParameterSpace.of(UNIT), targets_of(height_mm=60.0), SETTINGS, tmp_path)
     fixed = ParameterSpace.of({name: {"fixed": 0.5} for name in PARAMETERS})
-    with pytest.raises(InputError, match="all fixed"):
-        sensitivity.run(path, fixed, targets, SETTINGS, tmp_path)
+    input_error("all fixed", sensitivity.run, path, fixed, targets, SETTINGS, tmp_path)

@@ -17,7 +17,6 @@ QUICK = {"posterior": {"walkers": 32, "steps": 100}, "sequential": {"start_sampl
 
 
 def study(file=None, **keys):
-    """Two parameters and two responses."""
     return Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"y": (1.0, 0.05), "z": (0.5, 0.05)}, file=file, **QUICK, **keys)
 
 
@@ -71,20 +70,16 @@ def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
 
 
 def tell_part(file, rows):
-    """Tell some rows of the first turn, as a task of an array does."""
     asked = study().ask().iloc[rows]
     Study.resume(file).tell(results(asked))
 
 
-def test_what_is_left_of_a_turn_is_asked_for(tmp_path):
+def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_path):
     one = study(tmp_path / "runs.csv")
     asked = one.ask()
     one.tell(results(asked[:5]))
     for again in (one, Study.resume(tmp_path / "runs.csv")):
         pd.testing.assert_frame_equal(again.ask(), asked[5:].reset_index(drop=True))
-
-
-def test_runs_made_before_are_taken_and_the_turn_stays():
     one = study()
     asked = one.ask()
     one.tell(results(pd.DataFrame({"a": [0.1, 0.9, 0.9], "b": [0.2, 0.3, 0.3]})))

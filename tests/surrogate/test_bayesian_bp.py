@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 from known_responses import known_function, noisy_data
+from refusals import input_error, value_error
 
-from repose.core.errors import InputError
 from repose.surrogate import bayesian_bp, evidence, levenberg_marquardt, load, two_layer
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
@@ -20,7 +20,6 @@ def fitted():
 
 
 def score(model, X, Y):
-    """R2 (Eq. 13), the mean over the outputs."""
     pairs = zip(Y.reshape(len(X), -1).T, model.predict(X).reshape(len(X), -1).T, strict=True)
     return np.mean([r2(y, predicted) for y, predicted in pairs])
 
@@ -50,15 +49,6 @@ def test_forward_pass_is_eq_6_to_8_written_as_loops(fitted):
     np.testing.assert_allclose(model.predict(X[5:6])[0], slow, rtol=1e-12)
 
 
-def test_start_has_slopes_of_nguyen_and_widrow_and_kinks_inside_the_interval():
-    W1, b1, W2, b2 = two_layer.unpack(two_layer.nguyen_widrow(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2)
-    length = 0.7 * 12 ** (1 / 6)
-    np.testing.assert_allclose(np.linalg.norm(W1, axis=1) * 0.4, length)
-    assert (np.abs(W1 @ np.full(6, 0.5) + b1) <= length).all()  # at the inputs' middle
-    assert (np.abs(W2) <= 0.5).all()
-    assert b2.shape == (2,)
-
-
 def test_learns_a_known_function_through_noise(fitted):
     model, X, Y = fitted
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
@@ -85,8 +75,7 @@ def test_hyperparameters_are_at_their_fixed_point(fitted):
     assert np.linalg.norm(gradient) < 1e-3
 
 
-def test_evidence_is_exact_for_a_linear_model():
-    """Laplace's approximation is no approximation there: the data's Gaussian marginal likelihood is known."""
+def test_evidence_is_exact_for_a_linear_model_and_minus_infinity_of_no_number():
     random = np.random.RandomState(4)
     J, t, alpha, beta = random.normal(size=(8, 3)), random.normal(size=8), 0.7, 2.0
     w = np.linalg.solve(beta * J.T @ J + alpha * np.eye(3), beta * J.T @ t)
@@ -94,14 +83,22 @@ def test_evidence_is_exact_for_a_linear_model():
     C = np.eye(8) / (2 * beta) + J @ J.T / (2 * alpha)
     exact = -0.5 * t @ np.linalg.solve(C, t) - 0.5 * np.linalg.slogdet(2 * np.pi * C)[1]
     assert evidence.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
+    assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
+    assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
 
 
-def test_the_root_of_the_weights_covariance_is_one_of_the_inverse_hessian():
+def test_a_covariances_root_is_one_of_the_inverse_hessian_and_slopes_begin_as_nguyen_and_widrow_say():
     random = np.random.RandomState(5)
     J, alpha, beta = random.normal(size=(8, 3)), np.array([0.3, 0.7, 5.0]), 2.0
     root = evidence.posterior_root(alpha, beta, J.T @ J)
     hessian = 2 * beta * J.T @ J + 2 * np.diag(alpha)
     np.testing.assert_allclose(root @ root.T, np.linalg.inv(hessian), rtol=1e-12)
+    W1, b1, W2, b2 = two_layer.unpack(two_layer.nguyen_widrow(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2)
+    length = 0.7 * 12 ** (1 / 6)
+    np.testing.assert_allclose(np.linalg.norm(W1, axis=1) * 0.4, length)
+    assert (np.abs(W1 @ np.full(6, 0.5) + b1) <= length).all()  # at the inputs' middle
+    assert (np.abs(W2) <= 0.5).all()
+    assert b2.shape == (2,)
 
 
 def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch):
@@ -188,20 +185,12 @@ def test_training_on_pure_noise_ends(monkeypatch):
     assert BayesianBP(hidden=8, starts=1, goal=0.0, mu=0.0, epochs=30).fit(X, y).epochs_ == 30
 
 
-def test_evidence_of_no_number_is_minus_infinity():
-    assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
-    assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
-
-
-def test_stops_for_the_reason_it_says():
+def test_training_stops_for_the_reason_it_says_also_with_fewer_residuals_than_weights():
     X, Y = noisy_data(60, 3)
     assert BayesianBP(starts=1, epochs=2).fit(X, Y).stop_reason_ == "epochs"
     assert BayesianBP(starts=1, goal=0.05).fit(X, Y).stop_reason_ == "goal"
     assert BayesianBP(starts=1, min_gradient=1e9).fit(X, Y).epochs_ == 0
     assert BayesianBP(starts=1, mu_max=1e-9).fit(X, Y).stop_reason_ == "mu"
-
-
-def test_fewer_residuals_than_weights_still_train():
     X, Y = noisy_data(20, 5)
     model = BayesianBP(starts=3).fit(X, Y)
     assert 0 < model.gamma_ < 40
@@ -227,7 +216,7 @@ def test_weights_draw_the_fit_to_the_exact_samples():
     assert 1 - weighted < 0.5 * (1 - plain)
 
 
-def test_a_sample_weight_of_two_is_the_sample_twice_and_zero_is_none():
+def test_weights_count_by_their_ratios_as_samples_that_are_there_as_often():
     X, Y = noisy_data(30, 12)
     count = np.random.RandomState(1).randint(0, 3, 30)
     settings = {"hidden": 2, "starts": 2, "epochs": 100}
@@ -235,9 +224,6 @@ def test_a_sample_weight_of_two_is_the_sample_twice_and_zero_is_none():
     repeated = BayesianBP(**settings).fit(np.repeat(X, count, axis=0), np.repeat(Y, count, axis=0))
     for a, b in zip(weighted.predict(X, return_std=True), repeated.predict(X, return_std=True), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-5)
-
-
-def test_of_precisions_only_ratios_matter():
     X, Y = noisy_data(40, 13)
     precision = np.random.RandomState(2).uniform(0.5, 2, Y.shape)
     one = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=precision)
@@ -250,7 +236,7 @@ def test_of_precisions_only_ratios_matter():
 @pytest.mark.parametrize(
     ("X", "y", "weights", "fault"),
     [
-        (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); allowed"),
+        (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); expected"),
         (np.full((3, 2), np.nan), np.ones(3), {}, "must be finite"),
         (np.ones((3, 2)), np.ones(3), {"sample_weight": np.ones(2)}, r"sample_weight has shape \(2,\)"),
         (np.ones((3, 2)), np.ones(3), {"sample_weight": -np.ones(3)}, "must not be negative"),
@@ -267,9 +253,7 @@ def test_bad_data_is_refused(X, y, weights, fault):
 @pytest.mark.parametrize(
     ("setting", "value", "allowed"),
     [
-        ("hidden", 0, "at least 1"),
-        ("epochs", 0, "at least 1"),
-        ("starts", 0, "at least 1"),
+        *((name, 0, "at least 1") for name in ("hidden", "epochs", "starts")),
         ("goal", -1.0, "at least 0"),
         ("prior", "two", "one, layers, inputs"),
         ("scaled_range", (0.9, 0.1), "its first below its second"),
@@ -281,8 +265,7 @@ def test_bad_settings_are_named(setting, value, allowed):
 
 
 def test_predict_refuses_other_inputs_and_an_unfitted_network(fitted):
-    with pytest.raises(ValueError, match=r"shape \(4, 5\); expected \(samples, 6\)"):
-        BayesianBP.predict(fitted[0], np.ones((4, 5)))
+    value_error(r"shape \(4, 5\); expected \(samples, 6\)", BayesianBP.predict, fitted[0], np.ones((4, 5)))
     with pytest.raises(ValueError, match="before fit"):
         BayesianBP().predict(np.ones((4, 5)))
 
@@ -346,5 +329,4 @@ def test_a_file_with_more_or_fewer_samples_than_inputs_is_refused(fitted, tmp_pa
     path = tmp_path / "network.json"
     fitted[0].save(path)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"samples": samples}))
-    with pytest.raises(InputError, match=f"{len(samples)} samples of"):
-        load(path)
+    input_error(f"{len(samples)} samples of", load, path)

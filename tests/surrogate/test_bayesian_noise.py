@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from known_responses import known_function, noisy_data
+from refusals import value_error
 
 from repose.surrogate import bayesian_bp, levenberg_marquardt, two_layer
 from repose.surrogate.bayesian_bp import BayesianBP
@@ -23,12 +24,13 @@ def linear_jacobian(w, x, outputs):
 
 @pytest.fixture
 def linear(monkeypatch):
-    """The training and error bars on a model that is linear in its weights, fitted."""
     for module in (levenberg_marquardt, bayesian_bp):
         monkeypatch.setattr(module, "jacobian", linear_jacobian)
-    monkeypatch.setattr(
-        levenberg_marquardt, "residuals", lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0]
-    )
+
+    def residuals(w, x, t, root):
+        return (linear_features(x) @ w - t[:, 0]) * root[:, 0]
+
+    monkeypatch.setattr(levenberg_marquardt, "residuals", residuals)
     random = np.random.RandomState(21)
     X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])
     y = linear_features(X) @ random.normal(size=9) + 0.3 * random.normal(size=52)
@@ -83,16 +85,13 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(n
     assert mean.shape == std.shape == (30, 2)
 
 
-def test_a_covariance_of_independent_outputs_of_one_variance_changes_nothing():
+def test_independent_outputs_change_nothing_and_mixed_weights_mix_them():
     X, Y = noisy_data(60, 31)
     plain = BayesianBP(hidden=3, starts=2).fit(X, Y)
     alike = BayesianBP(hidden=3, starts=2).fit(X, Y, noise_covariance=7 * np.diag(np.ptp(Y, axis=0) ** 2))
     np.testing.assert_allclose(alike.predict(X), plain.predict(X), rtol=1e-6)
     np.testing.assert_allclose(alike.noise_std_, plain.noise_std_, rtol=1e-6)
     assert alike.log_evidence_ == pytest.approx(plain.log_evidence_)
-
-
-def test_mixed_weights_are_the_network_with_mixed_outputs():
     random = np.random.RandomState(32)
     x, w, mixing = random.uniform(size=(9, 3)), random.normal(size=26), random.normal(size=(2, 2))
     mixed = two_layer.mix_outputs(w, mixing, 4)
@@ -146,8 +145,7 @@ def test_known_noise_is_kept_where_a_few_means_cannot_tell_it():
     model = BayesianBP(hidden=4, starts=2, goal=0.0, prior="inputs", epochs=200)
     model.fit(X, Y, noise_covariance=covariance, noise_freedom=1e6)
     np.testing.assert_allclose(model.noise_std_, np.sqrt(np.diagonal(covariance)), rtol=1e-3)
-    with pytest.raises(ValueError, match=r"noise_freedom is 3; expected from 0, and 0 without noise_cov"):
-        model.fit(X, Y, noise_freedom=3)
+    value_error(r"noise_freedom is 3; expected from 0, and 0 without noise_cov", model.fit, X, Y, noise_freedom=3)
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from refusals import input_error
 from shared import TARGETS
 
 from repose.config.study import Study
 from repose.core import published
-from repose.core.errors import InputError
 from repose.core.runs import mean_and_error
 from repose.verification import speed
 
@@ -68,8 +68,7 @@ def test_the_reference_kernel_does_every_step_of_its_chain():
 def test_the_representative_solution_is_the_published_one():
     path = "resources/published/table4.csv"
     assert published.representative(path) == REPRESENTATIVE
-    with pytest.raises(InputError, match="column gamma_gg is 'missing'"):
-        published.representative(path, (*REPRESENTATIVE, "gamma_gg"))
+    input_error("column gamma_gg is 'missing'", published.representative, path, (*REPRESENTATIVE, "gamma_gg"))
 
 
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):

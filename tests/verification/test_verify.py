@@ -4,17 +4,16 @@ import csv
 
 import numpy as np
 import pytest
+from refusals import input_error, value_error
 
 from repose import verification
 from repose.__main__ import main
-from repose.core.errors import InputError
 from repose.verification.case import KNOWN, MISSED, PASSED, at_most, close, within
 from repose.verification.hertz import Hertz
 from repose.verification.rotation import euler_solution
 
 
 def case_of(row):
-    """A case of one row, as the suite calls it."""
     return lambda _effort: [row]
 
 
@@ -67,8 +66,7 @@ def test_the_verb_hands_the_laws_of_a_study_to_every_case(words, laws, monkeypat
 
 
 def test_an_unknown_case_is_refused():
-    with pytest.raises(InputError, match="chung1"):
-        verification.run(["chung9"])
+    input_error("chung1", verification.run, ["chung9"])
 
 
 def test_the_reference_of_the_damped_law_has_the_restitution_it_is_for():
@@ -89,5 +87,4 @@ def test_eulers_solution_obeys_eulers_equations():
     slope = np.gradient(omega, time, axis=1)[:, 1:-1]
     expected = -np.cross(omega.T, inertia * omega.T).T[:, 1:-1] / inertia[:, None]
     assert np.abs(slope - expected).max() < 1e-5
-    with pytest.raises(ValueError, match="first is 2"):
-        euler_solution(inertia, 2.0, 0.5, time)
+    value_error("first is 2", euler_solution, inertia, 2.0, 0.5, time)

@@ -10,7 +10,6 @@ PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the workflow without any results."""
     folder = tmp_path_factory.mktemp("project")
     for part in PARTS:
         source = ROOT / part

@@ -11,14 +11,16 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import NamedTuple
 
+from shared import target
+
 from repose.core import ledger
 
 ROOT = Path(__file__).parents[2]
+# Targets from two bench tests.
+MIXED = [target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")]
 
 
 class Done(NamedTuple):
-    """What a call of snakemake ended with."""
-
     returncode: int
     stdout: str
     stderr: str
@@ -84,7 +86,6 @@ def in_this_process(project, words, out, err):
 
 
 def planned(project, *words):
-    """Rules of a dry run and how many jobs of each."""
     done = snakemake(project, "--quiet", "rules", "-n", *words)
     assert done.returncode == 0, done.stderr
     counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)

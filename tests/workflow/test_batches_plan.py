@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from plans import as_ours, planned, snakemake
+from plans import MIXED, as_ours, planned, snakemake
 from synthetic import SPACE, write_poured
 from synthetic import Study as Given
 
@@ -19,11 +19,7 @@ from repose.strategies.base import samples_of
 
 pytestmark = pytest.mark.slow
 
-# Targets from two bench tests.
-MIXED = [
-    {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
-    for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
-]
+
 # Samples of each batch in the small study, the check of the answer last. The screening has corners and the centre, then
 # come the path, a Box-Behnken design in three factors, and the check.
 SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3, 2]}
@@ -122,7 +118,6 @@ JOBS = {1001: 2, 1002: 2, 1101: 2, 1102: 2}  # two blocks of the proposal and tw
 
 
 def proposed(folder, answer=False, jobs=JOBS):
-    """Write a proposal of the refinement."""
     rows = "".join(f"{sample},{seeds}\n" for sample, seeds in jobs.items())
     write_text(folder / "samples.csv", f"sample,seeds\n{rows}")
     simulated = [1001, 1002] if answer else []
@@ -172,8 +167,6 @@ def test_a_round_that_misses_is_followed_by_the_next_until_the_answer(finished):
 
 
 class Probe(strategies.Strategy):
-    """A strategy as CONTRIBUTING.md has one, without rules, files and keys of its own."""
-
     name = "probe"
 
     def propose(self, study, data):

@@ -134,9 +134,8 @@ def test_the_real_snakedeploy_brings_a_workflow_that_plans_the_whole_study(tmp_p
     subprocess.run(words, cwd=tmp_path, check=True)
     study = tmp_path / "study"
     assert (study / "config/config.yaml").read_bytes() == (ROOT / "config/config.yaml").read_bytes()
-    assert (
-        'github("owner/repose", path="workflow/Snakefile", tag="tested")' in (study / "workflow/Snakefile").read_text()
-    )
+    deployed = (study / "workflow/Snakefile").read_text()
+    assert 'github("owner/repose", path="workflow/Snakefile", tag="tested")' in deployed
     done = snakemake(study, "-n", "--cores", "1", "--quiet", "rules")
     assert done.returncode == 0, done.stderr
     assert re.search(r"^pour +150$", done.stdout + done.stderr, re.MULTILINE)

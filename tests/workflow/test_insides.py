@@ -47,27 +47,14 @@ def test_the_workflow_has_fewer_functions_than_rules_and_no_program():
     assert functions <= 25 < rules
 
 
-@pytest.mark.parametrize(
-    ("words", "runs"),
-    [
-        ("--cores 2", True),
-        ("-c2 -F --configfile mine.yaml", True),
-        ("-sSnakefile -c1", True),
-        ("--touch -c1", True),
-        ("-n", False),
-        ("-np", False),
-        ("--dry-run -c1", False),
-        ("--summary", False),
-        ("--rulegraph", False),
-        ("--mode remote -c1", False),
-    ],
-)
-def test_a_call_that_only_looks_takes_no_folder(words, runs, monkeypatch):
-    monkeypatch.setattr("sys.argv", ["snakemake", *words.split()])
-    assert Call().runs == runs
+RUN = ("--cores 2", "-c2 -F --configfile mine.yaml", "-sSnakefile -c1", "--touch -c1")
+LOOK = ("-n", "-np", "--dry-run -c1", "--summary", "--rulegraph", "--mode remote -c1")
 
 
-def test_configurations_are_distinguished_from_targets():
+def test_a_call_that_only_looks_takes_no_folder_and_configurations_are_no_targets(monkeypatch):
+    for words in (*RUN, *LOOK):
+        monkeypatch.setattr("sys.argv", ["snakemake", *words.split()])
+        assert Call().runs == (words in RUN), words
     words = ["results/card.json", "--configfile", "mine.yaml", "more.json", "page", "--cores", "2"]
     assert configfiles(words) == ["mine.yaml", "more.json"]
     assert configfiles(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]
@@ -88,7 +75,6 @@ def test_the_profile_lets_the_scheduler_look_seldom(tmp_path):
 
 @pytest.mark.slow
 def test_a_benchmark_has_the_processor_time_of_the_whole_job(project):
-    """Snakemake looks at a job each half second, and after 15 s each half minute."""
     done = snakemake(project, "results/quick/design/samples.csv", *QUICK, "--forceall")
     assert done.returncode == 0, done.stderr
     (process,) = usage.since(project / "results/quick", 0)

@@ -41,19 +41,9 @@ def dataset():
     return pd.read_csv(RESULTS / "dataset.csv")
 
 
-def test_it_was_the_small_configuration(config):
+def test_it_was_the_small_configuration_whose_design_is_a_latin_hypercube(config):
     assert config == Study.load(ROOT / "config" / "quick.yaml").config
     assert config["small_run"] is True
-
-
-def test_berry_equals_table_1():
-    summary = pd.read_csv(RESULTS / "berry" / "summary.csv").set_index("dimension")
-    axes = summary.loc[["long_mm", "major_mm", "minor_mm"]]
-    for statistic in ("maximum", "minimum", "mean"):
-        np.testing.assert_allclose(axes[statistic], axes[f"published_{statistic}"], atol=0.005)
-
-
-def test_design_is_a_latin_hypercube_in_the_ranges(config):
     samples = pd.read_csv(RESULTS / "design" / "samples.csv")
     count = config["design"]["samples"]
     assert list(samples["sample"]) == list(range(1, count + 1))
@@ -61,6 +51,13 @@ def test_design_is_a_latin_hypercube_in_the_ranges(config):
         low, high = config["parameters"][name]
         strata = np.floor((samples[name] - low) / (high - low) * count).astype(int)
         assert sorted(strata) == list(range(count))
+
+
+def test_berry_equals_table_1():
+    summary = pd.read_csv(RESULTS / "berry" / "summary.csv").set_index("dimension")
+    axes = summary.loc[["long_mm", "major_mm", "minor_mm"]]
+    for statistic in ("maximum", "minimum", "mean"):
+        np.testing.assert_allclose(axes[statistic], axes[f"published_{statistic}"], atol=0.005)
 
 
 def test_every_response_is_of_a_simulation_of_all_berries(config, dataset):
@@ -75,7 +72,7 @@ def test_every_response_is_of_a_simulation_of_all_berries(config, dataset):
                 assert arrays[f"quaternion_{seed}"].shape == (berries, 4)
 
 
-def test_piles_are_piles(config, dataset):
+def test_piles_are_piles_steeper_and_higher_by_more_friction(config, dataset):
     good = dataset[dataset["status"] == "ok"]
     assert len(good) >= 0.8 * len(dataset)
     # a mean of two pours has its error, and which pours they are differs between processors
@@ -85,10 +82,6 @@ def test_piles_are_piles(config, dataset):
     poured_s = config["funnel"]["berries"] / config["funnel"]["rate_per_s"]
     assert good["discharge_s"].between(0.85 * poured_s, config["funnel"]["duration_s"]).all()
     assert good["aor_deg"].std() > 0.5
-
-
-def test_more_friction_makes_a_steeper_higher_pile(dataset):
-    good = dataset[dataset["status"] == "ok"]
     friction = good["mur_gg"] / good["mur_gg"].mean() + good["mus_gp"] / good["mus_gp"].mean()
     assert np.corrcoef(friction, good["height_mm"])[0, 1] > 0
 
@@ -103,7 +96,7 @@ def test_network_file_gives_the_predictions(dataset):
     assert {"train", "validation", "test", "gamma", "alpha", "beta", "epochs", "stop_reason"} <= set(metrics)
 
 
-def test_search_prints_its_result(config):
+def test_search_prints_its_result_and_validation_has_it_simulated_side_by_side(config):
     summary = json.loads((RESULTS / "miga" / "summary.json").read_text())
     feasible = pd.read_csv(RESULTS / "miga" / "feasible.csv")
     assert summary["message"]
@@ -113,9 +106,6 @@ def test_search_prints_its_result(config):
         low, high = config["parameters"][name]
         assert feasible[name].between(low - 1e-9, high + 1e-9).all()
     assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["variable"]) == set(PARAMETERS)
-
-
-def test_validation_has_predicted_and_simulated_side_by_side(config):
     table4 = pd.read_csv(RESULTS / "validation" / "table4.csv")
     published = pd.read_csv(RESULTS / "validation" / "published.csv")
     assert len(table4) == config["validation"]["solutions"] + 1
@@ -154,15 +144,12 @@ def test_figures_show_something(name):
     assert picture.std() > 5
 
 
-def test_the_report_states_the_answer_and_that_it_was_a_small_run():
+def test_the_report_states_the_answer_and_every_result_was_written_by_the_one_writer():
     text = (RESULTS / "report.html").read_text()
     assert "<b>A small run, its numbers are no calibration: targets " in text
     assert 'class="verdict' in text
     assert "Three.js Authors" in text, "the pile in 3-D"
     assert len(text) < 5_000_000
-
-
-def test_every_result_was_written_by_the_one_writer():
     left = ("logs", "benchmarks")
     paths = [path for path in RESULTS.rglob("*") if path.is_file() and not set(left) & set(path.parts)]
     ours = [path for path in paths if path.name.startswith(".") or not path.stat().st_size or ledger.is_own_file(path)]

@@ -17,7 +17,6 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A copy of a crop's folder, and inside it."""
     assert "crops/index.md" in (ROOT / "README.md").read_text()
     shutil.copytree(ROOT / "crops/wheat", tmp_path / "wheat", ignore=shutil.ignore_patterns("results", ".*"))
     monkeypatch.chdir(tmp_path / "wheat")

@@ -6,6 +6,7 @@ import shutil
 import pandas as pd
 import pytest
 from plans import planned, snakemake
+from shared import target
 
 from repose.core import provenance
 from repose.core.lock import take_folder
@@ -69,10 +70,8 @@ def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(projec
     done = snakemake(project, *words)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("reach: ") == done.stderr.count(line) == 1
-    drum = {"response": "drum_slip_deg", "apparatus": "drum", "value": 44, "sd": 2, "repetitions": 5}
-    (project / "mine.json").write_text(
-        json.dumps({"targets": [drum | {"range": [40, 48]}], "posterior": {"shape_study": None}})
-    )
+    drum = {"targets": [target("drum_slip_deg", 44, 2, 40, 48, 5)], "posterior": {"shape_study": None}}
+    (project / "mine.json").write_text(json.dumps(drum))
     done = snakemake(project, TARGET, *QUICK, "mine.json", "--forceall")
     assert done.returncode == 0, done.stderr
     assert "reach: " not in done.stderr
@@ -125,7 +124,6 @@ STAGES = {
 @pytest.mark.essential
 @pytest.mark.parametrize("stage", STAGES)
 def test_each_stage_can_be_forced_to_run_again(finished, stage):
-    """It and what follows run; no stage before it does."""
     project, words = finished
     counts = planned(project, *words, "--forcerun", stage)
     forced, next_rule = STAGES[stage]
@@ -149,14 +147,10 @@ EDITED = {
     "chain/card.py": ({"card", "page"}, {"miga", "dataset"}),
     "studies/posterior.py": ({"posterior_tables", "card"}, {"miga", "dataset"}),
     "pictures/render.py": ({"page", "draw_figure05"}, {"dataset", "card"}),
-    **dict.fromkeys(
-        (
-            *("strategies/base.py", "doe/model.py", "export/job.py", "verification/case.py"),
-            *("config/study.py", "cli/run.py", "core/files.py"),
-        ),
-        (set(), set()),
-    ),
 }
+NO_STAGES = ("strategies/base.py", "doe/model.py", "export/job.py", "verification/case.py")
+NO_STAGES += ("config/study.py", "cli/run.py", "core/files.py")
+EDITED |= dict.fromkeys(NO_STAGES, (set(), set()))
 
 
 @pytest.mark.essential
@@ -176,7 +170,6 @@ def test_an_edit_plans_what_stands_on_its_room(finished, tmp_path, monkeypatch):
 
 
 def planned_after_an_edit(project, words, path):
-    """Rules of the whole study after an edit of a file, which is undone."""
     content = path.read_bytes()
     path.write_bytes(content + b"# edited\n")
     provenance.room_hash.cache_clear()
@@ -187,7 +180,7 @@ def planned_after_an_edit(project, words, path):
         provenance.room_hash.cache_clear()
 
 
-def test_a_changed_target_pours_the_new_solutions_alone(finished):
+def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothing(finished):
     project, words = finished
     config = json.loads((project / "results/quick/config.json").read_text())
     config["targets"][0]["value"] += 1
@@ -195,10 +188,6 @@ def test_a_changed_target_pours_the_new_solutions_alone(finished):
     jobs = planned(project, *words[:2], "target.json", *words[2:], "--", "calibration", "films")
     assert "pour" not in jobs
     assert (jobs["validation_pour"], jobs["trajectory"], jobs["drum_run"]) == (3, 1, 2)
-
-
-def test_another_label_runs_nothing(finished):
-    project, words = finished
     assert planned(project, *words, "label=other", "--", "calibration") == {}
 
 

@@ -4,37 +4,20 @@ import json
 import re
 
 import pytest
-from plans import ROOT, planned, snakemake
+from plans import MIXED, ROOT, declared, planned, snakemake
+from shared import target
 
 from repose.core.published import STORED
 
 pytestmark = pytest.mark.slow
 
 STAGES = (
-    *(
-        "berry",
-        "shape",
-        "design",
-        "pour",
-        "measure_runs",
-        "dataset",
-        "network",
-        "miga",
-        "solutions",
-        "validation_pour",
-        "measure_validation_runs",
-        "validate",
-    ),
+    *("berry", "shape", "design", "pour", "measure_runs", "dataset", "network", "miga", "solutions"),
+    *("validation_pour", "measure_validation_runs", "validate"),
     *("measure", "draw_convergence", "posterior_tables", "page"),
     *("drum_run", "drum", "draw_drum"),
     *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)),
 )
-
-# Targets from two bench tests.
-MIXED = [
-    {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
-    for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
-]
 
 
 @pytest.mark.essential
@@ -45,12 +28,16 @@ def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     assert not (project / "results").exists(), "a dry run writes nothing"
 
 
-def test_the_workflow_runs_from_either_file(project):
+def test_the_workflow_runs_from_either_file_and_the_small_run_has_the_same_rules(project):
     through_top = planned(project, "--configfile", "config/quick.yaml")
     itself = planned(project, "--configfile", "config/quick.yaml", "-s", "workflow/Snakefile")
     assert through_top.pop("everything") == itself.pop("all") == 1
     assert through_top == itself
     assert itself["pour"] == 14
+    small = planned(project, "--configfile", "config/quick.yaml")
+    # its piles have no stored table beside them
+    assert set(small) == set(planned(project)) - {"draw_published"}
+    assert (small["pour"], small["drum_run"]) == (14, 2)
 
 
 def test_samples_are_run_in_every_bench_test_of_the_targets(project):
@@ -67,30 +54,17 @@ def test_samples_are_run_in_every_bench_test_of_the_targets(project):
         assert "--apparatus drum" in shown
 
 
-def test_the_small_run_has_the_same_rules(project):
-    small = planned(project, "--configfile", "config/quick.yaml")
-    # its piles have no stored table beside them
-    assert set(small) == set(planned(project)) - {"draw_published"}
-    assert (small["pour"], small["drum_run"]) == (14, 2)
+CALL = "command line (--config)"
+STABLE = "expected at most 0.00062, the stable step of a body between two of berry (restitution 0.1)"
 
 
 @pytest.mark.essential
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (
-            ["--config", "funnel={seeds: 0}"],
-            "repose: error: command line (--config): funnel.seeds is 0; expected an integer from 1 to 100",
-        ),
-        (
-            ["--config", "simulation={time_step_s: 2e-3}"],
-            "repose: error: command line (--config): simulation.time_step_s is 0.002; expected at most 0.00062, "
-            "the stable step of a body between two of berry (restitution 0.1)",
-        ),
-        (
-            ["--configfile", "mine.yaml"],
-            "repose: error: mine.yaml: funnel.seads is 3; expected a known key; did you mean seeds?",
-        ),
+        (["--config", "funnel={seeds: 0}"], f"{CALL}: funnel.seeds is 0; expected an integer from 1 to 100"),
+        (["--config", "simulation={time_step_s: 2e-3}"], f"{CALL}: simulation.time_step_s is 0.002; {STABLE}"),
+        (["--configfile", "mine.yaml"], "mine.yaml: funnel.seads is 3; expected a known key; did you mean seeds?"),
     ],
 )
 def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message):
@@ -98,7 +72,7 @@ def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message
     done = snakemake(project, "--cores", "1", *words)
     assert done.returncode != 0
     assert done.stdout == ""
-    assert [line for line in done.stderr.splitlines() if "profile" not in line] == [message]
+    assert [line for line in done.stderr.splitlines() if "profile" not in line] == [f"repose: error: {message}"]
     assert not (project / "results").exists()
 
 
@@ -109,11 +83,11 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     resolved = json.loads((project / "results/quick/config.json").read_text())
     assert resolved["design"]["samples"] == 14
 
-    target = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
-    assert set(planned(project, *target)) == {"warm_up", "pour", "measure_runs", "total"}
-    fewer = planned(project, *target, "--config", "design={samples: 25}")
+    words = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
+    assert set(planned(project, *words)) == {"warm_up", "pour", "measure_runs", "total"}
+    fewer = planned(project, *words, "--config", "design={samples: 25}")
     assert set(fewer) == {"design", "warm_up", "pour", "measure_runs", "total"}
-    heavier = planned(project, *target, "--config", "berry={density_kg_m3: 900}")
+    heavier = planned(project, *words, "--config", "berry={density_kg_m3: 900}")
     assert set(heavier) == {"berry", "shape", "warm_up", "pour", "measure_runs", "total"}
 
 
@@ -214,9 +188,8 @@ def test_every_figure_and_table_has_a_caption():
 
 
 def test_a_study_of_the_drum_alone_draws_no_funnel(project):
-    target = {"response": "drum_slip_deg", "apparatus": "drum", "value": 44.0, "sd": 2.0}
-    target |= {"repetitions": 5, "range": [40.0, 48.0]}
-    drum = {"targets": [target], "surrogate": "gaussian_process", "posterior": {"shape_study": None}}
+    slip = target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)
+    drum = {"targets": [slip], "surrogate": "gaussian_process", "posterior": {"shape_study": None}}
     (project / "drum.json").write_text(json.dumps(drum))
     # Other tests leave results in the study's own folder.
     nowhere = ("--config", "results_dir=results/nowhere", "validation={published_simulated: null}")
@@ -228,3 +201,11 @@ def test_a_study_of_the_drum_alone_draws_no_funnel(project):
         "draw_figure10",  # a Gaussian process has no nodes
     }
     assert set(alone) < set(both)
+
+
+def test_every_job_declares_memory_and_time_and_more_of_both_when_it_is_tried_again(tmp_path):
+    rules = declared(tmp_path)
+    assert len(rules) > 60
+    for rule in rules:
+        for first, second in (rule.memory_mb, rule.minutes):
+            assert second == 2 * first > 0, rule.rule

@@ -19,6 +19,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import Definitions, require_same_definitions
 from repose.core.targets import Targets
 from repose.search.objective import HISTORY, Objective, Preference, search
+from repose.search.settings import MigaSettings
 from repose.surrogate.base import Surrogate, load
 from repose.surrogate.support import Support
 
@@ -43,7 +44,7 @@ def invert(
     surrogate: Surrogate,
     space: ParameterSpace,
     targets: Targets,
-    settings: Mapping[str, Any],
+    settings: MigaSettings,
     published: pd.DataFrame | None = None,
     support: Support | None = None,
 ) -> Inversion:
@@ -66,11 +67,11 @@ def invert(
         evaluations += history[-1][HISTORY.index("evaluations")]
 
     points = archive.points
-    if settings["answer"] == LEAST_LOSS and surrogate.knows_its_errors:
-        points = _behind(expected_loss.least(surrogate, space, targets), points, space, settings["distance"])
+    if settings.answer == LEAST_LOSS and surrogate.knows_its_errors:
+        points = _behind(expected_loss.least(surrogate, space, targets), points, space, settings.distance)
     Y = respond(points)
     F, V = objective(Y)
-    met, most = np.count_nonzero(V == 0), settings["solutions"]
+    met, most = np.count_nonzero(V == 0), settings.solutions
     # the representative stands first, feasible or not
     rows = slice(0, max(FEWEST_ROWS, min(met + (V[0] > 0), most)) if met else most)
     points, Y, F, V = points[rows], Y[rows], F[rows], V[rows]
@@ -95,7 +96,7 @@ def run(
     surrogate_json: str | os.PathLike,
     space: ParameterSpace,
     targets: Targets,
-    settings: Mapping[str, Any],
+    settings: MigaSettings,
     table3_csv: str | os.PathLike | None,
     out_dir: str | os.PathLike,
     support: Support | None = None,
@@ -170,7 +171,7 @@ def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: 
 
 
 def _summary(
-    table: pd.DataFrame, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any], counts: dict[str, int]
+    table: pd.DataFrame, space: ParameterSpace, targets: Targets, settings: MigaSettings, counts: dict[str, int]
 ) -> dict[str, Any]:
     """Make the content of summary.json."""
     best = table.iloc[0]
@@ -179,11 +180,11 @@ def _summary(
     summary: dict[str, Any] = {
         "feasible": counts["n_solutions"] > 0,
         **counts,
-        "distance": settings["distance"],
+        "distance": settings.distance,
         "representative": {name: float(best[name]) for name in (*space.names, *targets.predicted, "objective")},
         "box_distance": dict(zip(targets.names, box, strict=True)),
         "target_distance": dict(zip(targets.names, off, strict=True)),
-        "message": message(responses, targets, counts["n_solutions"], settings["distance"]),
+        "message": message(responses, targets, counts["n_solutions"], settings.distance),
     }
     if "warning" in table and best["warning"]:
         summary["message"] += f" Beyond the samples: {best['warning']}."

@@ -21,6 +21,7 @@ from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.surrogate.accuracy import r2
 from repose.surrogate.base import Surrogate, load, make
+from repose.surrogate.settings import NetworkSettings
 
 SPLITS = ("train", "validation", "test")
 FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 means anything
@@ -76,16 +77,16 @@ def train(
     dataset: pd.DataFrame,
     runs: pd.DataFrame,
     targets: Targets,
-    settings: Mapping[str, Any],
+    settings: NetworkSettings,
     definitions: Definitions | None = None,
     source: object = "dataset",
     names: Sequence[str] | None = None,
+    surrogate: str = "network",
 ) -> Training:
     """Train a surrogate on the usable samples of a study; InputError for fewer than `FEWEST_SAMPLES`.
 
-    `settings` is the section `network` with `surrogate`, `seed`, `split` (three shares), `replicates`: whether the runs
-    of each sample give the noise (`Replicates`), and `validation_noise`: whether the errors of a first fit at the
-    validation samples give the correlation of the noises (`error_covariance`), with which it is fitted again.
+    With `replicates` the runs of each sample give the noise (`Replicates`). With `validation_noise` the errors of a
+    first fit at the validation samples give the correlation of the noises (`error_covariance`) for a second fit.
     """
     names = named(dataset) if names is None else names
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
@@ -93,19 +94,19 @@ def train(
         raise InputError(source, "usable samples", len(usable), f"at least {FEWEST_SAMPLES} with status ok")
     X, Y = usable[list(names)].to_numpy(float), usable[list(targets.names)].to_numpy(float)
     errors = usable[list(targets.errors)].to_numpy(float)
-    rows = rows_of(usable, settings["split"], settings["seed"])
+    rows = rows_of(usable, settings.split, settings.seed)
 
     def fitted(part: np.ndarray, covariance: np.ndarray | None = None) -> tuple[Surrogate, dict[str, Any]]:
         learned = usable["sample"].iloc[part]
-        replicates = Replicates.of(runs, learned, targets) if settings.get("replicates", False) else None
+        replicates = Replicates.of(runs, learned, targets) if settings.replicates else None
         noise = {"noise_covariance": covariance} if replicates is None else replicates.arguments()
-        model = make(settings.get("surrogate", "network"), settings)
+        model = make(surrogate, settings)
         model.describe(names, targets.names, definitions, learned)
         return model.fit(X[part], Y[part], **noise), noise
 
     model, noise = fitted(rows["train"])
     covariance = None
-    if settings.get("validation_noise", False):
+    if settings.validation_noise:
         unseen = rows["validation"]
         covariance = error_covariance(Y[unseen] - model.predict(X[unseen]), targets, source)
         model, noise = fitted(rows["train"], covariance)
@@ -131,17 +132,18 @@ def run(
     dataset_csv: str | os.PathLike,
     runs_csv: str | os.PathLike,
     targets: Targets,
-    settings: Mapping[str, Any],
+    settings: NetworkSettings,
     out_dir: str | os.PathLike,
     definitions: Definitions | None = None,
     source: object = "configuration",
+    surrogate: str = "network",
 ) -> dict[str, Any]:
     """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics."""
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     of_dataset, summary_json = read_definitions(dataset_csv)
     require_same_definitions(of_dataset, summary_json, definitions or {}, source)
-    training = train(dataset, runs, targets, settings, definitions or of_dataset, dataset_csv)
+    training = train(dataset, runs, targets, settings, definitions or of_dataset, dataset_csv, surrogate=surrogate)
     write(training, out_dir)
     return training.metrics
 

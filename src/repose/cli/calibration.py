@@ -44,8 +44,8 @@ def network(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import train
 
     targets, definitions = study.targets, study.definitions
-    settings = study.config["network"] | {"surrogate": study.config["surrogate"]}
-    metrics = train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config)
+    settings, kind = study.settings.network, study.settings.surrogate
+    metrics = train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config, kind)
     print(train.message(metrics))
 
 
@@ -62,7 +62,7 @@ def miga(args: argparse.Namespace, study: "Study") -> None:
         args.network,
         study.parameters,
         study.targets,
-        study.config["miga"],
+        study.settings.miga,
         study.published("table3.csv"),
         args.out,
         _support(args, study),
@@ -81,7 +81,7 @@ def miga(args: argparse.Namespace, study: "Study") -> None:
 def solutions(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import validate
 
-    count, out = study.config["validation"]["solutions"], Path(args.out) / "solutions.csv"
+    count, out = study.settings.validation.solutions, Path(args.out) / "solutions.csv"
     validate.write_solutions(args.feasible, study.parameters, study.targets, count, out)
 
 
@@ -116,7 +116,7 @@ def published_sets(args: argparse.Namespace, study: "Study") -> None:
 
 def _published(args: argparse.Namespace, study: "Study") -> str:
     """Return the table of published solutions; InputError without one."""
-    published = study.config["validation"]["published"]
+    published = study.settings.validation.published
     if published is None:
         raise InputError(args.config, "validation.published", None, "a table of published solutions")
     return published

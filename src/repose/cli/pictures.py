@@ -1,7 +1,7 @@
 """Verbs that draw: figures, films, the report."""
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import pairs
 from repose.cli.registry import Option, verb
@@ -42,13 +42,13 @@ def film(args: argparse.Namespace, study: "Study") -> None:
     from repose.particle.particle import Particle
     from repose.pictures import film, scenery
 
-    config, particle = study.config, Particle.load(args.particle)
-    frames = SMALL_FILM if config["small_run"] else FILM
+    settings: Any = study.settings
+    files = args.trajectory, Particle.load(args.particle), args.out
+    look = {"frames": SMALL_FILM if settings.small_run else FILM, "colour": settings.colour}
     if args.drum:
-        film.animate_drum(args.trajectory, particle, args.out, config["drum"], frames=frames, colour=config["colour"])
-        return
-    walls = scenery.funnel_walls(config["funnel"])
-    film.animate_pour(args.trajectory, particle, args.out, walls, frames=frames, colour=config["colour"])
+        film.animate_drum(*files, settings.drum, **look)
+    else:
+        film.animate_pour(*files, scenery.funnel_walls(settings.funnel.funnel), **look)
 
 
 @verb(

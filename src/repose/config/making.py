@@ -31,7 +31,7 @@ def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str,
     if step_s > limit.time_step_s:
         of_tests = config["berry"]["shear_modulus_pa"] is None
         if of_tests and step_s < math.sqrt(OTHER_UNITS["N"]["gf"]) * limit.time_step_s:
-            stiff = f"an elastic modulus below {mean['elastic_modulus_pa']:.2g} Pa by its column force_n (in gf instead of N?)"
+            stiff = f"a modulus below {mean['elastic_modulus_pa']:.2g} Pa by its column force_n (in gf instead of N?)"
             yield "berry.compression", f"{stiff}; or simulation.time_step_s {limit.allowed}"
         else:
             yield "simulation.time_step_s", limit.allowed

@@ -1,33 +1,46 @@
-"""The sections of the configuration as typed models, and `StudySettings`, the whole.
+"""`StudySettings`, the whole configuration as typed sections, and the sections that belong to no room below.
 
-Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); config/README.md explains the keys.
+Every room brings its sections, such as `repose.search.settings`, and so do bench tests (`BenchTest.settings`) and
+strategies; config/README.md explains the keys.
 """
 
 import difflib
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cache
-from itertools import pairwise
-from numbers import Real
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, create_model, field_validator
-from pydantic_core import core_schema
+from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator
 
 from repose.apparatus import bench, names
 from repose.apparatus.settings import SimulationSettings, WallSettings
+from repose.chain.settings import DesignSettings, ValidationSettings
 from repose.config import results_folder
 from repose.core.parameter_space import PRIOR_WIDTHS
-from repose.core.parameters import ALLOWED, FURTHER
+from repose.core.parameters import ALLOWED, FURTHER, PARAMETERS
 from repose.core.profiles import OfProfile
 from repose.core.responses import Response, named, responses_of
-from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, refuse
+from repose.core.section import (
+    ABSENT,
+    AUTO,
+    FILE,
+    RISING,
+    Auto,
+    Contradictions,
+    OneOf,
+    PathOrNull,
+    Percent,
+    Section,
+    Seed,
+    refuse,
+)
 from repose.core.targets import LARGEST, LEAST_RANGE, range_about
-from repose.dem.constants import Constant
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
-from repose.particle.particle import KINDS, SURFACES
+from repose.particle.settings import GrainSettings
+from repose.search.settings import MigaSettings
+from repose.surrogate.settings import NetworkSettings
 
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 
@@ -38,23 +51,10 @@ def _surrogates() -> Iterable[str]:
     return surrogate.names()
 
 
-def _priors() -> Iterable[str]:
-    from repose.surrogate.two_layer import PRIORS
-
-    return PRIORS
-
-
 def _strategies() -> Iterable[str]:
     from repose import strategies
 
     return strategies.names()
-
-
-def _rising(numbers: Sequence[float]) -> Sequence[float]:
-    """Check that numbers rise; ValueError if they do not."""
-    if not all(low < high for low, high in pairwise(numbers)):
-        raise ValueError("the numbers do not rise")
-    return numbers
 
 
 def _folder_of_results(path: str) -> str:
@@ -83,172 +83,96 @@ ResultsFolder = Annotated[
     AfterValidator(_folder_of_results),
 ]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"')]
-_NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"  # snakemake takes braces for wildcards
-_FILE = object()  # marks the types of `named_files`
-Path = Annotated[str, Field(pattern=_NO_BRACES, description="a path of a file, without braces"), _FILE]
-PathOrNull = Annotated[
-    Annotated[str, Field(pattern=_NO_BRACES)] | None,
-    Field(description="a path of a file, without braces, or null"),
-    _FILE,
-]
-Seed = Annotated[int, Field(ge=0, le=4294967295)]
-Percent = Annotated[float, Field(gt=0, le=50)]
-Poisson = Annotated[float, Field(ge=0, le=0.49)]
-Modulus = Annotated[float, Field(ge=1.0e3, le=1.0e12)]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Share = Annotated[float, Field(ge=0, le=1)]
+
+
+# --- the parameters --------------------------------------------------------------------------------------------
 
 
 def _is_number(value: object) -> bool:
-    """Return whether a value is a number, of numpy too."""
-    return isinstance(value, Real) and not isinstance(value, bool)
+    """Return whether a value is a number."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-class _Parameter:
-    """The type of a contact parameter within bounds: a range, a fixed value, or prior knowledge."""
+def parameter(low: float, high: float) -> Any:
+    """Make the type of a contact parameter within bounds: a range, a fixed value, or prior knowledge."""
+    bounded = high < sys.float_info.max
+    number = f"a number from {low:g} to {high:g}" if bounded else "a number"
+    pair = f"a pair [low, high] of numbers{number[len('a number') :]} with low < high"
+    allowed = f"{pair}; or fixed; or prior with mean and sd"
 
-    def __init__(self, low: float, high: float) -> None:
-        self.low, self.high = low, high
+    def is_within(value: Any) -> bool:
+        return _is_number(value) and low <= value <= high
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
-        value = Annotated[float, Field(ge=self.low, le=self.high)]
-        spread = Annotated[float, Field(gt=0, le=self.high)]
-        pair = Annotated[tuple[value, value], Field(strict=False), AfterValidator(_rising)]
-        fixed = create_model("Fixed", __base__=Section, fixed=value)
-        prior = create_model("Prior", __base__=Section, mean=value, sd=spread)
-        known = create_model("Known", __base__=Section, range=(pair, None), prior=prior)
-        return handler.generate_schema(Annotated[pair | fixed | known, BeforeValidator(self._explained)])
+    def is_pair(value: Any) -> bool:
+        if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(is_within, value)):
+            return False
+        return bool(value[0] < value[1])
 
-    def _explained(self, given: Any) -> Any:
-        """Return what is given; where it is a section, refuse the faults of its single keys."""
-        if isinstance(given, Mapping):
-            refuse(self._faults(given))
-        return given
-
-    def _faults(self, given: Mapping[str, Any]) -> Contradictions:
-        """Yield the faults of a section."""
-        bounded = self.high < sys.float_info.max
-        number = f"a number from {self.low:g} to {self.high:g}" if bounded else "a number"
-        keys = ("fixed", "prior", "range")
-        for key in given:
-            if key not in keys:
-                near = difflib.get_close_matches(str(key), keys, 1)
-                hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(keys)}"
-                yield str(key), f"a known key; {hint}"
+    def faults(given: Mapping[str, Any]) -> Contradictions:
+        keys, prior = ("fixed", "prior", "range"), given.get("prior")
+        unknown = [str(key) for key in given if key not in keys]
+        for key in unknown:
+            near = difflib.get_close_matches(key, keys, 1)
+            yield key, f"a known key; {f'did you mean {near[0]}?' if near else 'keys here: fixed, prior, range'}"
         if "fixed" in given and len(given) > 1:
             yield "", "fixed alone, or prior with or without range"
-        elif "fixed" in given and not self._is_within(given["fixed"]):
+        elif "fixed" in given and not is_within(given["fixed"]):
             yield "fixed", number
         elif "range" in given and "prior" not in given:
             yield "", "a pair [low, high]; a range stands beside a prior only"
-        prior = given.get("prior")
-        if prior is not None:
+        elif not unknown and "fixed" not in given and (prior is None or not is_pair(given.get("range", [low, high]))):
+            yield "", allowed
+        elif prior is not None:
             if not isinstance(prior, Mapping) or set(prior) != {"mean", "sd"}:
                 yield "prior", "a section with the keys mean and sd"
-            elif not self._is_within(prior["mean"]):
+            elif not is_within(prior["mean"]):
                 yield "prior", f"a mean that is {number}"
-            elif not (_is_number(prior["sd"]) and 0 < prior["sd"] <= self.high):
-                yield "prior", "an sd above 0" + (f" and up to {self.high:g}" if bounded else "")
+            elif not (_is_number(prior["sd"]) and 0 < prior["sd"] <= high):
+                yield "prior", "an sd above 0" + (f" and up to {high:g}" if bounded else "")
 
-    def _is_within(self, value: Any) -> bool:
-        """Return whether a value is a number within the bounds."""
-        return _is_number(value) and self.low <= value <= self.high
+    def checked(given: Any) -> Any:
+        refuse(faults(given) if isinstance(given, Mapping) else () if is_pair(given) else [("", allowed)])
+        return given
+
+    kinds: Any = {"anyOf": [{"type": "array"}, {"type": "object"}]}
+    return Annotated[Any, AfterValidator(checked), Field(description=allowed, json_schema_extra=kinds)]
 
 
 def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
     """Refuse parameters, by name, whose range lies beyond their prior."""
     for name, given in parameters:
-        if getattr(given, "range", None) is not None:
-            mean, reach = given.prior.mean, PRIOR_WIDTHS * given.prior.sd
-            if mean + reach < given.range[0] or mean - reach > given.range[1]:
-                low, high = mean - reach, mean + reach
+        if isinstance(given, Mapping) and "range" in given:
+            mean, reach = given["prior"]["mean"], PRIOR_WIDTHS * given["prior"]["sd"]
+            low, high = mean - reach, mean + reach
+            if high < given["range"][0] or low > given["range"][1]:
                 yield (name, f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior")
 
 
-def _described(low: float, high: float) -> Any:
-    """Describe the allowed values of a contact parameter within bounds."""
-    pair = f"a pair [low, high] of numbers from {low:g} to {high:g} with low < high"
-    return Field(description=f"{pair}; or fixed; or prior with mean and sd")
+def all_fixed(parameters: Iterable[Any]) -> bool:
+    """Return whether no parameter is free."""
+    return all(given is None or "fixed" in given for given in parameters)
 
 
-Restitution = Annotated[Any, _described(*ALLOWED["e_gg"]), _Parameter(*ALLOWED["e_gg"])]
-StaticFriction = Annotated[Any, _described(*ALLOWED["mus_gg"]), _Parameter(*ALLOWED["mus_gg"])]
-RollingFriction = Annotated[Any, _described(*ALLOWED["mur_gg"]), _Parameter(*ALLOWED["mur_gg"])]
-ParameterOfAnySize = Annotated[
-    Any,
-    _Parameter(-sys.float_info.max, sys.float_info.max),
-    Field(description="a pair [low, high] of numbers with low < high; or fixed; or prior with mean and sd"),
-]
+class _Parameters(Section):
+    def contradictions(self) -> Contradictions:
+        """Refuse parameters that are all fixed, and a prior that its range excludes."""
+        yield from far_priors(self)
+        if all_fixed(given for _, given in self):
+            yield "", "at least one free parameter: there is nothing to calibrate"
+
+
+_six: dict[str, Any] = {name: (parameter(*ALLOWED[name]), ...) for name in PARAMETERS}
+_further: dict[str, Any] = {
+    name: (parameter(of.constant.least, min(of.constant.most, 1.0e9)), ABSENT) for name, of in FURTHER.items()
+}
+ParametersSettings = create_model("ParametersSettings", __base__=_Parameters, **_six, **_further)
+
 StrategyName = Annotated[str, OneOf(_strategies)]
 SurrogateName = Annotated[str, OneOf(_surrogates)]
 
 
-# --- the grain, the parameters and the simulation --------------------------------------------------------------
-
-
-class Berry(Section):
-    """The measurements of the grain, and the body that represents it."""
-
-    sizes: Path
-    compression: PathOrNull
-    density_kg_m3: float = Field(ge=10, le=25000)
-    poisson_ratio: Poisson | None
-    shear_modulus_pa: Modulus | None
-    stl: PathOrNull
-    mass_g: Annotated[float, Field(gt=0, le=1.0e6)] | None
-    particle: Annotated[str, OneOf(lambda: KINDS)]
-    spheres: Literal["fewest"] | Annotated[int, Field(ge=1, le=64)] = Field(
-        description="fewest or an integer from 1 to 64"
-    )
-    surface: Annotated[str, OneOf(lambda: SURFACES)]
-    size_distribution: Literal["none", "measured"]
-
-    @field_validator("poisson_ratio", "shear_modulus_pa")
-    @classmethod
-    def _measured(cls, value: float | None, info: ValidationInfo) -> float | None:
-        """Refuse a modulus that is missing if there are no compression tests either."""
-        if value is None and info.data.get("compression", "invalid") is None:
-            tests = "a table of compression tests in berry.compression, which gives both moduli"
-            refuse([("", f"a number; or {tests}")])
-        return value
-
-
-class _SixParameters(Section):
-    """The six contact parameters, and the contact law's own."""
-
-    e_gg: Restitution
-    mus_gg: StaticFriction
-    mur_gg: RollingFriction
-    e_gp: Restitution
-    mus_gp: StaticFriction
-    mur_gp: RollingFriction
-
-    def contradictions(self) -> Contradictions:
-        """Refuse parameters that are all fixed, and a prior that its range excludes."""
-        yield from far_priors(self)
-        if all(value is None or hasattr(value, "fixed") for _, value in self):
-            yield "", "at least one free parameter: there is nothing to calibrate"
-
-
-def _of_the_law(constant: Constant) -> Any:
-    """Make the type of a further parameter."""
-    ends = constant.least, min(constant.most, 1.0e9)
-    return Annotated[Any, _described(*ends), _Parameter(*ends)]
-
-
-_further: dict[str, Any] = {name: (_of_the_law(further.constant), ABSENT) for name, further in FURTHER.items()}
-Parameters = create_model("Parameters", __base__=_SixParameters, **_further)
-
-
-class Design(Section):
-    """The design of experiments."""
-
-    method: Literal["optimal", "lhsdesign"]
-    samples: int = Field(ge=12, le=10000)
-    seed: Seed
-
-
-class Measure(Section):
+class MeasureSection(Section):
     """Measurement of a pile."""
 
     views: int = Field(ge=1, le=360)
@@ -277,7 +201,7 @@ class Measure(Section):
         return end
 
 
-class Target(Section):
+class TargetSettings(Section):
     """A measured response."""
 
     response: str = Field(min_length=1, max_length=60)
@@ -286,7 +210,7 @@ class Target(Section):
     aim: Number = ABSENT  # a target without this key aims at its value
     sd: float = Field(ge=0, le=LARGEST)
     repetitions: int = Field(ge=1, le=10000)
-    range: Annotated[tuple[Number, Number], Field(strict=False), AfterValidator(_rising)] = Field(
+    range: Annotated[tuple[Number, Number], Field(strict=False), RISING] = Field(
         description="a pair [low, high] of numbers with low < high"
     )
     weight: float = Field(default=1.0, gt=0, le=1.0e6)
@@ -325,70 +249,6 @@ class Target(Section):
 
 
 # --- the chain -------------------------------------------------------------------------------------------------
-
-
-class Network(Section):
-    """Training of a surrogate."""
-
-    hidden: int = Field(ge=1, le=100)
-    epochs: int = Field(ge=1, le=100000)
-    goal: Share
-    split: (
-        Annotated[
-            tuple[Share, Share, Share],
-            Field(strict=False, description="three shares (training, validation, test) that sum to 1"),
-        ]
-        | Auto
-    ) = AUTO
-    starts: int = Field(ge=1, le=1000)
-    prior: Annotated[str, OneOf(_priors)]
-    replicates: bool
-    validation_noise: bool
-    seed: Seed
-
-    @field_validator("split")
-    @classmethod
-    def _whole(cls, shares: Any) -> Any:
-        """Refuse shares that do not sum to 1, or leave nothing to train or to test."""
-        if shares != AUTO and (abs(sum(shares) - 1) > 1e-6 or shares[0] == 0 or shares[2] == 0):
-            refuse([("", "three shares that sum to 1, training and test above 0")])
-        return shares
-
-    def contradictions(self) -> Contradictions:
-        """Refuse two sources of the noise."""
-        if self.validation_noise and self.replicates:
-            yield "validation_noise", "false where replicates is true: the runs of a sample show the noise"
-
-
-class Miga(Section):
-    """The island genetic algorithm, and the choice of the answer."""
-
-    islands: int = Field(ge=1, le=100)
-    population: int = Field(ge=4, le=10000)
-    rounds: int = Field(ge=1, le=100000)
-    generations: int = Field(ge=1, le=10000)
-    tournament: int = Field(ge=1, le=1000)
-    mutation_probability: Share
-    mutation_amplitude: Share
-    solutions: int = Field(ge=10, le=1000)
-    distance: float = Field(ge=0, le=0.5)
-    answer: Literal["least_expected_loss", "least_objective"]
-    seed: Seed
-
-    def contradictions(self) -> Contradictions:
-        """Refuse a tournament larger than its population."""
-        if self.tournament > self.population:
-            yield "tournament", f"at most miga.population, {self.population}"
-
-
-class Validation(Section):
-    """The pours that check the answer."""
-
-    solutions: int = Field(ge=1, le=9)
-    seeds: int = Field(ge=1, le=1000)
-    representative_seeds: int = Field(ge=1, le=1000)
-    published: PathOrNull
-    published_simulated: PathOrNull
 
 
 class Posterior(Section):
@@ -433,7 +293,7 @@ class Refine(Section):
             yield "neighbours", "0 or at least 2: they fill a Latin hypercube"
 
 
-class Figures(Section):
+class FiguresSettings(Section):
     """The files of every figure."""
 
     format: Annotated[tuple[Literal["png", "pdf", "svg"], ...], Field(strict=False)] = Field(
@@ -459,24 +319,24 @@ class StudySettings(Section):
     photograph: PathOrNull
     colour: Colour
     strategy: StrategyName
-    berry: Berry
+    berry: GrainSettings
     wall: WallSettings
-    parameters: Parameters  # type: ignore[valid-type]
-    design: Design
+    parameters: ParametersSettings  # type: ignore[valid-type]
+    design: DesignSettings
     simulation: SimulationSettings
-    measure: Measure
+    measure: MeasureSection
     surrogate: SurrogateName
-    network: Network
-    targets: Annotated[tuple[Target, ...], Field(strict=False)] = Field(
+    network: NetworkSettings
+    targets: Annotated[tuple[TargetSettings, ...], Field(strict=False)] = Field(
         min_length=1,
         description="a list of one or more targets: response, value, sd and repetitions, or the file of a profile",
     )
-    miga: Miga
-    validation: Validation
+    miga: MigaSettings
+    validation: ValidationSettings
     posterior: Posterior
     sensitivity: Sensitivity
     refine: Refine
-    figures: Figures = Field(default_factory=Figures)
+    figures: FiguresSettings = Field(default_factory=FiguresSettings)
 
 
 def settings_type() -> type[StudySettings]:
@@ -499,7 +359,7 @@ def _settings_type(apparatus: tuple[str, ...], strategies: tuple[str, ...]) -> t
 
 
 def named_files() -> tuple[str, ...]:
-    """Return the dotted keys of the configuration that name a file: those of the types `Path` and `PathOrNull`."""
+    """Return the dotted keys of the configuration that name a file: those of the types that `FILE` marks."""
     return _files_of(settings_type())
 
 
@@ -508,7 +368,7 @@ def _files_of(model: type[Section]) -> tuple[str, ...]:
     """Return the keys of a section's model, and of the sections in it, that name a file."""
     keys: list[str] = []
     for name, field in model.model_fields.items():
-        if _FILE in field.metadata:
+        if FILE in field.metadata:
             keys.append(name)
         elif isinstance(field.annotation, type) and issubclass(field.annotation, Section):
             keys += [f"{name}.{key}" for key in _files_of(field.annotation)]

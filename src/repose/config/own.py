@@ -2,31 +2,26 @@
 
 import math
 import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
+from repose.chain.settings import DesignSettings
 from repose.config.keys import get
-from repose.config.models import (
-    Design,
-    Miga,
-    Network,
-    ParameterOfAnySize,
-    Refine,
-    StrategyName,
-    SurrogateName,
-    far_priors,
-)
+from repose.config.models import Refine, StrategyName, SurrogateName, all_fixed, far_priors, parameter
 from repose.config.profiles import expanded_own
 from repose.config.reading import read
 from repose.core import places
 from repose.core.errors import YamlError, raise_together
 from repose.core.profiles import OfProfile, Profile
 from repose.core.responses import Response
-from repose.core.section import ABSENT, AUTO, Contradictions, Section, refuse
+from repose.core.section import ABSENT, AUTO, Contradictions, Section, Seed, refuse
 from repose.core.targets import Target, Targets
+from repose.search.settings import MigaSettings
+from repose.surrogate.settings import NetworkSettings
 
 RESERVED = ("sample", "run", "status", "turn")  # columns of the table that are neither parameter nor response
 BENCH = "own"  # bench test of the responses
@@ -34,6 +29,7 @@ SEEDS = 2  # runs of each sample
 SURROGATE = "gaussian_process"
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 LARGEST = 1e12
+ANY_SIZE = parameter(-sys.float_info.max, sys.float_info.max)
 
 Line = Annotated[str, Field(pattern=r"^[^\n]*\S[^\n]*$", description="text of one line")]
 Size = Annotated[float, Field(ge=0, le=LARGEST)]
@@ -105,23 +101,25 @@ class OwnSettings(Section):
     simulator: Line
     label: Line
     seed: int = Field(ge=0, le=2**31 - 1)
-    parameters: dict[str, ParameterOfAnySize] = Field(description="a section with a range for each parameter")
+    parameters: dict[str, ANY_SIZE] = Field(  # type: ignore[valid-type]
+        description="a section with a range for each parameter"
+    )
     targets: dict[str, OwnTarget] = Field(description="a section with value, sd and repetitions for each response")
     strategy: StrategyName
     seeds: int = Field(ge=1, le=1000)
     surrogate: SurrogateName
     sequential: OwnSequential
     posterior: OwnPosterior
-    design: Design
-    network: Network
-    miga: Miga
+    design: DesignSettings
+    network: NetworkSettings
+    miga: MigaSettings
     refine: Refine
 
     @field_validator("parameters")
     @classmethod
     def _free(cls, parameters: dict[str, Any]) -> dict[str, Any]:
         refuse([*_bad_columns(parameters), *far_priors(parameters.items())])
-        if all(hasattr(one, "fixed") for one in parameters.values()):
+        if all_fixed(parameters.values()):
             refuse([("", "at least one range or prior")])
         return parameters
 
@@ -142,8 +140,31 @@ def _bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
             yield (name, f"another name: one line of text without spaces around it, and none of {', '.join(RESERVED)}")
 
 
+class _Sequential(OwnSequential):
+    most_pours: int  # `most_runs`
+
+
+class _Posterior(OwnPosterior):
+    seed: Seed
+
+
+class _Runs(Section):
+    seeds: int
+
+
+class OwnStudySettings(OwnSettings):
+    """The configuration once it is completed."""
+
+    sequential: _Sequential
+    posterior: _Posterior
+    seeds: int = ABSENT
+    own: _Runs
+    noise_sd: dict[str, float]
+    definitions: dict[str, str]
+
+
 @cache
-def settings_type() -> type[OwnSettings]:
+def settings_type(whole: type[OwnSettings] = OwnSettings) -> type[OwnSettings]:
     """Make the model with the section of each strategy but `sequential`, which has its own here."""
     from repose.strategies import names, strategy
 
@@ -152,7 +173,7 @@ def settings_type() -> type[OwnSettings]:
         for name in names()
         if strategy(name).settings is not None and name not in OwnSettings.model_fields
     }
-    return create_model("OwnConfiguration", __base__=OwnSettings, **others)
+    return create_model("OwnConfiguration", __base__=whole, **others)
 
 
 def is_own(path: str | os.PathLike) -> bool:

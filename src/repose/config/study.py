@@ -264,9 +264,11 @@ class Study:
     @cached_property
     def settings(self) -> "StudySettings":
         """The configuration as typed sections, such as `study.settings.funnel.seeds`."""
-        from repose.config.models import settings_type
+        from repose.config import faults, models, own
 
-        return settings_type().model_validate(self.config)
+        model: Any = own.settings_type(own.OwnStudySettings) if self._source is None else models.settings_type()
+        settings: StudySettings = faults.typed(self.config, self._source or "study", model)
+        return settings
 
     @cached_property
     def parameters(self) -> "ParameterSpace":

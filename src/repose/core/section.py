@@ -9,10 +9,11 @@ A section is a subclass of `Section` with one field a key::
 The message about a bad value states the allowed values: the `description` of the field, or its type and bounds.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError, core_schema
 
 AUTO: Final = "auto"
@@ -35,6 +36,17 @@ Contradictions = Iterator[tuple[str, str]]  # (key, allowed values)
 
 CONTRADICTION = "contradiction"  # type of the error that holds `Contradictions`
 
+_NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"  # snakemake takes braces for wildcards
+FILE: Final = object()  # marks the types of keys that name a file
+Path = Annotated[str, Field(pattern=_NO_BRACES, description="a path of a file, without braces"), FILE]
+PathOrNull = Annotated[
+    Annotated[str, Field(pattern=_NO_BRACES)] | None,
+    Field(description="a path of a file, without braces, or null"),
+    FILE,
+]
+Seed = Annotated[int, Field(ge=0, le=4294967295)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Percent = Annotated[float, Field(gt=0, le=50)]
 Seeds = Annotated[int, Field(ge=1, le=100)]
 MOST_BERRIES = 20_000
 Berries = Annotated[int, Field(ge=1, le=MOST_BERRIES)]
@@ -75,3 +87,13 @@ class OneOf:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         return core_schema.literal_schema(list(self.names()))
+
+
+def _rising(numbers: Sequence[float]) -> Sequence[float]:
+    """Check that numbers rise; ValueError if they do not."""
+    if not all(low < high for low, high in pairwise(numbers)):
+        raise ValueError("the numbers do not rise")
+    return numbers
+
+
+RISING = AfterValidator(_rising)  # marks a pair whose first number is below its second

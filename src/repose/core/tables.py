@@ -154,7 +154,7 @@ def read(
     """
     table, known = sheet(path, what), list(columns)
     declared = {column.name: column for column in known if isinstance(column, Column)}
-    needed = [one.name if isinstance(one, Column) else one for one in known if not isinstance(one, Column) or one.needed]
+    needed = [one if isinstance(one, str) else one.name for one in known if isinstance(one, str) or one.needed]
     check_columns(path, table.text, needed, what)
     table.words = frozenset(name for name, column in declared.items() if column.kind is str)
     summaries = list(_summaries(table)) if declared else []

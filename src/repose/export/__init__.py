@@ -23,7 +23,7 @@ Deck = Callable[["Job"], dict[str, str]]
 
 
 def _written_by(module: str, name: str = "deck") -> Deck:
-    """A function of a module of this package that is imported when it writes: the help lists programs alone."""
+    """Import a function of a module of this package when it writes: the help lists programs alone."""
     return lambda job: getattr(import_module(f".{module}", __name__), name)(job)
 
 
@@ -43,10 +43,10 @@ HERTZ = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
 
 def check_laws(job: "Job", program: str) -> None:
-    """InputError if a program has no equivalent of one of the study's laws."""
+    """Raise InputError if a program has no equivalent of one of the study's laws."""
     for key, law, laws, common in (
-        ("contact_law", job.contact_law, CONTACT_LAWS, HERTZ),
-        ("rolling_law", job.rolling_law, ROLLING_LAWS, ("budget",)),
+        ("contact_law", job.simulation.contact_law, CONTACT_LAWS, HERTZ),
+        ("rolling_law", job.simulation.rolling_law, ROLLING_LAWS, ("budget",)),
     ):
         allowed = [*common, *(name for name in laws if name in FURTHER_LAWS.get(program, ()))]
         if law not in allowed:

@@ -11,7 +11,7 @@ from repose import dem
 from repose.apparatus import Scene
 from repose.apparatus.funnel import Funnel, FunnelSettings
 from repose.apparatus.scene import longest_time_step, materials_of
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.core.errors import InputError
 from repose.core.parameters import FURTHER
 from repose.dem.laws import hertz_mindlin
@@ -52,29 +52,15 @@ class Job:
     """The grain and its bench test; vectors in the body's principal axes, the centre of mass at the origin."""
 
     label: str  # of the study
-    spheres_m: np.ndarray  # (M, 4), centres and radii
-    mass_kg: float  # of the body
-    volume_m3: float  # of the body; overlaps of spheres count once
-    inertia_kg_m2: np.ndarray  # (3,), principal moments
-    density_kg_m3: float
-    bounding_radius_m: float
+    particle: "Particle"  # of spheres
     mean_radius_m: float  # of the spheres, weighted by free surface
     lever_m: float  # mean distance of the surface from the centre, by area: lever of the rolling resistance
     grain: dem.Material
     wall: dem.Material
     grains: Pair  # grain with grain
     on_wall: Pair  # grain with wall
-    tension: str  # see `repose.dem.Simulation`
-    contact_law: str
-    rolling_law: str
-    funnel: Funnel
-    plate_radius_m: float
-    factory_radius_m: float  # disc in which the grains' centres appear
-    factory_height_m: float
-    count: int  # number of grains
-    rate_per_s: float
-    duration_s: float
-    gravity_m_s2: float
+    simulation: SimulationSettings
+    funnel: FunnelSettings
     time_step_s: float  # advised, see `make`
     rayleigh_s: float  # Rayleigh time of the smallest sphere
     seed: int
@@ -83,10 +69,30 @@ class Job:
     @property
     def is_sphere(self) -> bool:
         """Whether the grain is one sphere and not a clump."""
-        return len(self.spheres_m) == 1
+        return len(self.particle.spheres_m) == 1
+
+    @property
+    def pairs(self) -> dict[str, Pair]:
+        """The pairs by the end of their parameters' names."""
+        return {"gg": self.grains, "gp": self.on_wall}
+
+    @property
+    def surfaces(self) -> Funnel:
+        """The inner surfaces of the funnel."""
+        return self.funnel.funnel
+
+    @property
+    def plate_radius_m(self) -> float:
+        """Radius of the plate [m]."""
+        return 0.5e-3 * self.funnel.plate_diameter_mm
+
+    @property
+    def factory_height_m(self) -> float:
+        """Height at which the grains' centres appear [m]."""
+        return self.surfaces.inlet_height_m + 1e-3 * self.funnel.factory_height_mm
 
     def steps(self, seconds: float) -> int:
-        """Number of time steps of a duration."""
+        """Return the number of time steps of a duration."""
         return round(seconds / self.time_step_s)
 
 
@@ -94,89 +100,58 @@ def make(
     config: Mapping[str, Any],
     parameters: Mapping[str, float],
     particle: "Particle",
-    berry: Mapping[str, Any],
+    grain: Mapping[str, Any],
     seed: int = 1,
     one_sphere: bool = False,
 ) -> Job:
-    """The export of a study: `config` is whole, `berry` is the file of the command ``berry``.
+    """Make the export of a study: `config` is whole, `grain` is the file of the stage ``berry``.
 
     `particle` is a multisphere or a sphere; with `one_sphere` any other becomes the sphere of its volume. The advised
     time step is at most the longest step that this engine allows the grain, the study's own (half of it for a clump),
     and a fifth of the Rayleigh time of the smallest sphere.
     """
-    settings, section = SimulationSettings.of(config), config["funnel"]
-    notes = list(_notes(config))
+    scene = Scene.of(config, parameters, grain, particle)
+    simulation, funnel = scene.settings.simulation, scene.settings.section("funnel", FunnelSettings)
+    notes = list(_notes(scene.settings, funnel))
     if one_sphere or is_sphere(particle):
         own, particle = particle, sphere_of_volume(particle)
+        scene = replace(scene, particle=particle)
         if not is_sphere(own):
             notes.append(f"every grain is the sphere of its volume, radius {1e3 * particle.bounding_radius_m:.4g} mm")
         elif not np.allclose(own.inertia_kg_m2, particle.inertia_kg_m2, rtol=0.01):
             notes.append("the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh")
     if not particle.is_clump:
         raise InputError("particle", "kind", particle.kind, "multisphere: other programs take spheres")
-    if settings.contact_law == "linear_spring":
+    if simulation.contact_law == "linear_spring":
         allowed = "hertz_mindlin or hertz_mindlin_rescaled; jkr or sjkr where the program has it"
-        raise InputError("configuration", "simulation.contact_law", settings.contact_law, allowed)
-    scene = Scene.of(config, parameters, berry, particle)
+        raise InputError("configuration", "simulation.contact_law", simulation.contact_law, allowed)
     materials = materials_of(scene)
     mean_radius, lever = surface_means(particle.spheres_m)
     smallest = float(particle.spheres_m[:, 3].min())
     rayleigh = rayleigh_time_s(materials["berry"], particle.density_kg_m3, smallest)
-    limit = longest_time_step(scene).time_step_s
     share = SHARE_OF_CLUMP if len(particle.spheres_m) > 1 else 1.0
-    step = min(share * min(limit, settings.time_step_s), RAYLEIGH_SHARE * rayleigh)
-    funnel = scene.settings.section("funnel", FunnelSettings).funnel
+    step = min(share * min(longest_time_step(scene).time_step_s, simulation.time_step_s), RAYLEIGH_SHARE * rayleigh)
 
     def pair(suffix: str, other: str, effective_radius: float) -> Pair:
         restitution = parameters[f"e_{suffix}"]
+        further = {name: of for name, of in FURTHER.items() if of.pair == suffix and name in parameters}
         return Pair(
             restitution,
             parameters[f"mus_{suffix}"],
             parameters[f"mur_{suffix}"],
-            hertz_mindlin.damping_ratio(restitution, settings.tension),
+            hertz_mindlin.damping_ratio(restitution, simulation.tension),
             *effective_moduli(materials["berry"], materials[other]),
             effective_radius,
-            {
-                of.constant.name: parameters[name]
-                for name, of in FURTHER.items()
-                if of.pair == suffix and name in parameters
-            },
+            {of.constant.name: parameters[name] for name, of in further.items()},
         )
 
-    return Job(
-        label=config["label"],
-        spheres_m=particle.spheres_m,
-        mass_kg=particle.mass_kg,
-        volume_m3=particle.volume_m3,
-        inertia_kg_m2=particle.inertia_kg_m2,
-        density_kg_m3=particle.density_kg_m3,
-        bounding_radius_m=particle.bounding_radius_m,
-        mean_radius_m=mean_radius,
-        lever_m=lever,
-        grain=materials["berry"],
-        wall=materials["wall"],
-        grains=pair("gg", "berry", 0.5 * mean_radius),
-        on_wall=pair("gp", "wall", mean_radius),
-        tension=settings.tension,
-        contact_law=settings.contact_law,
-        rolling_law=settings.rolling_law,
-        funnel=funnel,
-        plate_radius_m=0.5e-3 * section["plate_diameter_mm"],
-        factory_radius_m=0.5e-3 * section["factory_diameter_mm"] - particle.bounding_radius_m,
-        factory_height_m=funnel.inlet_height_m + 1e-3 * section["factory_height_mm"],
-        count=section["berries"],
-        rate_per_s=section["rate_per_s"],
-        duration_s=section["duration_s"],
-        gravity_m_s2=settings.gravity_m_s2,
-        time_step_s=float(f"{step:.2g}"),
-        rayleigh_s=rayleigh,
-        seed=seed,
-        notes=tuple(notes),
-    )
+    pairs = pair("gg", "berry", 0.5 * mean_radius), pair("gp", "wall", mean_radius)
+    of_grain = config["label"], particle, mean_radius, lever, materials["berry"], materials["wall"], *pairs
+    return Job(*of_grain, simulation, funnel, float(f"{step:.2g}"), rayleigh, seed, tuple(notes))
 
 
 def is_sphere(particle: "Particle") -> bool:
-    """Whether a particle is one sphere: a clump of one, or an ellipsoid whose axes differ by less than 0.1 %."""
+    """Tell whether a particle is one sphere: a clump of one, or an ellipsoid whose axes differ by less than 0.1 %."""
     if particle.is_clump:
         return len(particle.spheres_m) == 1
     axes = particle.semi_axes_m
@@ -184,7 +159,7 @@ def is_sphere(particle: "Particle") -> bool:
 
 
 def sphere_of_volume(particle: "Particle") -> "Particle":
-    """The sphere with volume and mass of a particle, as a clump of one; a clump of one keeps its radius."""
+    """Make the sphere with volume and mass of a particle, a clump of one; a clump of one keeps its radius."""
     mass, volume = particle.mass_kg, particle.mass_kg / particle.density_kg_m3
     radius = (0.75 * volume / math.pi) ** (1.0 / 3.0)
     if len(particle.spheres_m) == 1:
@@ -202,17 +177,17 @@ def sphere_of_volume(particle: "Particle") -> "Particle":
     )
 
 
-def _notes(config: Mapping[str, Any]) -> Iterator[str]:
+def _notes(settings: SceneSettings, funnel: FunnelSettings) -> Iterator[str]:
     """Name the features of the study that no deck can represent."""
-    if config["berry"]["size_distribution"] != "none":
+    if settings.size_distribution != "none":
         yield "the study's grains differ in size; here all are the mean grain"
-    if config["funnel"]["orientation"] != "random":
-        yield f"the study's grains appear {config['funnel']['orientation']}; here their orientation is random"
+    if funnel.orientation != "random":
+        yield f"the study's grains appear {funnel.orientation}; here their orientation is random"
     yield "the plate here is endless; the study's ends at its edge"
 
 
 def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: float) -> float:
-    """Rayleigh time of a sphere, pi R sqrt(rho / G) / (0.1631 nu + 0.8766).
+    """Compute the Rayleigh time of a sphere, pi R sqrt(rho / G) / (0.1631 nu + 0.8766).
 
     Thornton and Randall, in: Micromechanics of Granular Materials, Elsevier (1988) 133.
     """
@@ -221,7 +196,7 @@ def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: floa
 
 
 def surface_means(spheres_m: np.ndarray, points: int = 2000) -> tuple[float, float]:
-    """Mean radius and mean distance from the centre [m] over the free surface of a clump, by area."""
+    """Average the radius and the distance from the centre [m] over the free surface of a clump, by area."""
     directions = sphere_directions(points)
     areas = radii = distances = 0.0
     for x, y, z, radius in spheres_m:

@@ -6,16 +6,8 @@ import numpy as np
 
 from repose.apparatus.funnel import ConeLine
 from repose.export.job import Job, Pair
-from repose.export.laws import (
-    damped_alone,
-    equivalent_restitution,
-    limited_friction,
-    rolled,
-    rolling_coefficient,
-    rolling_stiffness,
-    undamped_tangent,
-)
-from repose.export.template import filled
+from repose.export.laws import equivalent_restitution, head, rolling_coefficient, rolling_stiffness, unlike_the_study
+from repose.export.template import filled, numbers
 
 # Damping of the rolling spring over its critical damping, with the mass of a grain.
 ROLLING_DAMPING = 0.5
@@ -25,30 +17,18 @@ SPRINGS = {"hertz_mindlin": "mindlin", "hertz_mindlin_rescaled": "mindlin_rescal
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a LAMMPS run by name: in.pour, grain.mol."""
-    cone, on_wall = job.funnel.cone_line(), contact_keywords(job, job.on_wall)
-    low, high = (_on_line(cone, place) for place in (cone.first, cone.last))
-    text = filled(
-        "lammps.in",
-        job,
-        "# ",
-        _differences(job),
-        seed=job.seed,
-        **damping_numbers(job),
-        law_gg=contact_keywords(job, job.grains),
-        law_gp=on_wall,
-        cone_low_radius=low[0],
-        cone_high_radius=high[0],
-        cone_low=low[1],
-        cone_high=high[1],
-        tube=_tube(job, on_wall),
-        near=2.0 * float(job.spheres_m[:, 3].max()),
-    )
-    return {"in.pour": text, "grain.mol": molecule(job)}
+    """Write the files of a LAMMPS run by name: in.pour, grain.mol."""
+    cone = job.surfaces.cone_line()
+    law_gg, law_gp = (contact_keywords(job, pair) for pair in job.pairs.values())
+    values = {"law_gg": law_gg, "law_gp": law_gp, "tube": _tube(job, law_gp), **damping_numbers(job)}
+    for end, place in (("low", cone.first), ("high", cone.last)):
+        values[f"cone_{end}_radius"], values[f"cone_{end}"] = _on_line(cone, place)
+    values |= {"head": head(job, "# ", _differences(job)), "near": 2.0 * float(job.particle.spheres_m[:, 3].max())}
+    return {"in.pour": filled("lammps.in", job, **values), "grain.mol": molecule(job)}
 
 
 def contact_keywords(job: Job, pair: Pair) -> str:
-    """A contact in the keywords of pair_style granular; the deck sets the variables damping, e_gg and e_gp.
+    """Write a contact in the keywords of pair_style granular; the deck sets the variables damping, e_gg and e_gp.
 
     The moduli are those of two equal surfaces with the pair's E*.
     """
@@ -56,39 +36,41 @@ def contact_keywords(job: Job, pair: Pair) -> str:
     poisson = job.grain.poisson_ratio
     young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
     stiffness = rolling_stiffness(pair) / pair.effective_radius_m**2
-    rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.mass_kg)
+    rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.particle.mass_kg)
+    law = SPRINGS[job.simulation.contact_law]
     words = (
         f"hertz/material {young:.8g} {restitution} {poisson:.8g} "
-        f"tangential {SPRINGS[job.contact_law]} {8.0 * pair.effective_shear_pa:.8g} 0 {pair.static_friction:.8g} "
+        f"tangential {law} {8.0 * pair.effective_shear_pa:.8g} 0 {pair.static_friction:.8g} "
         "damping ${damping} "
         f"rolling sds {stiffness:.8g} {rolling_damping:.8g} {rolling_coefficient(job, pair):.8g}"
     )
-    return words if job.tension == "keep" else words + " limit_damping"
+    return words if job.simulation.tension == "keep" else words + " limit_damping"
 
 
 def damping_numbers(job: Job) -> dict[str, float]:
-    """The numbers with which `coeff_restitution`, and `tsuji` of older versions, give the study's damping.
+    """Compute the numbers with which `coeff_restitution`, and `tsuji` of older versions, give the study's damping.
 
     For `tsuji` it is negative where no restitution gives the damping.
     """
-    numbers = {}
-    for name, pair in (("gg", job.grains), ("gp", job.on_wall)):
-        numbers[f"e_{name}"] = equivalent_restitution(pair, 1e-6)
+    found = {}
+    for name, pair in job.pairs.items():
+        found[f"e_{name}"] = equivalent_restitution(pair, 1e-6)
         roots = np.roots((*TSUJI[:-1], TSUJI[-1] - math.sqrt(5.0) * pair.damping_ratio))
-        numbers[f"tsuji_{name}"] = float(roots[np.abs(roots.imag) < 1e-9].real.min())
-    return numbers
+        found[f"tsuji_{name}"] = float(roots[np.abs(roots.imag) < 1e-9].real.min())
+    return found
 
 
 def molecule(job: Job) -> str:
-    """The grain as the text of a molecule template."""
-    n = len(job.spheres_m)
-    lines = ["a grain, from repose export", "", f"{n} atoms", f"{job.mass_kg:.9g} mass", "0 0 0 com"]
-    lines += [" ".join(f"{value:.9g}" for value in (*job.inertia_kg_m2, 0.0, 0.0, 0.0)) + " inertia"]
+    """Write the grain as the text of a molecule template."""
+    spheres, mass_kg = job.particle.spheres_m, job.particle.mass_kg
+    n = len(spheres)
+    lines = ["a grain, from repose export", "", f"{n} atoms", f"{mass_kg:.9g} mass", "0 0 0 com"]
+    lines.append(numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0)) + " inertia")
     columns = {
-        "Coords": [" ".join(f"{value:.9g}" for value in sphere[:3]) for sphere in job.spheres_m],
+        "Coords": [numbers(sphere[:3]) for sphere in spheres],
         "Types": ["1"] * n,
-        "Diameters": [f"{2.0 * sphere[3]:.9g}" for sphere in job.spheres_m],
-        "Masses": [f"{job.mass_kg / n:.9g}"] * n,
+        "Diameters": [f"{2.0 * sphere[3]:.9g}" for sphere in spheres],
+        "Masses": [f"{mass_kg / n:.9g}"] * n,
     }
     for name, words in columns.items():
         lines += ["", name, "", *(f"{k} {word}" for k, word in enumerate(words, start=1))]
@@ -102,25 +84,20 @@ def _on_line(cone: ConeLine, place: float) -> tuple[float, float]:
 
 def _tube(job: Job, law: str) -> str:
     """Write the lines of a tube below the cone."""
-    if job.funnel.tube_length_m == 0.0:
+    funnel = job.surfaces
+    if funnel.tube_length_m == 0.0:
         return ""
-    radius, low, high = (0.5 * job.funnel.outlet_diameter_m, job.funnel.outlet_height_m, job.funnel.neck_height_m)
+    size = numbers((0.5 * funnel.outlet_diameter_m, funnel.outlet_height_m, funnel.neck_height_m))
     return (
-        f"region          tube cylinder z 0 0 {radius:.9g} {low:.9g} {high:.9g} side in open 1 open 2\n"
+        f"region          tube cylinder z 0 0 {size} side in open 1 open 2\n"
         f"fix             tube all wall/gran/region granular {law} region tube\n"
     )
 
 
 def _differences(job: Job) -> list[str]:
     """List the differences between LAMMPS and this engine."""
-    lines = [
-        rolled(job),
-        *damped_alone(job),
-        undamped_tangent(),
-        *limited_friction(job, job.contact_law),
-        "the edge of the outlet is sharp",
-    ]
-    if job.tension == "release":
+    lines = [*unlike_the_study(job, job.simulation.contact_law), "the edge of the outlet is sharp"]
+    if job.simulation.tension == "release":
         lines.append(
             "the second number of hertz/material is the restitution that gives the study's damping; with limit_damping "
             "an impact then ends with the restitution calibrated"

@@ -22,11 +22,19 @@ UNDER_LOAD = {
     "hertz_mindlin_rescaled": "stays on loading and falls on unloading",
     "kept": "stays as it is when the normal load changes",
 }
+DAMPED_ALONE = (
+    "each pair of spheres is damped with the bodies' masses; in the study the spheres of one pair of bodies share "
+    "the damping, and the mass counts the rotation"
+)
+UNDAMPED_TANGENT = (
+    "no dashpot along the tangent; in the study Coulomb's limit holds it too. In LIGGGHTS and YADE it comes on "
+    "top of that limit, in LAMMPS it winds up the spring: a grazing impact had 1.7 times the friction, or a sixth"
+)
 GAMMA = " (of each of two surfaces: the work of adhesion is w = 2 gamma, the pull-off force 3 pi gamma R*)"
 
 
 def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
-    """Coefficient of restitution with which Tsuji's formula gives a pair's damping ratio beta.
+    """Compute the coefficient of restitution with which Tsuji's formula gives a pair's damping ratio beta.
 
     exp(-pi beta / sqrt(1 - beta^2)), 0 for beta from 1 on; never below `least`, the smallest value of the program.
     """
@@ -37,46 +45,47 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 
 
 def rolling_coefficient(job: Job, pair: Pair) -> float:
-    """Coefficient of rolling friction for a program whose lever is the effective radius of two spheres.
+    """Compute the coefficient of rolling friction for a program whose lever is the effective radius of two spheres.
 
     In laws that resist the rotation of one grain against the other, the lever of two grains is half of one grain's.
     """
     lever = job.lever_m
-    if job.rolling_law != "budget" and pair is job.grains:
+    if job.simulation.rolling_law != "budget" and pair is job.grains:
         lever *= 0.5
     return pair.rolling_friction * lever / pair.effective_radius_m
 
 
 def rolling_stiffness(pair: Pair) -> float:
-    """Stiffness of a rolling spring [N m]: the stiffness of the tangential spring times R*^2."""
+    """Compute the stiffness of a rolling spring [N m]: the stiffness of the tangential spring times R*^2."""
     return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
 
 
 def skin_m(job: Job) -> float:
-    """Reach of neighbour lists beyond the spheres [m]: three quarters of the mean radius.
+    """Compute the reach of neighbour lists beyond the spheres [m]: three quarters of the mean radius.
 
     A grain that falls at 2 m/s moves 0.4 mm in a step; with this skin the lists last for several steps.
     """
     return 0.75 * job.mean_radius_m
 
 
-def differences(job: Job, comment: str, lines: list[str]) -> str:
-    """Head of a deck as comment lines: the study, and the differences from it."""
+def head(job: Job, comment: str, lines: list[str]) -> str:
+    """Write the head of a deck as comment lines: the study, and the differences from it."""
     return "\n".join(comment + line for line in _head(job, lines))
 
 
 def _head(job: Job, lines: list[str]) -> Iterator[str]:
-    """Lines of the head."""
+    """Yield the lines of the head."""
     gg, gp = job.grains, job.on_wall
-    yield f"Pour of {job.count} grains of the study `{job.label}`, written by `repose export`. SI units."
+    yield f"Pour of {job.funnel.berries} grains of the study `{job.label}`, written by `repose export`. SI units."
     yield f"Calibrated: e {gg.restitution:.6g}, mu_s {gg.static_friction:.6g}, mu_r {gg.rolling_friction:.6g} between"
     yield (
         f"grains; e {gp.restitution:.6g}, mu_s {gp.static_friction:.6g}, mu_r {gp.rolling_friction:.6g} "
         "between grain and wall."
     )
-    for constant in OF_LAWS.get(job.contact_law, ()):
+    law = job.simulation.contact_law
+    for constant in OF_LAWS.get(law, ()):
         yield (
-            f"{job.contact_law}: {constant.words} {gg.constants[constant.name]:.6g} {constant.unit} between grains, "
+            f"{law}: {constant.words} {gg.constants[constant.name]:.6g} {constant.unit} between grains, "
             f"{gp.constants[constant.name]:.6g} between grain and wall{GAMMA if constant is SURFACE_ENERGY else ''}."
         )
     if TWISTING.name in {**gg.constants, **gp.constants}:
@@ -91,46 +100,29 @@ def _head(job: Job, lines: list[str]) -> Iterator[str]:
         yield f"- {line}"
 
 
-def limited_friction(job: Job, tangential: str = "hertz_mindlin") -> list[str]:
-    """Notes if the program limits friction by the whole normal force, or has another tangential law than the study.
+def unlike_the_study(job: Job, tangential: str = "hertz_mindlin") -> list[str]:
+    """List the differences that several programs have: rolling, damping, tangential force.
 
     `tangential` is the program's law: a contact law of this engine, or "kept" for a force that does not change with
     load.
     """
-    notes = []
-    if COULOMB[job.tension] != "total":
+    notes = [rolled(job), *([] if job.is_sphere else [DAMPED_ALONE]), UNDAMPED_TANGENT]
+    if COULOMB[job.simulation.tension] != "total":
         notes.append("Coulomb's limit takes the damped normal force, in the study its elastic part")
-    own = "hertz_mindlin" if job.contact_law == "hertz_mindlin" else "hertz_mindlin_rescaled"
+    own = "hertz_mindlin" if job.simulation.contact_law == "hertz_mindlin" else "hertz_mindlin_rescaled"
     if own != tangential:
         notes.append(f"a tangential force {UNDER_LOAD[tangential]}; in the study it {UNDER_LOAD[own]}")
     return notes
 
 
-def damped_alone(job: Job) -> list[str]:
-    """The note of a program that damps every contact of a clump with the mass of the whole body."""
-    if job.is_sphere:
-        return []
-    return [
-        "each pair of spheres is damped with the bodies' masses; in the study the spheres of one pair of bodies share "
-        "the damping, and the mass counts the rotation"
-    ]
-
-
-def undamped_tangent() -> str:
-    """The note of a program whose tangential dashpot violates Coulomb's limit, so that the deck has none."""
-    return (
-        "no dashpot along the tangent; in the study Coulomb's limit holds it too. In LIGGGHTS and YADE it comes on "
-        "top of that limit, in LAMMPS it winds up the spring: a grazing impact had 1.7 times the friction, or a sixth"
-    )
-
-
 def rolled(job: Job) -> str:
-    """The note of a program whose rolling resistance is a limited spring between two spheres."""
-    if job.rolling_law != "budget":
-        own = "a constant torque" if job.rolling_law == "constant_torque" else "its own stiffness and damping"
+    """Describe a rolling resistance that is a limited spring between two spheres."""
+    law = job.simulation.rolling_law
+    if law != "budget":
+        own = "a constant torque" if law == "constant_torque" else "its own stiffness and damping"
         return (
             f"rolling resistance is between two spheres, with {own}; in the study "
-            f"{job.rolling_law} between two bodies, which resists spin about the normal too. Its coefficients here are "
+            f"{law} between two bodies, which resists spin about the normal too. Its coefficients here are "
             f"those of the study times the mean lever {1e3 * job.lever_m:.3g} mm over the radius of a sphere"
         )
     piles = "; with mu_r 0.1 piles of spheres stood 5 to 7 degrees lower so" if job.is_sphere else ""

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from repose.apparatus.funnel import Funnel
+from repose.export.template import numbers
 
 AROUND = 36
 ARC_DEG = 30.0
@@ -13,7 +14,7 @@ LONGEST_ROW_M = 0.024
 
 
 def profile(funnel: Funnel) -> np.ndarray:
-    """Line (N, 2) of r, z [m] from the funnel's inlet to the underside of the outlet's rounded edge."""
+    """Draw the line (N, 2) of r, z [m] from the funnel's inlet to the underside of the outlet's rounded edge."""
     slope, edge = math.radians(funnel.cone_angle_deg), funnel.rim_radius_m
     core = 0.5 * funnel.outlet_diameter_m + edge
     neck, outlet = funnel.neck_height_m, funnel.outlet_height_m
@@ -40,7 +41,7 @@ def _divided(points: np.ndarray) -> np.ndarray:
 
 
 def triangles(funnel: Funnel) -> np.ndarray:
-    """Triangles (T, 3, 3) of the funnel's surface: corners [m], counterclockwise seen from the axis."""
+    """Divide the funnel's surface into triangles (T, 3, 3): corners [m], counterclockwise seen from the axis."""
     line = profile(funnel)
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
     rings = np.stack(
@@ -55,17 +56,12 @@ def triangles(funnel: Funnel) -> np.ndarray:
 
 
 def stl(funnel: Funnel) -> str:
-    """The funnel's surface as the text of an STL file in metres."""
+    """Write the funnel's surface as the text of an STL file in metres."""
     corners = triangles(funnel)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     lines = ["solid funnel"]
     for normal, three in zip(normals, corners, strict=True):
-        lines.append(f"facet normal {_words(normal)}")
-        lines += ["outer loop", *(f"vertex {_words(corner)}" for corner in three), "endloop", "endfacet"]
+        lines.append(f"facet normal {numbers(normal)}")
+        lines += ["outer loop", *(f"vertex {numbers(corner)}" for corner in three), "endloop", "endfacet"]
     return "\n".join([*lines, "endsolid funnel", ""])
-
-
-def _words(point: np.ndarray) -> str:
-    """Write three numbers."""
-    return " ".join(f"{value:.9g}" for value in point)

@@ -1,62 +1,46 @@
 """The text of a deck, with names for values."""
 
 import re
-import string
+from collections.abc import Iterable
+from functools import reduce
 from pathlib import Path
 
 from repose.export.job import Job
-from repose.export.laws import differences, skin_m
+from repose.export.laws import skin_m
+
+# A text in which @{name}, @{name.attribute} or @{name:format} is a value, since $ and braces have a meaning in decks.
+VALUE = re.compile(r"@\{(\w+)((?:\.\w+)*)(?::([^}]+))?\}")
 
 
-class _Text(string.Template):
-    """A text in which @{name} stands for a value, since $ and braces have a meaning in the decks."""
+def filled(name: str, job: Job, **values: object) -> str:
+    """Fill the template `name` of this folder with `values`, the job and the numbers of all decks, to nine digits.
 
-    delimiter = "@"
-
-
-def filled(name: str, job: Job, comment: str, unlike: list[str], **values: object) -> str:
-    """The template `name` of this folder, filled with `values` and the numbers that all decks share, to nine digits.
-
-    `comment` begins a line of the head, `unlike` are the program's differences. Lines that begin with @sphere| or
-    @clump| are for such grains only.
+    A line that begins with @sphere|, @clump| or a law's name, as @jkr|, is for such grains and laws alone.
     """
     text = Path(__file__).with_name(name).read_text(encoding="utf-8")
-    kind, other = ("sphere", "clump") if job.is_sphere else ("clump", "sphere")
-    text = re.sub(rf"^@{other}\|.*\n|^@{kind}\|", "", text, flags=re.MULTILINE)
-    values |= _shared(job) | {"head": differences(job, comment, unlike)}
-    words = {key: f"{value:.9g}" if isinstance(value, float) else value for key, value in values.items()}
-    return _Text(text).substitute(words)
+    there = {"sphere" if job.is_sphere else "clump", *job.simulation.laws.values()}
+    text = re.sub(r"^@(\w+)\|(.*\n)", lambda line: line[2] if line[1] in there else "", text, flags=re.MULTILINE)
+    values = _shared(job) | {"job": job} | values
+
+    def word(found: re.Match[str]) -> str:
+        value: object = reduce(getattr, found[2].split(".")[1:], values[found[1]])
+        return format(value, found[3] or (".9g" if isinstance(value, float) else ""))
+
+    return VALUE.sub(word, text)
+
+
+def numbers(values: Iterable[float], between: str = " ") -> str:
+    """Write numbers to nine digits."""
+    return between.join(f"{value:.9g}" for value in values)
 
 
 def _shared(job: Job) -> dict[str, object]:
-    """Grain, walls, box, pour and times, by the names in the templates."""
-    steps, reach = job.steps(job.duration_s), job.bounding_radius_m
-    ixx, iyy, izz = job.inertia_kg_m2.tolist()
-    return {
-        "density": job.density_kg_m3,
-        "mass": job.mass_kg,
-        "radius": float(job.spheres_m[0, 3]),
-        "ixx": ixx,
-        "iyy": iyy,
-        "izz": izz,
-        "young_grain": job.grain.elastic_modulus_pa,
-        "young_wall": job.wall.elastic_modulus_pa,
-        "poisson_grain": job.grain.poisson_ratio,
-        "poisson_wall": job.wall.poisson_ratio,
-        "mus_gg": job.grains.static_friction,
-        "mus_gp": job.on_wall.static_friction,
-        "half": max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * reach,
-        "top": job.factory_height_m + 4.0 * reach,
-        "reach": reach,
-        "skin": skin_m(job),
-        "factory_radius": job.factory_radius_m,
-        "factory_height": job.factory_height_m,
-        "factory_low": job.factory_height_m - 1e-4,
-        "factory_high": job.factory_height_m + 1e-4,
-        "count": job.count,
-        "every": job.steps(1.0 / job.rate_per_s),
-        "gravity": job.gravity_m_s2,
-        "time_step": job.time_step_s,
-        "steps": steps,
-        "thermo": max(1, steps // 20),
-    }
+    """Collect grain, box, pour and times by the names in the templates."""
+    steps, reach, height_m = job.steps(job.funnel.duration_s), job.particle.bounding_radius_m, job.factory_height_m
+    ixx, iyy, izz = job.particle.inertia_kg_m2.tolist()
+    values = {"ixx": ixx, "iyy": iyy, "izz": izz, "radius": float(job.particle.spheres_m[0, 3])}
+    values |= {"half": max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m) + 4.0 * reach, "reach": reach}
+    values |= {"top": height_m + 4.0 * reach, "skin": skin_m(job)}
+    values |= {"factory_radius": 0.5e-3 * job.funnel.factory_diameter_mm - reach, "factory_height": height_m}
+    values |= {"factory_low": height_m - 1e-4, "factory_high": height_m + 1e-4}
+    return values | {"every": job.steps(1.0 / job.funnel.rate_per_s), "steps": steps, "thermo": max(1, steps // 20)}

@@ -157,7 +157,8 @@ def _other_units(
         if not 1 / ALIKE <= found / axis_mm <= ALIKE:
             of_sizes = other_unit("mm", axis_mm / found)
             unit = other_unit("mm", found / axis_mm) or (of_sizes and f"; is {sizes_csv}{of_sizes[1:]}")
-            yield InputError(tests_csv, name, found, f"a median near that of {axis} in {sizes_csv}, {axis_mm:g} mm{unit}")
+            near = f"a median near that of {axis} in {sizes_csv}, {axis_mm:g} mm"
+            yield InputError(tests_csv, name, found, f"{near}{unit}")
             return
     modulus = moduli(tests)[0]
     if not MODULI_PA[0] <= modulus <= MODULI_PA[1]:

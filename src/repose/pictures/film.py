@@ -3,7 +3,7 @@
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -16,6 +16,9 @@ from repose.pictures.bodies import Drawable
 from repose.pictures.render import render_bodies, render_pile
 from repose.pictures.scenery import Frustum, outline, setting_of
 from repose.pictures.shading import GRAIN
+
+if TYPE_CHECKING:
+    from repose.apparatus.drum import DrumSettings
 
 LAST_S = 1.6  # the last picture is shown this long
 KEYS = ("time_s", "position", "quaternion")
@@ -99,7 +102,7 @@ def animate_drum(
     trajectory: str | Path,
     particle: Drawable,
     out_path: str | Path,
-    section: Mapping[str, Any],
+    section: "DrumSettings",
     frames: int = 72,
     frame_s: float = 0.12,
     width: int = 380,
@@ -122,11 +125,11 @@ def animate_drum(
     _write_within(pictures, frame_s, out_path, max_bytes)
 
 
-def drum_inside(section: Mapping[str, Any], turned_rad: float) -> DrumInside:
+def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
     """Give the drum as a backdrop; `section` is the configuration's `drum`."""
-    thickness_m = 1e-3 * section["wall_thickness_mm"]
-    radius_m = 0.5e-3 * section["outer_diameter_mm"] - thickness_m
-    return DrumInside(radius_m, 1e-3 * section["length_mm"], thickness_m, float(turned_rad))
+    thickness_m = 1e-3 * section.wall_thickness_mm
+    radius_m = 0.5e-3 * section.outer_diameter_mm - thickness_m
+    return DrumInside(radius_m, 1e-3 * section.length_mm, thickness_m, float(turned_rad))
 
 
 def _moving(record: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -1,9 +1,8 @@
 """Scenery of a picture of bodies: walls, and the camera."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from repose.pictures.backdrop import DrumInside
 
 FIELD_OF_VIEW_DEG = 24.0
 BAND_PIXELS = 65_536  # per band: the temporary arrays of a band take tens of MB
-LENGTHS = ("inlet_diameter", "outlet_diameter", "tube_length", "rim_radius", "outlet_height")
 
 
 @dataclass(frozen=True)
@@ -90,11 +88,8 @@ class Camera:
             yield slice(first, first + step)
 
 
-def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:
-    """Give the funnel's cone and, if it has one, its tube; `section` is the configuration's `funnel`."""
-    funnel = Funnel(
-        **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS}, cone_angle_deg=section["cone_angle_deg"]
-    )
+def funnel_walls(funnel: Funnel) -> list[Frustum]:
+    """Give the funnel's cone and, if it has one, its tube."""
     outlet, inlet, top = funnel.outlet_diameter_m / 2, funnel.inlet_diameter_m / 2, funnel.inlet_height_m
     neck = funnel.outlet_height_m + funnel.tube_length_m
     # The rounded rim lets the cone end a little outside the outlet's own circle.

@@ -27,12 +27,11 @@ migration
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-# Keys of the configuration's section that are arguments of `MIGA`.
-OPERATORS = ("islands", "population", "generations", "tournament", "mutation_probability", "mutation_amplitude")
+from repose.search.settings import MigaSettings
 
 
 class MIGA:
@@ -69,8 +68,14 @@ class MIGA:
         self.best, self.best_fitness = None, math.inf
         self.generation = self.evaluations = 0
 
+    @classmethod
+    def of(cls, dimensions: int, settings: MigaSettings) -> Self:
+        """Make the algorithm of a study."""
+        names = ("islands", "population", "generations", "tournament", "mutation_probability", "mutation_amplitude")
+        return cls(dimensions, **{name: getattr(settings, name) for name in (*names, "seed")})
+
     def ask(self) -> np.ndarray:
-        """The current population (islands * population, dimensions), island after island.
+        """Return the current population (islands * population, dimensions), island after island.
 
         The caller must not change it.
         """
@@ -130,7 +135,7 @@ class MIGA:
 
 
 def migrate(points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Copies in which the best of each island replaces the worst of the next one in the ring.
+    """Make copies in which the best of each island replaces the worst of the next one in the ring.
 
     `points` (islands * population, dimensions) have `fitness` (islands * population,); `order` (islands, population)
     holds the row numbers of each island, best first.

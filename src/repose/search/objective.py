@@ -7,16 +7,16 @@ a feasible point the search moves towards the ranges. Where they cannot be met, 
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
-from repose.search.miga import MIGA, OPERATORS
+from repose.search.miga import MIGA
+from repose.search.settings import MigaSettings
 
 PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
@@ -159,20 +159,20 @@ def search(
     respond: Callable[[np.ndarray], np.ndarray],
     objective: Objective,
     dimensions: int,
-    settings: Mapping[str, Any],
+    settings: MigaSettings,
     preference: Preference | None = None,
 ) -> tuple[Archive, list[tuple], int]:
-    """A whole search with `MIGA`: the archive, thinned; a row (`HISTORY`) per round; the number of feasible points met.
+    """Search with `MIGA`; return the archive, thinned; a row (`HISTORY`) per round; the number of feasible points met.
 
-    `respond` maps points (n, dimensions) in [-1, 1] to responses (n, k). `settings` is the section `miga`. The archive
-    holds five times `solutions` points, since a point that is thinned away may lose its better neighbour later.
+    `respond` maps points (n, dimensions) in [-1, 1] to responses (n, k). The archive holds five times
+    `solutions` points, since a point that is thinned away may lose its better neighbour later.
     """
-    miga = MIGA(dimensions, **{key: settings[key] for key in OPERATORS}, seed=settings["seed"])
-    archive = Archive(dimensions, settings["distance"], 5 * settings["solutions"])
+    miga = MIGA.of(dimensions, settings)
+    archive = Archive(dimensions, settings.distance, 5 * settings.solutions)
     history, feasible_met = [], 0
-    for round_ in range(1, settings["rounds"] + 1):
+    for round_ in range(1, settings.rounds + 1):
         seen = []
-        for _ in range(settings["generations"]):
+        for _ in range(settings.generations):
             points = miga.ask()
             F, V = objective(respond(points))
             fitness = objective.fitness(F, V)

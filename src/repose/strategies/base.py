@@ -31,7 +31,9 @@ class Studied(Protocol):
     Attributes
     ----------
     config : mapping
-        Plain values by section; a strategy's section has its name. `config["design"]["seed"]` is the seed of the study.
+        Plain values by section; a strategy's section has its name.
+    settings : Section
+        The same as typed sections; `settings.design.seed` is the seed of the study.
     parameters : ParameterSpace
         Ranges, fixed values and priors.
     targets : Targets
@@ -40,6 +42,9 @@ class Studied(Protocol):
 
     @property
     def config(self) -> Mapping[str, Any]: ...
+
+    @property
+    def settings(self) -> Any: ...
 
     @property
     def parameters(self) -> ParameterSpace: ...

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from repose.core.errors import InputError
 from repose.core.files import read_json, write_json
 from repose.core.responses import Definitions
+from repose.surrogate.settings import AS_PUBLISHED, NetworkSettings
 
 KEYS = {"surrogate": str, "inputs": list, "outputs": list}
 
@@ -87,14 +88,13 @@ class Surrogate(ABC):
 
     @classmethod
     @abstractmethod
-    def of(cls, settings: Mapping[str, Any]) -> Self:
-        """An untrained surrogate.
+    def of(cls, settings: NetworkSettings) -> Self:
+        """Make an untrained surrogate.
 
         Parameters
         ----------
-        settings : mapping
-            The section `network` of the configuration, with `seed`. A surrogate takes the keys that it knows and
-            ignores the others.
+        settings : NetworkSettings
+            The section `network` of the configuration. A surrogate takes the keys that it knows and ignores the others.
 
         Returns
         -------
@@ -286,15 +286,15 @@ def names() -> tuple[str, ...]:
     return tuple(_REGISTRY)
 
 
-def make(name: str, settings: Mapping[str, Any], source: object = "surrogate") -> Surrogate:
-    """An untrained surrogate.
+def make(name: str, settings: NetworkSettings = AS_PUBLISHED, source: object = "surrogate") -> Surrogate:
+    """Make an untrained surrogate.
 
     Parameters
     ----------
     name : str
         One of `names`.
-    settings : mapping
-        As `Surrogate.of` takes them.
+    settings : NetworkSettings, optional
+        As `Surrogate.of` takes them; by default the published ones.
     source : object
         Named in the error: a file or a key.
 

@@ -19,7 +19,6 @@ variance of a weight 1 / (2 alpha).
 """
 
 import copy
-import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
@@ -32,6 +31,7 @@ from repose.surrogate.base import Surrogate, register
 from repose.surrogate.evidence import of_each_weight, posterior_root
 from repose.surrogate.levenberg_marquardt import CONVERGED, STATISTICS, TrainingSettings, train_start
 from repose.surrogate.samples import checked_points, checked_samples, independent_mixing, pure_error
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.two_layer import (
     ARRAYS,
     class_names,
@@ -82,10 +82,10 @@ class BayesianBP(Surrogate):
         self.prior = prior
 
     @classmethod
-    def of(cls, settings: Mapping[str, Any]) -> Self:
-        """An untrained network with those of the settings that it takes as arguments."""
-        known = inspect.signature(BayesianBP).parameters
-        return cls(**{key: value for key, value in settings.items() if key in known})
+    def of(cls, settings: NetworkSettings) -> Self:
+        """Make an untrained network."""
+        names = ("hidden", "epochs", "goal", "starts", "seed", "prior")
+        return cls(**{name: getattr(settings, name) for name in names})
 
     def fit(
         self,

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.samples import Combined, checked_points, checked_samples, independent_mixing
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.two_layer import width
 
 VARIANCE_BOUNDS = (1e-2, 1e3)  # of the process, in variances of the response
@@ -31,7 +32,7 @@ class GaussianProcess(Combined, Surrogate):
     """
 
     @classmethod
-    def of(cls, settings: Mapping[str, Any]) -> Self:
+    def of(cls, settings: NetworkSettings) -> Self:
         return cls()
 
     def fit(

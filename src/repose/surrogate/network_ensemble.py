@@ -21,6 +21,7 @@ from repose.surrogate.base import Surrogate, register
 from repose.surrogate.bayesian_bp import BayesianBP, covariances
 from repose.surrogate.levenberg_marquardt import CONVERGED
 from repose.surrogate.samples import checked_points
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.two_layer import response_function, scale, width
 
 # Laplace's approximation of the evidence has errors of this size; starts further below found a worse network.
@@ -48,7 +49,7 @@ class NetworkEnsemble(Surrogate):
         self._kept: dict[str, Any] = {}  # arrays of all networks, and the last points with their means
 
     @classmethod
-    def of(cls, settings: Mapping[str, Any]) -> Self:
+    def of(cls, settings: NetworkSettings) -> Self:
         """Untrained networks with the settings of `BayesianBP.of`."""
         return cls(BayesianBP.of(settings))
 

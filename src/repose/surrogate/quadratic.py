@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.samples import checked_points, checked_samples, independent_mixing
+from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import quadratic_terms
 from repose.surrogate.two_layer import width
 
@@ -26,7 +27,7 @@ class QuadraticSurface(Surrogate):
     """
 
     @classmethod
-    def of(cls, settings: Mapping[str, Any]) -> Self:
+    def of(cls, settings: NetworkSettings) -> Self:
         return cls()
 
     @staticmethod

@@ -51,7 +51,7 @@ def run(
             raise InputError("command line", "--case", name, ", ".join(CASES))
     results = {}
     for name in dict.fromkeys(chosen):
-        results[name] = CASES[name](effort)
+        results[name] = list(CASES[name](effort))
         if report is not None:
             report(name, results[name])
     return results

@@ -1,6 +1,6 @@
 """The rows of a verification case: results beside references."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -42,7 +42,7 @@ def close(
     scale: float | None = None,
     known: str = "",
 ) -> Row:
-    """A result that has to agree with a reference; an expected miss, with its reason `known`, is not a failure."""
+    """Compare a result with a reference; an expected miss, with its reason `known`, is not a failure."""
     if tolerance is None:
         tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
     deviation = abs(result - reference) / abs(scale or reference)
@@ -52,23 +52,25 @@ def close(
 
 
 def at_most(quantity: str, unit: str, result: float, limit: float, source: str) -> Row:
-    """A result that must not exceed a limit."""
+    """Compare a result with a limit that it must not exceed."""
     status = PASSED if result <= limit else MISSED
     return Row(quantity, unit, f"at most {limit:.7g}", source, result, None, None, status)
 
 
 def within(quantity: str, unit: str, result: float, low: float, high: float, source: str) -> Row:
-    """A result that has to lie in a published range."""
+    """Compare a result with a published range."""
     status = PASSED if low <= result <= high else MISSED
     return Row(quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status)
 
 
 def reported(quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = "") -> Row:
-    """A result that is shown and not judged; with a number as reference the row has a deviation too."""
-    deviation = None
-    if isinstance(reference, float) and reference != 0.0:
-        deviation = abs(result - reference) / abs(reference)
+    """Show a result without judging it; with a number as reference the row has a deviation too."""
+    has_number = isinstance(reference, float) and reference != 0.0
+    deviation = abs(result - float(reference)) / abs(float(reference)) if has_number else None
     return Row(quantity, unit, reference, source, result, deviation, None, REPORTED, note)
+
+
+Rows = Iterator[Row]  # of a case
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import numpy as np
 
 from repose.dem import Clump, Contact, Motion, Plane, Shape, Simulation, time_steps
 
-from .case import CLOSED, Effort, Row, at_most, close, reported
-from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, simulation_of, steps_of_impact, stiffer
+from .case import CLOSED, Effort, Rows, at_most, close, reported
+from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, simulation_of, steps_of_impact, stiffer
 from .oblique import sliding_impulse
 from .restitution import STIFFER, particles
 
@@ -25,7 +25,7 @@ HEAVY = 1e9  # density of an immovable body, over a berry's
 
 
 def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
-    """Quaternion (w, x, y, z) that puts a body's first point of contact with a floor under its centre of mass."""
+    """Find the quaternion (w, x, y, z) that puts the first point of contact with a floor under the centre of mass."""
     if not isinstance(shape, Clump):
         return np.array([1.0, 0.0, 0.0, 0.0])
     centres, radii = shape.spheres_m[:, :3], shape.spheres_m[:, 3]
@@ -38,21 +38,18 @@ def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
 
 
 def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
-    """Tangential velocity [m/s] that a body loses in a stiff impact on a floor with sliding throughout."""
-    walls, materials = {"floor": Plane(FLOOR, UP, "wall")}, stiffer(STIFFER)
+    """Simulate the tangential velocity [m/s] that a body loses in a stiff impact on a floor with sliding throughout."""
+    materials = stiffer(STIFFER)
 
     def made(step_s: float) -> Simulation:
-        return simulation_of(shape, contact, step_s, walls, *materials, **laws)
+        return simulation_of(shape, contact, step_s, ON_FLOOR, *materials, **laws)
 
     hit = time_steps.impact(made(1e-15).scene, shape, shape, NORMAL_M_S).time_step_s
     step = hit * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
     simulation = made(step)
-    turn = lowest_under_centre(shape)
-    reach = (
-        float(np.max(np.linalg.norm(shape.spheres_m[:, :3], axis=1) + shape.spheres_m[:, 3]))
-        if isinstance(shape, Clump)
-        else float(shape.half_extents_m[2])
-    )
+    turn, reach = lowest_under_centre(shape), float(shape.half_extents_m[2])
+    if isinstance(shape, Clump):
+        reach = float(np.max(np.linalg.norm(shape.spheres_m[:, :3], axis=1) + shape.spheres_m[:, 3]))
     along = SLIDES * 3.5 * sliding_impulse(contact, NORMAL_M_S)
     place = (0.0, 0.0, reach + 3.5 * step * NORMAL_M_S)
     simulation.add("body", place, turn, (along, 0.0, -NORMAL_M_S))
@@ -61,19 +58,17 @@ def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
     return along - float(simulation.velocities[0, 0])
 
 
-def sliding_hits(effort: Effort) -> list[Row]:
-    """A body that slides through a hit loses mu (1 + e) V: sphere, smooth body and clumps, e from .05 to .9."""
-    rows = []
+def sliding_hits(effort: Effort) -> Rows:
+    """Show that a body that slides through a hit loses mu (1 + e) V: every particle, e from .05 to .9."""
     for name, body in particles().items():
         for e in ASKED:
             contact = Contact(e, FRICTION, 0.0)
             share = sliding_loss(body, contact, **effort.laws) / sliding_impulse(contact, NORMAL_M_S)
-            rows.append(close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", share, 1.0))
-    return rows
+            yield close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", share, 1.0)
 
 
 def loop_work(forward: bool, **laws: Any) -> float:
-    """Work [J] of a floor on an immovable body, over a closed path without slip."""
+    """Simulate the work [J] of a floor on an immovable body, over a closed path without slip."""
     shape = Shape.ellipsoid(BERRY_M, HEAVY * BERRY_DENSITY, "berry")
     contact = Contact(1.0, 100.0, 0.0)
     top = BERRY_M[2]
@@ -97,14 +92,11 @@ def loop_work(forward: bool, **laws: Any) -> float:
     return work
 
 
-def closed_loop(effort: Effort) -> list[Row]:
-    """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload."""
-    rows = []
+def closed_loop(effort: Effort) -> Rows:
+    """Show that a contact led over a closed path without slip gives no energy: slide, press, slide back, unload."""
     for way, forward in (("slide, press, slide back, unload", True), ("press, slide, unload, slide back", False)):
         gained = -1e6 * loop_work(forward, **effort.laws)
-        name = f"{way}: energy gained"
         if effort.laws.get("contact_law", "hertz_mindlin") == "hertz_mindlin":
-            rows.append(reported(name, "uJ", gained, SPRING_NOTE, "none", CLOSED))
+            yield reported(f"{way}: energy gained", "uJ", gained, SPRING_NOTE, "none", CLOSED)
         else:
-            rows.append(at_most(name, "uJ", gained, 0.02, CLOSED + ": a path gives none"))
-    return rows
+            yield at_most(f"{way}: energy gained", "uJ", gained, 0.02, CLOSED + ": a path gives none")

@@ -28,7 +28,7 @@ class Solid:
         return Material(self.elastic_modulus_pa / (2.0 * (1.0 + self.poisson_ratio)), self.poisson_ratio)
 
     def sphere_mass(self, radius_m: float) -> float:
-        """Mass of a solid sphere [kg]."""
+        """Compute the mass of a solid sphere [kg]."""
         return self.density_kg_m3 * 4.0 / 3.0 * math.pi * radius_m**3
 
 
@@ -63,7 +63,7 @@ class Hertz:
     def history(
         self, restitution: float, count: int = 400, tension: str = "keep"
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Time [s], overlap [m] and normal force [N] of the damped impact (Tsuji 1992), each (count,).
+        """Solve the damped impact (Tsuji 1992): time [s], overlap [m] and normal force [N], each (count,).
 
         m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt,
         S = 2 E* sqrt(R* delta), b the damping ratio; solved in units in which overlap, mass and speed are 1. With
@@ -92,17 +92,17 @@ class Hertz:
 
 
 def hertz_of_pair(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
-    """Elastic impact of two equal spheres: m* = m / 2, R* = R / 2."""
+    """Solve the elastic impact of two equal spheres: m* = m / 2, R* = R / 2."""
     young, _ = effective_moduli(solid.material, solid.material)
     return Hertz(0.5 * solid.sphere_mass(radius_m), 0.5 * radius_m, young, speed_m_s)
 
 
 def hertz_on_plane(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
-    """Elastic impact of a sphere on a rigid plane (`rigid`): m* = m, R* = R."""
+    """Solve the elastic impact of a sphere on a rigid plane (`rigid`): m* = m, R* = R."""
     young, _ = effective_moduli(solid.material, rigid(solid.material))
     return Hertz(solid.sphere_mass(radius_m), radius_m, young, speed_m_s)
 
 
 def rigid(material: Material) -> Material:
-    """A material with `RIGID` times the shear modulus and the same Poisson's ratio."""
+    """Make a material with `RIGID` times the shear modulus and the same Poisson's ratio."""
     return Material(RIGID * material.shear_modulus_pa, material.poisson_ratio)

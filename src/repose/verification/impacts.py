@@ -3,16 +3,16 @@
 The engine stores no forces: the force is the mass times the change of velocity in a time step.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from repose.dem import Contact, Simulation
+from repose.dem import Simulation
 
-from .case import DIGITISED, Effort, Row, close
-from .hertz import Solid, hertz_of_pair, hertz_on_plane
-from .machine import STEPS_PER_CONTACT, frictionless, sphere_over_plane, spheres, steps_of_impact
+from .case import DIGITISED, Effort, Rows, close
+from .hertz import Hertz, Solid, hertz_of_pair, hertz_on_plane
+from .machine import STEPS_PER_CONTACT, Ball, frictionless, sphere_over_plane, spheres, steps_of_impact
 
 GLASS = Solid("glass", 48e9, 0.20, 2800.0)
 LIMESTONE = Solid("limestone", 20e9, 0.25, 2500.0)
@@ -20,60 +20,41 @@ ALUMINIUM_ALLOY = Solid("aluminium alloy", 70e9, 0.30, 2699.0)
 MAGNESIUM_ALLOY = Solid("magnesium alloy", 40e9, 0.35, 1800.0)
 ALUMINIUM_OXIDE = Solid("aluminium oxide", 380e9, 0.23, 4000.0)
 CAST_IRON = Solid("cast iron", 100e9, 0.25, 7000.0)
-STILL = (0.0, 0.0, 0.0)
+History = tuple[np.ndarray, np.ndarray, np.ndarray]  # time [s], overlap [m] and normal force [N] in contact
 # Of an elastic impact: name, unit, and SI units in one of these.
 QUANTITIES = (("peak force", "kN", 1e-3), ("largest overlap", "um", 1e6), ("contact time", "us", 1e6))
 
 
-def pair_history(
-    solid: Solid, radius_m: float, speed_m_s: float, **laws: Any
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time [s], overlap [m] and normal force [N] during an elastic head-on impact of two equal spheres."""
-    hertz = hertz_of_pair(solid, radius_m, speed_m_s)
-    step = hertz.duration_s / STEPS_PER_CONTACT
+def pair_history(solid: Solid, radius_m: float, speed_m_s: float, **laws: Any) -> History:
+    """Simulate an elastic head-on impact of two equal spheres."""
+    step = hertz_of_pair(solid, radius_m, speed_m_s).duration_s / STEPS_PER_CONTACT
     reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
-    simulation = spheres(
-        (solid, solid),
-        (radius_m, radius_m),
-        frictionless(),
-        ((-reach, 0.0, 0.0), (reach, 0.0, 0.0)),
-        ((half, 0.0, 0.0), (-half, 0.0, 0.0)),
-        (STILL, STILL),
-        step,
-        **laws,
-    )
-    mass = solid.sphere_mass(radius_m)
-    return _history(
-        simulation,
-        step,
-        mass,
-        steps_of_impact(1.0),
-        lambda: (
-            2.0 * radius_m - (simulation.positions[1, 0] - simulation.positions[0, 0]),
-            simulation.velocities[1, 0],
-        ),
-    )
+    left = Ball(solid, radius_m, (-reach, 0.0, 0.0), (half, 0.0, 0.0))
+    right = Ball(solid, radius_m, (reach, 0.0, 0.0), (-half, 0.0, 0.0))
+    simulation = spheres(left, right, frictionless(), step, **laws)
+
+    def look() -> tuple[float, float]:
+        x = simulation.positions[:, 0]
+        return 2.0 * radius_m - (x[1] - x[0]), simulation.velocities[1, 0]
+
+    return _history(simulation, step, solid.sphere_mass(radius_m), steps_of_impact(1.0), look)
 
 
-def plane_history(
-    solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: Any
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Impact of a sphere on a rigid plane, along its normal and without friction; results as of `pair_history`."""
+def plane_history(solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: Any) -> History:
+    """Simulate an impact of a sphere on a rigid plane, along its normal and without friction."""
     simulation, steps = sphere_over_plane(solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s), **laws)
     step = hertz_on_plane(solid, radius_m, speed_m_s).duration_s / STEPS_PER_CONTACT
-    return _history(
-        simulation,
-        step,
-        solid.sphere_mass(radius_m),
-        steps,
-        lambda: (radius_m - simulation.positions[0, 2], simulation.velocities[0, 2]),
-    )
+
+    def look() -> tuple[float, float]:
+        return radius_m - simulation.positions[0, 2], simulation.velocities[0, 2]
+
+    return _history(simulation, step, solid.sphere_mass(radius_m), steps, look)
 
 
 def _history(
     simulation: Simulation, step: float, mass: float, steps: int, look: Callable[[], tuple[float, float]]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time since the overlap began, overlap and m dv/dt in contact; `look` returns the present overlap and velocity."""
+) -> History:
+    """Find the time since the overlap began, overlap and m dv/dt in contact; `look` returns overlap and velocity."""
     overlap, speed = np.empty(steps), np.empty(steps)
     for k in range(steps):
         simulation.run_steps(1)
@@ -83,71 +64,56 @@ def _history(
     inside = np.flatnonzero(overlap[:-1] > 0.0)
     first = inside[0]
     lead = overlap[first] / (overlap[first] - overlap[first - 1])
-    time = step * (inside - first + lead)
-    return time, overlap[inside], force[inside]
+    return step * (inside - first + lead), overlap[inside], force[inside]
 
 
 def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
-    """Contact time [s]: the overlap at the last step in contact is extrapolated to zero with its last speed."""
+    """Extrapolate the overlap at the last step in contact to zero with its last speed: the contact time [s]."""
     step = time[1] - time[0]
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
 
 
-def _elastic(cases: Sequence[tuple], published: Mapping) -> list[Row]:
-    """Rows of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
-    rows = []
-    for solid, hertz, (time, overlap, force) in cases:
-        result = (force.max(), overlap.max(), duration_of(time, overlap))
-        exact = (hertz.force_n, hertz.overlap_m, hertz.duration_s)
-        for (name, unit, scale), ours, reference in zip(QUANTITIES, result, exact, strict=True):
-            rows.append(close(f"{solid.name}: {name}", unit, scale * ours, scale * reference))
-        for (name, unit, scale), ours, value in zip(QUANTITIES, result, published.get(solid.name, ()), strict=False):
-            rows.append(close(f"{solid.name}: {name}", unit, scale * ours, value, DIGITISED))
-    return rows
+def _elastic(solid: Solid, hertz: Hertz, history: History, published: Sequence[float] = ()) -> Rows:
+    """Compare an elastic impact with Hertz's solution, and with published numbers."""
+    time, overlap, force = history
+    results = force.max(), overlap.max(), duration_of(time, overlap)
+    exact = hertz.force_n, hertz.overlap_m, hertz.duration_s
+    for (name, unit, scale), ours, reference in zip(QUANTITIES, results, exact, strict=True):
+        yield close(f"{solid.name}: {name}", unit, scale * ours, scale * reference)
+    for (name, unit, scale), ours, value in zip(QUANTITIES, results, published, strict=False):
+        yield close(f"{solid.name}: {name}", unit, scale * ours, value, DIGITISED)
 
 
-def two_spheres(effort: Effort) -> list[Row]:
+def two_spheres(effort: Effort) -> Rows:
     """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic."""
-    cases = [
-        (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0, **effort.laws))
-        for solid in (GLASS, LIMESTONE)
-    ]
-    return _elastic(cases, {"glass": (10.70, 274.0, 40.3)})
+    for solid, published in ((GLASS, (10.70, 274.0, 40.3)), (LIMESTONE, ())):
+        history = pair_history(solid, 0.01, 20.0, **effort.laws)
+        yield from _elastic(solid, hertz_of_pair(solid, 0.01, 20.0), history, published)
 
 
-def sphere_on_plane(effort: Effort) -> list[Row]:
+def sphere_on_plane(effort: Effort) -> Rows:
     """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic."""
-    cases = [
-        (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2, **effort.laws))
-        for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY)
-    ]
-    return _elastic(cases, {"aluminium alloy": (11.37, 49.7, 731.0)})
+    for solid, published in ((ALUMINIUM_ALLOY, (11.37, 49.7, 731.0)), (MAGNESIUM_ALLOY, ())):
+        history = plane_history(solid, 0.1, 0.2, **effort.laws)
+        yield from _elastic(solid, hertz_on_plane(solid, 0.1, 0.2), history, published)
 
 
-def damped_impact(effort: Effort) -> list[Row]:
+def damped_impact(effort: Effort) -> Rows:
     """Test 3: simulated for nominal restitution, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s."""
-    nominal = np.linspace(0.2, 1.0, 9)
-    rows = [
-        close(f"{solid.name}: restitution at {e:.1f}", "", _restitution(solid, e, **effort.laws), e)
-        for solid in (ALUMINIUM_OXIDE, CAST_IRON)
-        for e in nominal
-    ]
+    for solid in (ALUMINIUM_OXIDE, CAST_IRON):
+        for e in np.linspace(0.2, 1.0, 9):
+            yield close(f"{solid.name}: restitution at {e:.1f}", "", _restitution(solid, e, **effort.laws), e)
     hertz = hertz_on_plane(ALUMINIUM_OXIDE, 0.0025, 3.9)
+    source = "damped Hertz equation, solved by scipy"
     for e in (0.2, 0.6, 1.0):
-        *_, f = hertz.history(e, tension=effort.tension)
+        *_, exact = hertz.history(e, tension=effort.tension)
         *_, force = plane_history(ALUMINIUM_OXIDE, 0.0025, 3.9, e, **effort.laws)
-        rows.append(
-            close(
-                f"aluminium oxide: peak force at e {e:.1f}", "kN", 1e-3 * force.max(), 1e-3 * f.max(),
-                "damped Hertz equation, solved by scipy",
-            )
-        )  # fmt: skip
-    return rows
+        peaks = 1e-3 * force.max(), 1e-3 * exact.max()
+        yield close(f"aluminium oxide: peak force at e {e:.1f}", "kN", *peaks, source)
 
 
 def _restitution(solid: Solid, restitution: float, **laws: Any) -> float:
-    """Simulated restitution for a nominal one, in the third test."""
-    contact = Contact(restitution, 0.0, 0.0)
-    simulation, steps = sphere_over_plane(solid, 0.0025, contact, (0.0, 0.0, -3.9), **laws)
+    """Simulate restitution for a nominal one, in the third test."""
+    simulation, steps = sphere_over_plane(solid, 0.0025, frictionless(restitution), (0.0, 0.0, -3.9), **laws)
     simulation.run_steps(steps)
     return simulation.velocities[0, 2] / 3.9

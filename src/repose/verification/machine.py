@@ -1,7 +1,7 @@
-"""Simulations that several cases share: impacts of spheres, and berries."""
+"""Simulations that several cases share: impacts of spheres, and grains."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,10 @@ from repose.dem.laws.hertz_mindlin import damping_ratio
 from .hertz import Solid, hertz_on_plane, rigid
 
 STEPS_PER_CONTACT = 1500  # time steps in the contact time of Hertz
-FLOOR = (0.0, 0.0, 0.0)
+STILL = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
+ON_FLOOR = {"floor": Plane(STILL, UP, "wall")}
+GRAVITY = 9.81
 # Semi-axes [m] and density [kg/m3] of a published fruit (Ji et al. 2026): a long, soft body.
 BERRY_M = (0.01057, 0.005685, 0.00494)
 BERRY_DENSITY = 840.47
@@ -21,7 +23,7 @@ PVC = Material(1.12e9, 0.4)
 
 
 def smooth(radius_m: float, density_kg_m3: float, material: str) -> Shape:
-    """A sphere as the sum of two of half its radius, which the engine treats as a smooth body and not as a sphere."""
+    """Make a sphere as the sum of two of half its radius, which the engine treats as a smooth body, not as a sphere."""
     sphere = Shape.sphere(radius_m, density_kg_m3, material)
     return Shape(np.full((2, 3), 0.5 * radius_m), sphere.mass_kg, sphere.inertia_kg_m2, material)
 
@@ -31,61 +33,50 @@ def sphere_over_plane(
     radius_m: float,
     contact: Contact,
     velocity_m_s: Sequence[float],
-    spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
+    spin_rad_s: Sequence[float] = STILL,
     **laws: Any,
 ) -> tuple[Simulation, int]:
-    """A sphere just above a rigid plane, without gravity, and the number of steps until it has surely left."""
+    """Put a sphere just above a rigid plane, without gravity; return also the steps until it has surely left."""
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
-    step = hertz.duration_s / STEPS_PER_CONTACT
-    box = 4.0 * radius_m
-    simulation = Simulation(
-        {"sphere": smooth(radius_m, solid.density_kg_m3, "sphere")},
-        {"sphere": solid.material, "wall": rigid(solid.material)},
-        {("sphere", "sphere"): contact, ("sphere", "wall"): contact},
-        step,
-        capacity=1,
-        lower=(-box, -box, -box),
-        upper=(box, box, box),
-        walls={"floor": Plane(FLOOR, UP, "wall")},
-        gravity_m_s2=(0.0, 0.0, 0.0),
-        **laws,
-    )
-    gap = 3.5 * step * hertz.speed
-    simulation.add("sphere", (0.0, 0.0, radius_m + gap), velocity_m_s=velocity_m_s, angular_velocity_rad_s=spin_rad_s)
+    step, box = hertz.duration_s / STEPS_PER_CONTACT, 4.0 * radius_m
+    body, materials = smooth(radius_m, solid.density_kg_m3, "berry"), (solid.material, rigid(solid.material))
+    simulation = simulation_of(body, contact, step, ON_FLOOR, *materials, lower=3 * (-box,), upper=3 * (box,), **laws)
+    place = (0.0, 0.0, radius_m + 3.5 * step * hertz.speed)
+    simulation.add("body", place, velocity_m_s=velocity_m_s, angular_velocity_rad_s=spin_rad_s)
     return simulation, steps_of_impact(contact.restitution, laws.get("tension", "keep"))
 
 
 def steps_of_impact(restitution: float, tension: str = "keep") -> int:
-    """Time steps of an impact, at `STEPS_PER_CONTACT` in Hertz's contact time: a damped contact lasts longer."""
+    """Count the time steps of an impact, `STEPS_PER_CONTACT` in Hertz's time: a damped contact lasts longer."""
     return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution, tension)))
 
 
-def spheres(
-    solids: Sequence[Solid],
-    radii_m: Sequence[float],
-    contact: Contact,
-    places_m: Sequence[Sequence[float]],
-    velocities_m_s: Sequence[Sequence[float]],
-    spins_rad_s: Sequence[Sequence[float]],
-    step_s: float,
-    **laws: Any,
-) -> Simulation:
-    """Two spheres in space, without gravity; places, velocities and spins have shape (2, 3)."""
-    names = ("a", "b")
-    reach = 4.0 * max(radii_m)
+class Ball(NamedTuple):
+    """A sphere in space."""
+
+    solid: Solid
+    radius_m: float
+    place_m: Sequence[float]
+    velocity_m_s: Sequence[float]
+    spin_rad_s: Sequence[float] = STILL
+
+
+def spheres(a: Ball, b: Ball, contact: Contact, step_s: float, **laws: Any) -> Simulation:
+    """Put two spheres into space, without gravity."""
+    balls, reach = {"a": a, "b": b}, 4.0 * max(a.radius_m, b.radius_m)
     simulation = Simulation(
-        {n: smooth(r, s.density_kg_m3, n) for n, r, s in zip(names, radii_m, solids, strict=True)},
-        {n: s.material for n, s in zip(names, solids, strict=True)},
+        {name: smooth(ball.radius_m, ball.solid.density_kg_m3, name) for name, ball in balls.items()},
+        {name: ball.solid.material for name, ball in balls.items()},
         {pair: contact for pair in (("a", "a"), ("a", "b"), ("b", "b"))},
         step_s,
         capacity=2,
-        lower=(-reach, -reach, -reach),
-        upper=(reach, reach, reach),
-        gravity_m_s2=(0.0, 0.0, 0.0),
+        lower=3 * (-reach,),
+        upper=3 * (reach,),
+        gravity_m_s2=STILL,
         **laws,
     )
-    for name, place, velocity, spin in zip(names, places_m, velocities_m_s, spins_rad_s, strict=True):
-        simulation.add(name, place, velocity_m_s=velocity, angular_velocity_rad_s=spin)
+    for name, ball in balls.items():
+        simulation.add(name, ball.place_m, velocity_m_s=ball.velocity_m_s, angular_velocity_rad_s=ball.spin_rad_s)
     return simulation
 
 
@@ -98,44 +89,50 @@ def simulation_of(
     wall: Material = PVC,
     **keywords: Any,
 ) -> Simulation:
-    """An empty simulation of bodies of one shape, "body", between walls; by default without gravity and for one body.
+    """Make an empty simulation of bodies of one shape, "body", between walls; without gravity and for one body.
 
-    The materials are named "berry" and "wall"; the default box reaches 0.1 m to each side.
+    The materials are named "berry" and "wall"; the box reaches 0.1 m to each side. `keywords` replace that.
     """
+    room: dict[str, Any] = {"capacity": 1, "gravity_m_s2": STILL, "lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
+    contacts = {("berry", "berry"): contact, ("berry", "wall"): contact}
     shapes: Any = {"body": shape}
-    keywords.setdefault("capacity", 1)
-    keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
-    keywords.setdefault("lower", (-0.1, -0.1, -0.1))
-    keywords.setdefault("upper", (0.1, 0.1, 0.1))
-    return Simulation(
-        shapes,
-        {"berry": material, "wall": wall},
-        {("berry", "berry"): contact, ("berry", "wall"): contact},
-        step_s,
-        walls=walls,
-        **keywords,
-    )
+    return Simulation(shapes, {"berry": material, "wall": wall}, contacts, step_s, walls=walls, **(room | keywords))
 
 
 def berry_simulation(
     contact: Contact, step_s: float, axes: tuple[float, float, float] = BERRY_M, **keywords: Any
 ) -> Simulation:
-    """`simulation_of` berries, ellipsoids whose semi-axes in m are `axes`."""
+    """Make `simulation_of` grains, ellipsoids whose semi-axes in m are `axes`."""
     return simulation_of(Shape.ellipsoid(axes, BERRY_DENSITY, "berry"), contact, step_s, **keywords)
 
 
+def under_gravity(walls: Mapping[str, Any] = ON_FLOOR) -> dict[str, Any]:
+    """Give the keywords of `simulation_of` for bodies under gravity, by default on a floor."""
+    return {"walls": walls, "gravity_m_s2": (0.0, 0.0, -GRAVITY)}
+
+
+def box(west: float, east: float, south: float, north: float) -> dict[str, Plane]:
+    """Make a floor and four walls at these x and y [m]."""
+    return ON_FLOOR | {
+        "west": Plane((west, 0.0, 0.0), (1.0, 0.0, 0.0), "wall"),
+        "east": Plane((east, 0.0, 0.0), (-1.0, 0.0, 0.0), "wall"),
+        "south": Plane((0.0, south, 0.0), (0.0, 1.0, 0.0), "wall"),
+        "north": Plane((0.0, north, 0.0), (0.0, -1.0, 0.0), "wall"),
+    }
+
+
 def stiffer(times: float) -> tuple[Material, Material]:
-    """The materials of berry and wall with `times` the shear moduli."""
+    """Multiply the shear moduli of grain and wall."""
     berry, wall = (Material(times * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
     return berry, wall
 
 
 def random_direction(rng: np.random.Generator) -> np.ndarray:
-    """A uniformly random unit vector."""
+    """Draw a uniformly random unit vector."""
     n = rng.normal(size=3)
     return n / np.linalg.norm(n)
 
 
 def frictionless(restitution: float = 1.0) -> Contact:
-    """A contact without any friction."""
+    """Make a contact without any friction."""
     return Contact(restitution, 0.0, 0.0)

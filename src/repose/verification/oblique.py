@@ -18,10 +18,10 @@ from repose.dem import Contact
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
-from .case import DIGITISED, Effort, Row, close
+from .case import DIGITISED, Effort, Rows, close
 from .hertz import Hertz, Solid, hertz_on_plane, rigid
-from .impacts import ALUMINIUM_OXIDE, STILL
-from .machine import sphere_over_plane
+from .impacts import ALUMINIUM_OXIDE
+from .machine import STILL, sphere_over_plane
 
 STEEL = Solid("steel", 208e9, 0.30, 7850.0)
 POLYETHYLENE = Solid("polyethylene", 1e9, 0.40, 1400.0)
@@ -43,19 +43,19 @@ def impact(
     spin_rad_s: Sequence[float],
     **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity [m/s] and spin [rad/s] of a sphere after an impact on the rigid plane, each (3,)."""
+    """Simulate an impact on the rigid plane: velocity [m/s] and spin [rad/s] of the sphere after it, each (3,)."""
     simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s, **laws)
     simulation.run_steps(steps)
     return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
 
 
 def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
-    """Change of the tangential velocity [m/s] of rigid bodies in gross sliding: mu (1 + e) V_n."""
+    """Compute the change of the tangential velocity [m/s] of rigid bodies in gross sliding: mu (1 + e) V_n."""
     return contact.static_friction * (1.0 + contact.restitution) * normal_m_s
 
 
 def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str = "keep") -> float:
-    """Size of the change of spin [rad/s] in gross sliding by the engine's law.
+    """Compute the size of the change of spin [rad/s] in gross sliding by the engine's law.
 
     It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
     elastic part of the damped impact's force where the contact may pull, all of it where it may not.
@@ -75,46 +75,40 @@ def sliding_rows(
     after: tuple[float, float],
     before: tuple[float, float],
     tension: str = "keep",
-) -> list[Row]:
-    """Rows of gross sliding: change of velocity beside rigid bodies, of spin beside the law and rigid bodies."""
+) -> Rows:
+    """Compare gross sliding: the change of velocity with rigid bodies, that of spin with the law and rigid bodies."""
     rigid = sliding_impulse(contact, hertz.speed)
     velocity, spin = after
     sign = math.copysign(1.0, velocity - before[0])
     moved, spun = sign * (velocity - before[0]), -sign * (spin - before[1])
-    return [
-        close(f"{at}: change of tangential velocity", "m/s", moved, rigid),
-        close(f"{at}: change of spin", "rad/s", spun, sliding_spin(contact, hertz, radius_m, tension), LAW),
-        close(f"{at}: change of spin", "rad/s", spun, 2.5 * rigid / radius_m, known=ARM_NOTE),
-    ]
+    yield close(f"{at}: change of tangential velocity", "m/s", moved, rigid)
+    yield close(f"{at}: change of spin", "rad/s", spun, sliding_spin(contact, hertz, radius_m, tension), LAW)
+    yield close(f"{at}: change of spin", "rad/s", spun, 2.5 * rigid / radius_m, known=ARM_NOTE)
 
 
-def angles(effort: Effort) -> list[Row]:
+def angles(effort: Effort) -> Rows:
     """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal."""
     contact, radius, speed = Contact(0.98, 0.092, 0.0), 0.0025, 3.9
     spring = effort.laws.get("contact_law", "hertz_mindlin")
-    rows = []
     for angle in (5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 85):
         tangential = speed * math.sin(math.radians(angle))
         normal = speed * math.cos(math.radians(angle))
         v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), STILL, **effort.laws)
         # the published sense of rotation is opposite
         kept, spin = v[0] / tangential, -w[1]
+        of_kept, of_spin = (f"{angle} deg: tangential restitution", ""), (f"{angle} deg: spin", "rad/s")
         lost = sliding_impulse(contact, normal)
         if tangential > SLIDES * 3.5 * lost:
-            rows.append(close(f"{angle} deg: tangential restitution", "", kept, 1.0 - lost / tangential))
-            rows.append(close(f"{angle} deg: spin", "rad/s", spin, -2.5 * lost / radius))
+            yield close(*of_kept, kept, 1.0 - lost / tangential)
+            yield close(*of_spin, spin, -2.5 * lost / radius)
         elif spring in SPRINGS:
             hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius, normal)
             left = equation_of_hit(ALUMINIUM_OXIDE, hertz, contact, tangential, spring, effort.tension)
-            rows.append(close(f"{angle} deg: tangential restitution", "", kept, left / tangential, EQUATION))
+            yield close(*of_kept, kept, left / tangential, EQUATION)
         if angle in TEST_4:
-            known = SPRING_NOTE if angle == 5 else ""
-            of_kept, of_spin = TEST_4[angle]
-            rows += [
-                close(f"{angle} deg: tangential restitution", "", kept, of_kept, DIGITISED, known=known),
-                close(f"{angle} deg: spin", "rad/s", spin, of_spin, DIGITISED, known=known),
-            ]
-    return rows
+            known, published = SPRING_NOTE if angle == 5 else "", TEST_4[angle]
+            yield close(*of_kept, kept, published[0], DIGITISED, known=known)
+            yield close(*of_spin, spin, published[1], DIGITISED, known=known)
 
 
 SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
@@ -123,7 +117,7 @@ SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 def equation_of_hit(
     solid: Solid, hertz: Hertz, contact: Contact, tangential_m_s: float, spring: str, tension: str
 ) -> float:
-    """Tangential velocity [m/s] of a sphere after a hit on the rigid plane, by its spring in small steps."""
+    """Solve the equation of a hit on the rigid plane in small steps: the tangential velocity [m/s] after it."""
     young, shear = effective_moduli(solid.material, rigid(solid.material))
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
     mass, step = hertz.mass, hertz.duration_s / 20_000
@@ -150,14 +144,12 @@ def equation_of_hit(
             return along
 
 
-def tangential_speeds(effort: Effort) -> list[Row]:
+def tangential_speeds(effort: Effort) -> Rows:
     """Test 5: radius 10 um, normal 5 m/s, tangential 13.5 and 25 m/s, e 1, mu 0.3; steel and polyethylene."""
     contact, radius, normal = Contact(1.0, 0.3, 0.0), 1e-5, 5.0
-    rows = []
     for solid in (STEEL, POLYETHYLENE):
         hertz = hertz_on_plane(solid, radius, normal)
         for u in (13.5, 25.0):
             v, w = impact(solid, radius, contact, (u, 0.0, -normal), STILL, **effort.laws)
             at, result = f"{solid.name}, {u:g} m/s", (v[0], w[1])
-            rows += sliding_rows(at, contact, hertz, radius, result, (u, 0.0), effort.tension)
-    return rows
+            yield from sliding_rows(at, contact, hertz, radius, result, (u, 0.0), effort.tension)

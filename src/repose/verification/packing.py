@@ -1,4 +1,4 @@
-"""Packings at rest: equal spheres in a hexagonal lattice, and berries poured into a box."""
+"""Packings at rest: equal spheres in a hexagonal lattice, and grains poured into a box."""
 
 import math
 from collections.abc import Mapping
@@ -6,13 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from repose.dem import Contact, Material, Plane, Shape, Simulation, random_quaternion, rotation_matrix
+from repose.dem import Contact, Material, Shape, Simulation, random_quaternion, rotation_matrix
 from repose.dem.materials import effective_moduli
 
-from .case import Effort, Row, at_most, close, within
-from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, berry_simulation, frictionless, simulation_of
+from .case import Effort, Rows, at_most, close, within
+from .machine import (
+    BERRY_DENSITY,
+    BERRY_M,
+    GRAVITY,
+    PVC,
+    STILL,
+    berry_simulation,
+    box,
+    frictionless,
+    simulation_of,
+    under_gravity,
+)
 
-GRAVITY = 9.81
 STIFF = Material(1.3e6, 0.32)  # thirty times a berry, so that overlaps under the weight stay below a per cent
 STEP = 5e-5
 FALL_S = 2.0  # time to fall and come to rest
@@ -32,38 +42,22 @@ SOURCES = (
 )
 
 
-def hexagonal_packing(effort: Effort) -> list[Row]:
-    """Rows of spheres without friction between a floor and walls settle into their lattice and stay."""
+def hexagonal_packing(effort: Effort) -> Rows:
+    """Let rows of spheres without friction between a floor and walls settle into their lattice and stay."""
     rows_of, columns = 6, 8
-    shape = Shape.sphere(RADIUS, BERRY_DENSITY, "berry")
-    width = columns * 2.0 * RADIUS
-    contact = frictionless(0.3)
-    walls = {
-        "floor": Plane(FLOOR, UP, "wall"),
-        "left": Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), "wall"),
-        "right": Plane((width, 0.0, 0.0), (-1.0, 0.0, 0.0), "wall"),
-        "front": Plane((0.0, -RADIUS, 0.0), (0.0, 1.0, 0.0), "wall"),
-        "back": Plane((0.0, RADIUS, 0.0), (0.0, -1.0, 0.0), "wall"),
-    }
-    simulation = simulation_of(
-        shape,
-        contact,
-        STEP,
-        walls,
-        STIFF,
-        capacity=rows_of * columns,
-        lower=(0.0, -0.02, 0.0),
-        upper=(width, 0.02, 0.12),
-        gravity_m_s2=(0.0, 0.0, -GRAVITY),
-        **effort.laws,
+    shape, width = Shape.sphere(RADIUS, BERRY_DENSITY, "berry"), columns * 2.0 * RADIUS
+    room: dict[str, Any] = {"capacity": rows_of * columns, "lower": (0.0, -0.02, 0.0), "upper": (width, 0.02, 0.12)}
+    room |= {"material": STIFF, **under_gravity(box(0.0, width, -RADIUS, RADIUS))}
+    simulation = simulation_of(shape, frictionless(0.3), STEP, **room, **effort.laws)
+    lattice = np.array(
+        [
+            ((2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row))
+            for row in range(rows_of)
+            for k in range(columns - row % 2)
+        ]
     )
-    places = []
-    for row in range(rows_of):
-        for k in range(columns - row % 2):
-            places.append(((2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row)))
-    for place in places:
+    for place in lattice:
         simulation.add("body", place)
-    lattice = np.array(places)
     simulation.run_steps(10000)
     settled = simulation.positions.copy()
     simulation.run_steps(10000)
@@ -71,69 +65,45 @@ def hexagonal_packing(effort: Effort) -> list[Row]:
     overlap = RADIUS - simulation.positions[:columns, 2]
     carried = 4.0 / 3.0 * young * math.sqrt(RADIUS) * np.sum(overlap**1.5)
     weight = len(lattice) * shape.mass_kg * GRAVITY
-    moved = np.abs(simulation.positions - lattice).max() / RADIUS
-    rows = [
-        close("force on the floor, by the overlaps", "mN", 1e3 * carried, 1e3 * weight, "closed form: the weight"),
-        at_most("farthest from the lattice, over the radius", "", moved, 0.05, "lattice of touching spheres"),
-        at_most(
-            "motion in the last 0.5 s, over the radius", "", np.abs(simulation.positions - settled).max() / RADIUS,
-            1e-6, "at rest",
-        ),
-        at_most("kinetic energy", "J", simulation.kinetic_energies().sum(), 1e-20, "at rest"),
-    ]  # fmt: skip
-    return rows
+    moved, crept = (np.abs(simulation.positions - before).max() / RADIUS for before in (lattice, settled))
+    yield close("force on the floor, by the overlaps", "mN", 1e3 * carried, 1e3 * weight, "closed form: the weight")
+    yield at_most("farthest from the lattice, over the radius", "", moved, 0.05, "lattice of touching spheres")
+    yield at_most("motion in the last 0.5 s, over the radius", "", crept, 1e-6, "at rest")
+    yield at_most("kinetic energy", "J", simulation.kinetic_energies().sum(), 1e-20, "at rest")
 
 
-def poured_packing(effort: Effort) -> list[Row]:
-    """Berries poured into boxes, with friction and without: solid fraction and coordination number of the cores."""
-    rows = []
+def poured_packing(effort: Effort) -> Rows:
+    """Pour grains into boxes, with friction and without: solid fraction and coordination number of the cores."""
     cases = (
         ("mu 0.6", Contact(0.1, 0.6, 0.05), FRICTIONAL, SOURCES[0]),
         ("frictionless", frictionless(0.1), SMOOTH, SOURCES[1]),
     )
     for name, contact, (fractions, numbers), source in cases:
-        fraction, number, energy = np.zeros(BOXES), np.zeros(BOXES), np.zeros(BOXES)
-        for box in range(BOXES):
-            simulation, side = _pour(effort.berries, contact, 29 + box, effort.laws)
-            heights, profile = solid_fraction_profile(simulation, side)
-            top = _top(simulation)
-            fraction[box] = profile[(heights > MARGIN) & (heights < top - MARGIN)].mean()
-            number[box] = coordination(simulation, side, top)
-            lift = simulation.shapes["body"].mass_kg * GRAVITY * 2.0 * BERRY_M[2]
-            energy[box] = simulation.kinetic_energies().mean() / lift
-        rows.append(within(f"{name}: solid fraction of the core", "", fraction.mean(), *fractions, source))
-        rows.append(within(f"{name}: coordination number of the core", "", number.mean(), *numbers, SOURCES[2]))
-        rows.append(
-            at_most(f"{name}: kinetic energy over m g times the thickness", "", energy.max(), 0.01, "nearly at rest")
-        )
-    return rows
+        cores = [_core(*_pour(effort.berries, contact, 29 + box, effort.laws)) for box in range(BOXES)]
+        fraction, number, energy = np.array(cores).T
+        yield within(f"{name}: solid fraction of the core", "", fraction.mean(), *fractions, source)
+        yield within(f"{name}: coordination number of the core", "", number.mean(), *numbers, SOURCES[2])
+        words = f"{name}: kinetic energy over m g times the thickness"
+        yield at_most(words, "", energy.max(), 0.01, "nearly at rest")
+
+
+def _core(simulation: Simulation, side: float) -> tuple[float, float, float]:
+    """Measure solid fraction and coordination number of a box's core, and the mean energy over m g thickness."""
+    heights, profile = solid_fraction_profile(simulation, side)
+    top = _top(simulation)
+    fraction = profile[(heights > MARGIN) & (heights < top - MARGIN)].mean()
+    lift = simulation.shapes["body"].mass_kg * GRAVITY * 2.0 * BERRY_M[2]
+    return fraction, coordination(simulation, side, top), simulation.kinetic_energies().mean() / lift
 
 
 def _pour(n: int, contact: Contact, seed: int, laws: Mapping[str, Any]) -> tuple[Simulation, float]:
-    """A box of berries at rest, all released at once from a loose lattice in random orientations."""
+    """Fill a box with grains, released together from a loose lattice in random orientations, until they rest."""
     rng = np.random.default_rng(seed)
-    columns = max(2, round((n / 3.5) ** (1.0 / 3.0)))
-    pitch = 0.0216
-    side = columns * pitch
-    levels = -(-n // columns**2)
-    walls = {
-        "floor": Plane(FLOOR, UP, "wall"),
-        "west": Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), "wall"),
-        "east": Plane((side, 0.0, 0.0), (-1.0, 0.0, 0.0), "wall"),
-        "south": Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), "wall"),
-        "north": Plane((0.0, side, 0.0), (0.0, -1.0, 0.0), "wall"),
-    }
-    simulation = berry_simulation(
-        contact,
-        STEP,
-        walls=walls,
-        material=STIFF,
-        capacity=n,
-        lower=(0.0, 0.0, 0.0),
-        upper=(side, side, pitch * (levels + 1)),
-        gravity_m_s2=(0.0, 0.0, -GRAVITY),
-        **laws,
-    )
+    columns, pitch = max(2, round((n / 3.5) ** (1.0 / 3.0))), 0.0216
+    side, levels = columns * pitch, -(-n // columns**2)
+    room: dict[str, Any] = {"capacity": n, "lower": STILL, "upper": (side, side, pitch * (levels + 1))}
+    room |= {"material": STIFF, **under_gravity(box(0.0, side, 0.0, side))}
+    simulation = berry_simulation(contact, STEP, **room, **laws)
     for k in range(n):
         level, cell = divmod(k, columns**2)
         place = pitch * (np.array([cell % columns, cell // columns, level]) + 0.5)
@@ -143,21 +113,19 @@ def _pour(n: int, contact: Contact, seed: int, laws: Mapping[str, Any]) -> tuple
 
 
 def _top(simulation: Simulation) -> float:
-    """Height of the filling: the mean centre of the ten highest berries [m]."""
+    """Find the height of the filling: the mean centre of the ten highest grains [m]."""
     return float(np.sort(simulation.positions[:, 2])[-10:].mean())
 
 
 def solid_fraction_profile(simulation: Simulation, side: float, points: int = 900) -> tuple[np.ndarray, np.ndarray]:
-    """Middles [m] of slices 4 mm thick, and the share of random points in each that lie inside a berry."""
+    """Give the middles [m] of slices 4 mm thick, and the share of random points in each that lie inside a grain."""
     rng = np.random.default_rng(31)
     heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)
-    margin = MARGIN
     inverse = [rotation_matrix(q).T / np.array(BERRY_M)[:, None] for q in simulation.quaternions]
     profile = []
     for height in heights:
-        places = rng.uniform(
-            (margin, margin, height - 0.002), (side - margin, side - margin, height + 0.002), (points, 3)
-        )
+        low, high = (MARGIN, MARGIN, height - 0.002), (side - MARGIN, side - MARGIN, height + 0.002)
+        places = rng.uniform(low, high, (points, 3))
         inside = np.zeros(points, bool)
         for centre, matrix in zip(simulation.positions, inverse, strict=True):
             if abs(centre[2] - height) < BERRY_M[0] + 0.002:
@@ -167,10 +135,8 @@ def solid_fraction_profile(simulation: Simulation, side: float, points: int = 90
 
 
 def coordination(simulation: Simulation, side: float, top: float) -> float:
-    """Mean number of touching neighbours of the berries in the core, `MARGIN` away from the walls and the top."""
+    """Average the touching neighbours of the grains in the core, `MARGIN` away from the walls and the top."""
     x, y, z = simulation.positions.T
-    margin = MARGIN
-    core = (x > margin) & (x < side - margin) & (y > margin) & (y < side - margin)
-    core &= (z > MARGIN) & (z < top - MARGIN)
+    core = (x > MARGIN) & (x < side - MARGIN) & (y > MARGIN) & (y < side - MARGIN) & (z > MARGIN) & (z < top - MARGIN)
     touching = np.bincount(simulation.contacts().ravel(), minlength=simulation.n_bodies)
     return float(touching[core].mean())

@@ -13,17 +13,18 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.dem import Clump, Contact, Plane, Shape, Simulation, random_quaternion, time_steps
+from repose.dem import Clump, Contact, Shape, Simulation, random_quaternion, time_steps
 from repose.dem.rotations import rotation_matrices, rotation_matrix
 from repose.particle.build import make_particle
 from repose.particle.mesh_from_axes import berry_mesh
 
-from .case import Effort, Row, close, reported
-from .machine import BERRY_DENSITY, BERRY_M, FLOOR, UP, random_direction, simulation_of, stiffer
+from .case import Effort, Row, Rows, close, reported
+from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, random_direction, simulation_of, stiffer
 
 MASS_G = 1.25
 BARREL_M = ((7.399e-3, 0.94e-3, 0.94e-3), (3.171e-3, 4.745e-3, 4.0e-3))
@@ -45,7 +46,7 @@ SOFT_NOTE = "the bodies turn while they touch"
 
 @functools.cache
 def particles() -> dict[str, Shape | Clump]:
-    """Shapes of every kind of particle by name, each as large as a berry and of the material "berry"."""
+    """Make shapes of every kind of particle by name, each as large as a published fruit and of the material "berry"."""
     volume = 4.0 / 3.0 * math.pi * np.prod(BERRY_M)
     solid = Shape.ellipsoid(np.sum(BARREL_M, axis=0), BERRY_DENSITY, "berry")
     shapes: dict[str, Shape | Clump] = {
@@ -94,7 +95,7 @@ def _deepest(value: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np
 def first_touch(
     shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, offset: np.ndarray, direction: np.ndarray
 ) -> float:
-    """Distance [m] at which two bodies touch, the second at offset + distance * direction.
+    """Find the distance [m] at which two bodies touch, the second at offset + distance * direction.
 
     Spheres touch in closed form. Convex bodies overlap at a distance s as long as (offset + s d) . n < h(n) for all n,
     h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0.
@@ -115,7 +116,7 @@ def first_touch(
 
 
 def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, between: np.ndarray) -> Place:
-    """The place where two bodies that just touch do so; `between` (3,) is from the first centre to the second [m]."""
+    """Find the place where two bodies that just touch do so; `between` (3,) is from first to second centre [m]."""
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
         ways = b[None, :, :3] + between - a[:, None, :3]
@@ -135,23 +136,16 @@ def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, betwee
 def hits(
     shape: Shape | Clump, restitution: float, times: float, on_plane: bool, count: int, seed: int = 3, **keywords: Any
 ) -> Hits:
-    """Restitution and contacts of `count` isolated hits of two bodies, or of a body and a plane."""
+    """Simulate restitution and contacts of `count` isolated hits of two bodies, or of a body and a plane."""
     rng = np.random.default_rng(seed)
     contact = Contact(restitution, 0.0, 0.0)
     edge = SPACING_M * (count // LANE + 1)
 
+    lower, upper = 3 * (-SPACING_M,), (edge, SPACING_M * LANE, SPACING_M)
+    room: dict[str, Any] = {"capacity": 2 * count, "lower": lower, "upper": upper} | keywords
+
     def made(step_s: float) -> Simulation:
-        return simulation_of(
-            shape,
-            contact,
-            step_s,
-            {"floor": Plane(FLOOR, UP, "wall")} if on_plane else {},
-            *stiffer(times),
-            capacity=2 * count,
-            lower=(-SPACING_M, -SPACING_M, -SPACING_M),
-            upper=(edge, SPACING_M * LANE, SPACING_M),
-            **keywords,
-        )
+        return simulation_of(shape, contact, step_s, ON_FLOOR if on_plane else {}, *stiffer(times), **room)
 
     hit = time_steps.impact(made(1e-12).scene, shape, shape, max(SPEEDS_M_S)).time_step_s
     step = hit * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
@@ -218,7 +212,7 @@ def _contacts(simulation: Simulation, count: int, on_plane: bool) -> np.ndarray:
 
 def _approach(simulation: Simulation, k: int, on_plane: bool) -> float:
     """Return the speed at which two bodies approach where they are nearest, along the normal there."""
-    shape, velocities, turning = (simulation.shapes["body"], simulation.velocities, simulation.angular_velocities)
+    shape, velocities, turning = simulation.shapes["body"], simulation.velocities, simulation.angular_velocities
     if on_plane:
         down = -np.array(UP)
         turn = rotation_matrix(simulation.quaternions[k])
@@ -230,27 +224,22 @@ def _approach(simulation: Simulation, k: int, on_plane: bool) -> float:
     return (point_a - velocities[b] - np.cross(turning[b], place.arm_b)) @ place.normal
 
 
-def restitution_of_hits(effort: Effort) -> list[Row]:
-    """Simulated for nominal restitution, of every particle: pairs and planes, stiff and as soft as a berry."""
+def restitution_of_hits(effort: Effort) -> Rows:
+    """Compare simulated with nominal restitution, of every particle: pairs and planes, stiff and soft as a grain."""
     count = max(24, effort.hits // 100)
-    rows: list[Row] = []
-    for times, limit in ((STIFFER, "stiff limit"), (1.0, "real softness")):
-        for on_plane, partner in ((False, "pairs"), (True, "plane")):
-            for name, shape in particles().items():
-                at = f"{limit}, {partner}, {name}"
-                thrown = [hits(shape, e, times, on_plane, count, **effort.laws) for e in ASKED]
-                rows += [
-                    _row(f"{at}: restitution at {e:.1f}", own.restitution, e, times > 1.0)
-                    for e, own in zip(ASKED, thrown, strict=True)
-                ]
-                if isinstance(shape, Clump):
-                    most = np.mean([own.contacts for own in thrown])
-                    rows.append(reported(f"{at}: most contacts at a time", "", most, CONTACTS_NOTE))
-    return rows
+    sides = product(((STIFFER, "stiff limit"), (1.0, "real softness")), ((False, "pairs"), (True, "plane")))
+    for ((times, limit), (on_plane, partner)), (name, shape) in product(list(sides), particles().items()):
+        at = f"{limit}, {partner}, {name}"
+        thrown = [hits(shape, e, times, on_plane, count, **effort.laws) for e in ASKED]
+        for e, own in zip(ASKED, thrown, strict=True):
+            yield _row(f"{at}: restitution at {e:.1f}", own.restitution, e, times > 1.0)
+        if isinstance(shape, Clump):
+            most = np.mean([own.contacts for own in thrown])
+            yield reported(f"{at}: most contacts at a time", "", most, CONTACTS_NOTE)
 
 
 def _row(quantity: str, values: np.ndarray, nominal: float, judged: bool) -> Row:
-    """The mean restitution of hits, judged in the stiff limit, with their spread in the note."""
+    """Compare the mean restitution of hits, judged in the stiff limit, with their spread in the note."""
     low, high = np.nanpercentile(values, (5, 95))
     lost = int(np.isnan(values).sum())
     note = f"sd {np.nanstd(values):.3f}, 5-95 % {low:.3f} to {high:.3f}" + (f", {lost} not parted" if lost else "")

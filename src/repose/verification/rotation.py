@@ -7,12 +7,12 @@ from scipy.special import ellipj, ellipk
 
 from repose.dem import rotation_matrix
 
-from .case import Effort, Row, close
+from .case import Effort, Rows, close
 from .machine import berry_simulation, frictionless
 
 
 def euler_solution(inertia: np.ndarray, first: float, third: float, time: np.ndarray) -> tuple[np.ndarray, float]:
-    """Angular velocity (3, T) [rad/s] of a free body in its own frame, and the period of its motion [s].
+    """Solve the free rotation: angular velocity (3, T) [rad/s] in the body's frame, and period of the motion [s].
 
     `inertia` are the principal moments, rising. The velocity at time 0 is (first, 0, third). ValueError unless the
     square of the angular momentum is above 2 E I_2.
@@ -31,8 +31,8 @@ def euler_solution(inertia: np.ndarray, first: float, third: float, time: np.nda
     return np.array([first * cn, second * sn, third * dn]), 4.0 * ellipk(modulus) / rate
 
 
-def free_rotation(effort: Effort) -> list[Row]:
-    """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations predict."""
+def free_rotation(effort: Effort) -> Rows:
+    """Let a grain tumble in space: it keeps angular momentum and energy, and turns as Euler's equations predict."""
     step, every, first, third = 2e-5, 50, 8.0, 25.0
     simulation = berry_simulation(frictionless(), step, **effort.laws)
     inertia = simulation.shapes["body"].inertia_kg_m2
@@ -49,14 +49,8 @@ def free_rotation(effort: Effort) -> list[Row]:
     time, velocity = np.array(times), np.array(velocities).T
     exact, _ = euler_solution(inertia, first, third, time)
     drift = float(np.linalg.norm(simulation.angular_momenta[0] - momentum) / np.linalg.norm(momentum))
-    size = float(np.linalg.norm(exact, axis=0).max())
-    worst = float(np.abs(velocity - exact).max())
-    rows = [
-        close("angular velocity, largest difference over two periods", "rad/s", worst, 0.0, scale=size),
-        close("angular momentum, relative drift", "", drift, 0.0, tolerance=1e-14, scale=1.0),
-        close(
-            "kinetic energy, largest relative drift", "", np.abs(np.array(energies) / energy - 1.0).max(), 0.0,
-            tolerance=1e-5, scale=1.0,
-        ),
-    ]  # fmt: skip
-    return rows
+    size, worst = float(np.linalg.norm(exact, axis=0).max()), float(np.abs(velocity - exact).max())
+    yield close("angular velocity, largest difference over two periods", "rad/s", worst, 0.0, scale=size)
+    yield close("angular momentum, relative drift", "", drift, 0.0, tolerance=1e-14, scale=1.0)
+    worst = np.abs(np.array(energies) / energy - 1.0).max()
+    yield close("kinetic energy, largest relative drift", "", worst, 0.0, tolerance=1e-5, scale=1.0)

@@ -64,7 +64,7 @@ def run(
 
 
 def machine() -> dict[str, Any]:
-    """The type of processor by LLVM's name, and the width of the vectors of the compiled loops."""
+    """Name the type of processor by LLVM's name, and the width of the vectors of the compiled loops."""
     features = binding.get_host_cpu_features()
     bits = next((bits for name, bits in VECTOR_BITS.items() if features.get(name)), 128)
     return {"processor": binding.get_host_cpu_name(), "vector_bits": bits}
@@ -77,7 +77,7 @@ def timed_pour(
     particle: Particle,
     berry: Mapping[str, float],
 ) -> tuple[float, float]:
-    """Time of a step of the settled pile [us] and wall time of the whole pour [s]: two pours, both whole."""
+    """Time a step of the settled pile [us] and the whole pour [s] by the clock: two pours, both whole."""
     settled = {"duration_s": config["funnel"]["duration_s"] + SETTLED_S}
     longer = {**config, "funnel": {**config["funnel"], **settled}}
     poured = FunnelTest().pour(Scene.of(config, parameters, berry, particle, seed))
@@ -86,7 +86,7 @@ def timed_pour(
 
 
 def summary(references: Sequence[float], pours: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, Any]:
-    """Medians of all rounds, and their ratios; `references` are in us, `pours` are results of `timed_pour` by particle.
+    """Take medians and their ratios; `references` are in us, `pours` are results of `timed_pour` by particle.
 
     The keys are `reference_us` and `particles`, a list of `name`, `us_per_step`, `job_s` (wall time of a pour), `ratio`
     (of a step to the reference kernel) and `to_first` (of a step to the first particle's).
@@ -108,7 +108,7 @@ def summary(references: Sequence[float], pours: Mapping[str, Sequence[tuple[floa
 
 
 def message(result: Mapping[str, Any]) -> str:
-    """The table of `run` for a terminal."""
+    """Write the table of `run` for a terminal."""
     lines = [
         f"{result['berries']} berries, time step {result['time_step_s']:g} s, one core; "
         f"reference kernel {result['reference_us']:.1f} us; "
@@ -125,7 +125,7 @@ def message(result: Mapping[str, Any]) -> str:
 
 
 def _median_s(function: Callable[[], Any], repeats: int = REPEATS) -> float:
-    """Median wall time of a call [s]."""
+    """Measure the median wall time of a call [s]."""
     times = []
     for _ in range(repeats):
         began = time.perf_counter()

@@ -4,9 +4,9 @@ from typing import Any
 
 from repose.dem import Contact
 
-from .case import Effort, Row, close
+from .case import Effort, Rows, close
 from .hertz import Solid, hertz_on_plane
-from .machine import STEPS_PER_CONTACT, spheres, steps_of_impact
+from .machine import STEPS_PER_CONTACT, STILL, Ball, spheres, steps_of_impact
 from .oblique import impact, sliding_rows
 
 SOLIDS = (Solid("aluminium", 70e9, 0.33, 2700.0), Solid("nylon", 2.5e9, 0.40, 1000.0))
@@ -16,7 +16,7 @@ CONTACT, RADIUS, NORMAL = Contact(0.5, 0.4, 0.0), 0.1, 0.2
 
 
 def _on_plane(solid: Solid, spin: float, **laws: Any) -> tuple[float, float]:
-    """Tangential velocity and spin after an impact of test 6."""
+    """Simulate an impact of test 6: tangential velocity and spin after it."""
     v, w = impact(solid, RADIUS, CONTACT, (0.0, 0.0, -NORMAL), (0.0, spin, 0.0), **laws)
     return v[0], w[1]
 
@@ -24,68 +24,56 @@ def _on_plane(solid: Solid, spin: float, **laws: Any) -> tuple[float, float]:
 def _on_sphere(
     solid: Solid, spin: float, sense: float = 1.0, radius: float = RADIUS, factor: float = 1.0, **laws: Any
 ) -> tuple[float, float]:
-    """The same for the upper of two spheres; the spin of the other is `sense` times its own.
+    """Simulate the same for the upper of two spheres; the spin of the other is `sense` times its own.
 
     `radius` is that of the other sphere, `factor` its stiffness and density over the first sphere's; with a factor
     above 1 it is at rest.
     """
     other = Solid("other", factor * solid.elastic_modulus_pa, solid.poisson_ratio, factor * solid.density_kg_m3)
-    gap, moves = 1e-7, 0.0 if factor > 1.0 else NORMAL
-    simulation = spheres(
-        (solid, other),
-        (RADIUS, radius),
-        CONTACT,
-        ((0.0, 0.0, RADIUS + gap), (0.0, 0.0, -radius - gap)),
-        ((0.0, 0.0, -NORMAL), (0.0, 0.0, moves)),
-        ((0.0, spin, 0.0), (0.0, sense * spin if factor == 1.0 else 0.0, 0.0)),
-        0.5 * hertz_on_plane(solid, RADIUS, NORMAL).duration_s / STEPS_PER_CONTACT,
-        **laws,
-    )
+    gap, rests = 1e-7, factor > 1.0
+    upper = Ball(solid, RADIUS, (0.0, 0.0, RADIUS + gap), (0.0, 0.0, -NORMAL), (0.0, spin, 0.0))
+    motion = (STILL, STILL) if rests else ((0.0, 0.0, NORMAL), (0.0, sense * spin, 0.0))
+    step = 0.5 * hertz_on_plane(solid, RADIUS, NORMAL).duration_s / STEPS_PER_CONTACT
+    simulation = spheres(upper, Ball(other, radius, (0.0, 0.0, -radius - gap), *motion), CONTACT, step, **laws)
     simulation.run_steps(2 * steps_of_impact(CONTACT.restitution, laws.get("tension", "keep")))
     return simulation.velocities[0, 0], simulation.angular_velocities[0, 1]
 
 
-def _sliding_rows(solid: Solid, spin: float, after: tuple[float, float], effort: Effort) -> list[Row]:
-    """Rows of a spin that slides through the whole impact."""
+def _sliding_rows(solid: Solid, spin: float, after: tuple[float, float], effort: Effort) -> Rows:
+    """Compare a spin that slides through the whole impact."""
     hertz, at = hertz_on_plane(solid, RADIUS, NORMAL), f"{solid.name}, {spin:g} rad/s"
     return sliding_rows(at, CONTACT, hertz, RADIUS, after, (0.0, spin), effort.tension)
 
 
-def plane_spins(effort: Effort) -> list[Row]:
+def plane_spins(effort: Effort) -> Rows:
     """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 6 to 21 rad/s; aluminium and nylon."""
-    rows = []
     for solid in SOLIDS:
         for spin in SLIDING:
-            rows += _sliding_rows(solid, spin, _on_plane(solid, spin, **effort.laws), effort)
-    return rows
+            yield from _sliding_rows(solid, spin, _on_plane(solid, spin, **effort.laws), effort)
 
 
-def equal_spheres(effort: Effort) -> list[Row]:
+def equal_spheres(effort: Effort) -> Rows:
     """Test 7: two equal spheres of test 6's materials, each 0.2 m/s, spins of the same and of opposite sense.
 
     With equal spin vectors the surfaces move against each other and the contact point stays: each sphere behaves as on
     a plane. With opposite vectors the surfaces move together and nothing is exchanged.
     """
-    rows = []
     for solid in SOLIDS:
         for spin in SLIDING:
-            rows += _sliding_rows(solid, spin, _on_sphere(solid, spin, **effort.laws), effort)
+            yield from _sliding_rows(solid, spin, _on_sphere(solid, spin, **effort.laws), effort)
         (slow, _), (fast, w) = (_on_sphere(solid, spin, -1.0, **effort.laws) for spin in (1.75, 21.0))
         at, moved = f"{solid.name}: tangential velocity, opposite spin vectors", max(abs(slow), abs(fast))
-        rows.append(close(at, "m/s", moved, 0.0, scale=0.12))
-        rows.append(close(f"{solid.name}: spin, opposite spin vectors", "rad/s", w, 21.0))
-    return rows
+        yield close(at, "m/s", moved, 0.0, scale=0.12)
+        yield close(f"{solid.name}: spin, opposite spin vectors", "rad/s", w, 21.0)
 
 
-def unequal_spheres(effort: Effort) -> list[Row]:
+def unequal_spheres(effort: Effort) -> Rows:
     """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again."""
-    rows = []
     source = "test 6, same simulator"
     for solid in SOLIDS:
         for spin in COMPARED:
             at = f"{solid.name}, {spin:g} rad/s"
             v, w = _on_sphere(solid, spin, radius=0.5, factor=1000.0, **effort.laws)
             plane_v, plane_w = _on_plane(solid, spin, **effort.laws)
-            rows.append(close(f"{at}: tangential velocity", "m/s", v, plane_v, source))
-            rows.append(close(f"{at}: spin", "rad/s", w, plane_w, source, scale=max(abs(plane_w), spin)))
-    return rows
+            yield close(f"{at}: tangential velocity", "m/s", v, plane_v, source)
+            yield close(f"{at}: spin", "rad/s", w, plane_w, source, scale=max(abs(plane_w), spin))

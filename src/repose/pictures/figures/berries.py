@@ -2,7 +2,6 @@
 
 import math
 import textwrap
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from repose.particle import berry
 from repose.particle.particle import Body, Particle
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
 
 if TYPE_CHECKING:
     import trimesh
@@ -30,8 +29,8 @@ AXES = (
 RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measurements."
 
 
-@figure("figure02", "Figure 2", inputs={"sizes": "{config[berry][sizes]}"})
-def sizes_and_sphericity(inputs: Inputs, config: Config) -> Figure:
+@figure("figure02", "Figure 2", {"sizes": "{config[berry][sizes]}"})
+def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
     """Draw histograms of the axes and of the sphericity (Eq. 1 and Table 1 of the paper), with normal curves.
 
     Figure 2. Sizes of the berries, with the normal curves of their means and standard deviations. Where the table
@@ -44,12 +43,10 @@ def sizes_and_sphericity(inputs: Inputs, config: Config) -> Figure:
         _histogram(panel, sizes[column].to_numpy(), f"{label} (mm)", colour, "mm")
     sphericity = 100 * berry.sphericity(*(sizes[column].to_numpy() for column, _, _ in AXES))
     _histogram(panels[3], sphericity, "sphericity (%)", style.PURPLE, "%")
-    for panel, letter in zip(panels, "abcd", strict=True):
-        panel.set_title(letter, fontweight="bold")
+    style.name_panels(panels)
     panels[0].set_ylabel("number of grains")
     panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
-    curves = "curves: normal distributions of these means and standard deviations"
-    figure.supxlabel(curves, fontsize=6.8)
+    style.below(figure, "curves: normal distributions of these means and standard deviations")
     if sizes.attrs["reconstruction"]:
         figure.suptitle(RECONSTRUCTED, fontsize=7, style="italic", color=style.RED)
     return figure
@@ -61,9 +58,8 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
     # Equal berries have one bin, and a curve too narrow to see.
     sd_shown = max(sd, 1e-3 * mean)
     ends = min(values.min(), mean - sd_shown), max(values.max(), mean + sd_shown)
-    counts, edges, _ = panel.hist(
-        values, bins=9, range=ends, color=colour, alpha=0.55, edgecolor="white", linewidth=0.6
-    )
+    look = {"color": colour, "alpha": 0.55, "edgecolor": "white", "linewidth": 0.6}
+    counts, edges, _ = panel.hist(values, bins=9, range=ends, **look)
     x = np.linspace(mean - 3.2 * sd_shown, mean + 3.2 * sd_shown, 200)
     density = np.exp(-0.5 * ((x - mean) / sd_shown) ** 2) / (sd_shown * math.sqrt(2 * math.pi))
     panel.plot(x, len(values) * (edges[1] - edges[0]) * density, color=style.BLACK)
@@ -71,13 +67,11 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
     style.note(panel, f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}", x=0.98, ha="right")
 
 
-@figure(
-    "figure07",
-    "Figure 7",
-    inputs={"stl": "berry/berry.stl", "particle": "berry/particle.json"},
-    reads=("berry", "colour"),
-)
-def particle_and_mesh(inputs: Inputs, config: Config) -> Figure:
+MESH = {"stl": "berry/berry.stl", "particle": "berry/particle.json"}
+
+
+@figure("figure07", "Figure 7", MESH, reads=("berry", "colour"))
+def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     """Draw the mesh and all particles made from it, side by side on the same scale.
 
     Figure 7. The berry: its mesh, and the particle that the simulator makes of the mesh.
@@ -90,11 +84,11 @@ def particle_and_mesh(inputs: Inputs, config: Config) -> Figure:
     chosen = Particle.load(inputs["particle"])
     mesh = build.load_mesh(inputs["stl"])
     in_m = mesh.copy().apply_scale(1e-3)
-    width = style.pixels(config, PICTURE_PIXELS)
+    width = style.pixels(study, PICTURE_PIXELS)
     camera: dict[str, Any] = {"width": width, "height": round(0.78 * width), "field_of_view_deg": style.TELEPHOTO_DEG}
     camera |= {"elevation_deg": 22.0, "azimuth_deg": -58.0}
     frame_m = 1.05 * np.asarray(in_m.vertices)
-    view = camera | {"frame_m": frame_m, "supersample": 3, "colour": config["colour"]}
+    view = camera | {"frame_m": frame_m, "supersample": 3, "colour": study.colour}
     figure = style.new_figure(style.PAGE, 2.35)
     figure.set_layout_engine("compressed")
     panels = figure.subplots(1, 4)
@@ -103,7 +97,7 @@ def particle_and_mesh(inputs: Inputs, config: Config) -> Figure:
     style.scale_bar(panels[0], look_at(frame_m, **camera), np.zeros(3), max(in_m.extents))
     for panel, kind, letter in zip(panels[1:], build.KINDS, "bcd", strict=True):
         try:
-            particle = _made(mesh, kind, chosen, config["berry"])
+            particle = _made(mesh, kind, chosen, study.berry)
         except InputError as error:
             _caption(panel, f"{letter}  {kind}", None, "\n".join(textwrap.wrap(str(error), 34)))
             continue
@@ -115,13 +109,13 @@ def particle_and_mesh(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-def _made(mesh: "trimesh.Trimesh", kind: str, chosen: Particle, section: Mapping[str, Any]) -> Particle:
+def _made(mesh: "trimesh.Trimesh", kind: str, chosen: Particle, section: Any) -> Particle:
     """Give the chosen particle, or one of another kind from the same mesh."""
     from repose.particle import build
 
     if kind == chosen.kind:
         return chosen
-    return build.make_particle(mesh, chosen.density_kg_m3, kind, section["spheres"], section["surface"])
+    return build.make_particle(mesh, chosen.density_kg_m3, kind, section.spheres, section.surface)
 
 
 def _parts(particle: Particle) -> str:

@@ -11,27 +11,24 @@ from repose.core.responses import derived
 from repose.core.targets import Target
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
 
 SIMULATED = {"fmt": "s", "ms": 4.5, "elinewidth": 1, "capsize": 2}
 WORD = " (repr.: the representative one)"
 
 
-@figure(
-    "validation",
-    "Table 4, shown",
-    inputs={"table4": "validation/table4.csv"},
-    optional={"published": "{published}"},
-    reads=("targets",),
-)
-def validation(inputs: Inputs, config: Config) -> Figure:
+TABLE_4 = {"table4": "validation/table4.csv"}
+
+
+@figure("validation", "Table 4, shown", TABLE_4, optional={"published": "{published}"}, reads=("targets",))
+def validation(inputs: Inputs, study: Shown) -> Figure:
     """Draw predicted and simulated responses of our solutions beside the published table's.
 
     Table 4 as a figure: predicted and simulated responses of the representative solution and others, simulated with
     seeds that no sample of the design had. Bars are one standard error; the band is the measurement, mean and
     standard deviation.
     """
-    targets = style.targets_of(config)
+    targets = study.targets
     simulated = [target.response.simulated for target in targets]
     solutions = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
     of_publication = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
@@ -53,22 +50,21 @@ def validation(inputs: Inputs, config: Config) -> Figure:
         panel.set_xlabel(f"solution{WORD}")
     figure.align_xlabels(panels[-1])
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    figure.supxlabel("numbers: error of the prediction in % of the simulated value", fontsize=6.8)
+    style.below(figure, "numbers: error of the prediction in % of the simulated value")
     return figure
 
 
-@figure("published", "Published solutions here", inputs={"published": "{stored}"}, reads=("targets",))
-def published_solutions(inputs: Inputs, config: Config) -> Figure:
+@figure("published", "Published solutions here", {"published": "{stored}"}, reads=("targets",))
+def published_solutions(inputs: Inputs, study: Shown) -> Figure:
     """Draw the published responses of the published solutions beside the ones simulated here.
 
     The published parameter sets in this simulator, from the stored table that the configuration names, beside what
     was published of their piles.
     """
     table = read_table(inputs["published"], ("solution",))
-    targets = [target for target in style.targets_of(config) if target.response.simulated in table]
-    count = len(targets)
-    figure = style.new_figure(style.PAGE, 0.3 + 2.3 * style.grid_rows(count))
-    panels = style.grid(figure, count)
+    targets = [target for target in study.targets if target.response.simulated in table]
+    figure = style.new_figure(style.PAGE, 0.3 + 2.3 * style.grid_rows(len(targets)))
+    panels = style.grid(figure, len(targets))
     for panel, target in zip(panels, targets, strict=True):
         _published_and_simulated(panel, table, target)
     style.name_panels(panels)
@@ -92,8 +88,7 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
         if measured.notna().any():
             panel.plot(x - 0.12, measured, "D", label="published measurement", ms=4.5, color=style.ORANGE)
         for place in x[np.isnan(published) & measured.isna()]:
-            style_of = {"rotation": 90, "ha": "center", "va": "center", "fontsize": 6.8}
-            panel.text(place - 0.3, target.value, "not published", **style_of)
+            panel.text(place - 0.3, target.value, "not published", rotation=90, ha="center", va="center", fontsize=6.8)
     error = table[response.error].fillna(0.0)
     words = "same parameters in this simulator ± standard error"
     panel.errorbar(x + 0.12, table[response.simulated], error, color=style.BLUE, label=words, **SIMULATED)
@@ -125,8 +120,7 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
 def _band(panel: Axes, target: Target) -> None:
     """Draw the physical measurement: mean line and a band of one standard deviation."""
     mean, sd = target.value, target.sd
-    look = {"color": style.GREEN, "alpha": 0.15, "lw": 0, "label": "measured ± standard deviation"}
-    panel.axhspan(mean - sd, mean + sd, **look)
+    style.band(panel, mean - sd, mean + sd, "measured ± standard deviation")
     panel.axhline(mean, color=style.GREEN, lw=0.9, label="measured mean")
 
 

@@ -5,35 +5,27 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.core.files import read_table
-from repose.core.parameter_space import ParameterSpace
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import OF_POSTERIOR, Inputs, Shown, figure
 
 COLUMNS = ("discrepancy_percent", "discrepancy_correlation", "evidence", "information_bits", "effective_points")
 BITS = ("discrepancy_percent", "information_bits")
 FEW = 400  # effective points, below which a row is a rough estimate
 
 
-@figure(
-    "discrepancy",
-    "Discrepancy",
-    inputs={"discrepancy": "posterior/discrepancy.csv"},
-    folder="posterior",
-    category="Uncertainty",
-    reads=("parameters", "targets"),
-)
-def over_the_discrepancy(inputs: Inputs, config: Config) -> Figure:
+@figure("discrepancy", "Discrepancy", {"discrepancy": "posterior/discrepancy.csv"}, **OF_POSTERIOR)
+def over_the_discrepancy(inputs: Inputs, study: Shown) -> Figure:
     """Draw information and intervals over the discrepancy.
 
     Information of the measurements on the parameters, over the discrepancy: the error that the simulator has with
     the best parameters, too. Above the information; below the 95 % interval of each parameter in its range. Where a
     shape study is given, its spread of plausible models is marked.
     """
-    names = ParameterSpace.of(config["parameters"]).free
+    names, ranges = study.space.free, study.ranges
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
     table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))
-    stated, study = table[table["evidence"] == "stated"], table[table["evidence"] != "stated"]
+    stated, of_study = table[table["evidence"] == "stated"], table[table["evidence"] != "stated"]
     rows = -(-len(names) // 3)
     figure = style.new_figure(style.PAGE, 2.3 + 1.55 * rows)
     above, below = figure.subfigures(2, 1, height_ratios=[2.3, 1.55 * rows])
@@ -41,8 +33,7 @@ def over_the_discrepancy(inputs: Inputs, config: Config) -> Figure:
     for k, (correlation, own) in enumerate(stated.groupby("discrepancy_correlation")):
         how = f"correlation {correlation:g}" if correlation else "independent between targets"
         bits.plot(*(own[key] for key in BITS), label=f"assumed, {how}", **style.series(k))
-    words = "spread of the shape study's models"
-    bits.plot(*(study[key] for key in BITS), "D", color=style.RED, label=words)
+    bits.plot(*(of_study[key] for key in BITS), "D", color=style.RED, label="spread of the shape study's models")
     rough = stated[stated["effective_points"] < FEW]
     if len(rough):
         words = f"fewer than {FEW} effective points"
@@ -51,25 +42,24 @@ def over_the_discrepancy(inputs: Inputs, config: Config) -> Figure:
     bits.grid(True)
     bits.legend()
     panels = below.subplots(rows, 3, squeeze=False).ravel()
-    ranges = style.ranges_of(config)
     for panel, name in zip(panels, names, strict=False):
-        _intervals(panel, name, stated, study)
+        _intervals(panel, name, stated, of_study)
         panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
     below.suptitle("95 % intervals of the parameters, in their ranges", fontsize=8)
+    for panel in panels[max(0, len(names) - 3) :]:
+        panel.set_xlabel("discrepancy (%)")
     for panel in panels[len(names) :]:
         panel.set_axis_off()
-    for panel in panels[max(0, len(names) - 3) : len(names)]:
-        panel.set_xlabel("discrepancy (%)")
     return figure
 
 
-def _intervals(panel: Axes, name: str, stated: pd.DataFrame, study: pd.DataFrame) -> None:
+def _intervals(panel: Axes, name: str, stated: pd.DataFrame, of_study: pd.DataFrame) -> None:
     """Draw the 95 % interval of one parameter: a band for each stated correlation, a bar for the shape study."""
     for k, (_, own) in enumerate(stated.groupby("discrepancy_correlation")):
         low, high, look = own[f"{name}_low"], own[f"{name}_high"], style.series(k)
         panel.fill_between(own["discrepancy_percent"], low, high, color=look["color"], alpha=0.18, lw=0)
         for end in (low, high):
             panel.plot(own["discrepancy_percent"], end, lw=1.1, **look)
-    for row in study.to_dict("records"):
+    for row in of_study.to_dict("records"):
         at = row["discrepancy_percent"]
         panel.plot([at, at], [row[f"{name}_low"], row[f"{name}_high"]], "-_", color=style.RED, lw=1.4, ms=6)

@@ -13,28 +13,21 @@ from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
 from . import style
-from .registry import Config, Inputs, figure, has_pile
+from .registry import MEASURED_PILE, Inputs, Shown, figure, has_pile
 
 COLOURS = dict(zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE, style.ORANGE), strict=True))
 STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True))
 
 
-@figure(
-    "definitions",
-    "Definitions of the angle",
-    inputs={"heap": "validation/heaps/001.npz", "particle": "berry/particle.json", "berry": "berry/berry.json"},
-    reads=("measure",),
-    when=has_pile,
-)
-def definitions(inputs: Inputs, config: Config) -> Figure:
+@figure("definitions", "Definitions of the angle", MEASURED_PILE, reads=("measure",), when=has_pile)
+def definitions(inputs: Inputs, study: Shown) -> Figure:
     """Draw every definition on the first view of a pile (above), and their values in every view (below).
 
     The definitions of the angle of repose on the pile of the representative solution: their lines in one side view,
     and the angle that each gives in all views. The study calibrates the definition {measure[response]}; ``repose
     docs measurement`` compares them.
     """
-    berry = read_berry(inputs["berry"])
-    settings = pile.MeasureSettings.of(config["measure"], berry)
+    settings = pile.MeasureSettings.of(vars(study.measure), read_berry(inputs["berry"]))
     poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 4.4)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))

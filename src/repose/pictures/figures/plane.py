@@ -1,7 +1,8 @@
 """Each pair of targets as a plane: reach of the samples, ranges of the targets, and the answer."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -12,7 +13,10 @@ from repose.core.files import read_table
 from repose.core.targets import Target
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 SAMPLES = {
     "dataset": ("parameter sets of the design, simulated", style.BLUE),
@@ -22,28 +26,34 @@ SAMPLES = {
 BARS = "a point is the mean of one parameter set's piles; bars: ± 1 standard error of a mean"
 
 
-@figure(
-    "plane",
-    "Targets against each other",
-    inputs={"dataset": "{answer.dataset}", "feasible": "{answer.feasible}", "table4": "{answer.table4}"},
-    if_there={"pool": "pool/dataset.csv", "fresh": "pool/fresh_dataset.csv"},
-    reads=("targets",),
-    when=lambda study: sum(target.profile is None for target in study.targets) > 1,
-)
-def planes(inputs: Inputs, config: Config) -> Figure:
+INPUTS = {"dataset": "{answer.dataset}", "feasible": "{answer.feasible}", "table4": "{answer.table4}"}
+POOL: dict[str, Any] = {"if_there": {"pool": "pool/dataset.csv", "fresh": "pool/fresh_dataset.csv"}}
+
+
+def _plain(targets: Iterable[Target]) -> list[Target]:
+    """Leave out the targets that are scores of a profile."""
+    return [target for target in targets if target.profile is None]
+
+
+def _has_pairs(study: "Study") -> bool:
+    """Tell whether the targets have a plane."""
+    return len(_plain(study.targets)) > 1
+
+
+@figure("plane", "Targets against each other", INPUTS, **POOL, reads=("targets",), when=_has_pairs)
+def planes(inputs: Inputs, study: Shown) -> Figure:
     """Draw all samples, target ranges, measured piles, solutions and the answer, for each pair of targets.
 
     Targets against each other: all samples with their standard errors, and of the pool if it was poured; the target
     ranges; the mean of the measured piles with its standard error; the predictions of the solutions that the search
     lists; and the answer, as predicted and as simulated with fresh seeds, with its standard error.
     """
-    targets = [target for target in style.targets_of(config) if target.profile is None]
+    targets = _plain(study.targets)
     columns = [column for target in targets for column in (target.name, target.response.error)]
     tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}
     good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
-    predicted, simulated = (
-        [getattr(target.response, what) for target in targets] for what in ("predicted", "simulated")
-    )
+    predicted = [target.response.predicted for target in targets]
+    simulated = [target.response.simulated for target in targets]
     solutions = read_table(inputs["feasible"], ("feasible", *predicted))
     checked = read_table(inputs["table4"], ("role", *predicted, *simulated, *columns[1::2]))
     answer = checked[checked["role"] == "representative"].iloc[0]

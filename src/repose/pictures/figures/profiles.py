@@ -10,7 +10,9 @@ from repose.core.files import read_table
 from repose.core.profiles import Profile
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
+
+TABLE_4 = {"table4": "{answer.table4}"}
 
 
 class Line(NamedTuple):
@@ -21,21 +23,15 @@ class Line(NamedTuple):
     half: np.ndarray | float
 
 
-@figure(
-    "profiles",
-    "Profiles",
-    inputs={"table4": "{answer.table4}"},
-    reads=("targets",),
-    when=lambda study: bool(study.targets.profiles),
-)
-def profiles(inputs: Inputs, config: Config) -> Figure:
+@figure("profiles", "Profiles", TABLE_4, reads=("targets",), when=lambda study: bool(study.targets.profiles))
+def profiles(inputs: Inputs, study: Shown) -> Figure:
     """Draw the answer's profile beside each measured one.
 
     Profiles among the targets: the measured heights with their standard deviation, the profile that is predicted
     for the answer, and the profile that is simulated with fresh seeds, with its standard error. Lines are the
     smooth profiles of the scores.
     """
-    targets = style.targets_of(config)
+    targets = study.targets
     names = {name: [one for one in targets if one.profile == profile] for name, profile in targets.profiles.items()}
     columns = [column for own in names.values() for one in own for column in columns_of(one.response)]
     table = read_table(inputs["table4"], ("role", *columns))

@@ -12,21 +12,18 @@ from repose.core.files import read_json, read_table
 from repose.core.responses import derived
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
 
 COLUMNS = ("predicted", "simulated", "se", "target")
 HEIGHTS = [2.6, 1]  # of deviations and standard errors
 
 
-@figure(
-    "approach",
-    "The loop closed",
-    inputs={"batches": "refined/batches.csv"},
-    optional={"summary": "refined/summary.json"},
-    reads=("targets", "refine.tolerance_percent", "refine.standard_error_percent"),
-    folder="refined",
-)
-def approach(inputs: Inputs, config: Config) -> Figure:
+BATCHES, WHY = {"batches": "refined/batches.csv"}, {"summary": "refined/summary.json"}
+READS = ("targets", "refine.tolerance_percent", "refine.standard_error_percent")
+
+
+@figure("approach", "The loop closed", BATCHES, optional=WHY, reads=READS, folder="refined")
+def approach(inputs: Inputs, study: Shown) -> Figure:
     """Draw each round's proposal, predicted and simulated, off the target in percent of it; its standard errors.
 
     The loop closed: how far each round's proposal is off its targets, in percent of them. Diamonds are predictions
@@ -34,20 +31,20 @@ def approach(inputs: Inputs, config: Config) -> Figure:
     seeds stands beside the mean. A mean inside the band is near enough. Below are the standard errors and their
     limit. The last round's point is the claim: it was simulated after everything that proposed it.
     """
-    responses = style.targets_of(config).responses
+    responses = study.targets.responses
     columns = [derived(response.name, what) for response in responses for what in COLUMNS]
     rounds = read_table(inputs["batches"], ("round", "n_seeds", "outcome", *columns))
-    section, rows = config["refine"], style.grid_rows(len(responses))
+    section, rows = study.refine, style.grid_rows(len(responses))
     figure = style.new_figure(style.PAGE, 3.9 * rows)
     panels = figure.subplots(2 * rows, min(2, len(responses)), sharex=True, height_ratios=HEIGHTS * rows, squeeze=False)
     for k, response in enumerate(responses):
         upper, lower = panels[k // 2 * 2 : k // 2 * 2 + 2, k % 2]
         values = {what: rounds[derived(response.name, what)].to_numpy(float) for what in COLUMNS}
         colour = style.series(k)["color"]
-        _deviations(upper, rounds, values, section["tolerance_percent"], colour)
+        _deviations(upper, rounds, values, section.tolerance_percent, colour)
         upper.set_title(f"{response.symbol}, target {values['target'][0]:g} {response.unit}")
         lower.plot(rounds["round"], 100 * values["se"] / values["target"], "o-", color=colour, ms=4)
-        limit = section["standard_error_percent"]
+        limit = section.standard_error_percent
         lower.axhline(limit, color=style.GREY, ls="--", lw=0.9, label=f"limit, {limit:g} %")
         lower.set(xlabel="round", ylim=(0, None))
         lower.set_xticks(rounds["round"])
@@ -60,7 +57,7 @@ def approach(inputs: Inputs, config: Config) -> Figure:
     panels[1, 0].legend(loc="lower right")
     if "summary" in inputs:
         why = read_json(inputs["summary"], ("why",))["why"]
-        figure.suptitle(_wrapped(why), fontsize=7.5, x=0.02, ha="left")
+        figure.suptitle(textwrap.fill(why, 110), fontsize=7.5, x=0.02, ha="left")
     return figure
 
 
@@ -70,7 +67,7 @@ def _deviations(
     """Draw one response: its tolerance as a band, hollow diamonds as predicted, means as simulated with errors."""
     place = rounds["round"].to_numpy(float)
     simulated, predicted = (100 * (values[what] / values["target"] - 1) for what in ("simulated", "predicted"))
-    panel.axhspan(-tolerance, tolerance, color=style.GREEN, alpha=0.15, lw=0, label=f"near enough, ±{tolerance:g} %")
+    style.band(panel, -tolerance, tolerance, f"near enough, ±{tolerance:g} %")
     panel.axhline(0, color=style.GREY, lw=0.7)
     panel.plot(place - 0.06, predicted, "D", ms=4.5, mfc="white", mec=style.BLACK, ls="", label="predicted", zorder=3)
     look = {"marker": "o", "ms": 4.5, "lw": 0.9, "elinewidth": 1.1, "capsize": 2.5, "color": colour}
@@ -81,8 +78,3 @@ def _deviations(
         if np.isfinite(y):
             panel.annotate(f"{seeds:g} seeds", (x + 0.06, y), (6, -7), **look)
     panel.set_xlim(place[0] - 0.4, place[-1] + 0.4)
-
-
-def _wrapped(text: str, width: int = 110) -> str:
-    """Wrap a text into lines."""
-    return "\n".join(textwrap.wrap(text, width))

@@ -15,7 +15,7 @@ from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import OF_POSTERIOR, Inputs, Shown, figure
 
 COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 # Least implausibility below the diagonal: upper end of each band, its colour, its words. From 3 on it is excluded.
@@ -29,15 +29,11 @@ LEAST = "below the diagonal: minimum implausibility, in standard deviations, ove
 DEPTH = "above the diagonal: optical depth, the share of the other parameters' values that is not excluded"
 
 
-@figure(
-    "region",
-    "Region that is not excluded",
-    inputs={"region": "posterior/region.csv", "summary": "posterior/posterior.json"},
-    folder="posterior",
-    category="Uncertainty",
-    reads=("parameters", "targets"),
-)
-def not_excluded(inputs: Inputs, config: Config) -> Figure:
+INPUTS = {"region": "posterior/region.csv", "summary": "posterior/posterior.json"}
+
+
+@figure("region", "Region that is not excluded", INPUTS, **OF_POSTERIOR)
+def not_excluded(inputs: Inputs, study: Shown) -> Figure:
     """Draw minimum implausibility below the diagonal, optical depth above it.
 
     The region of parameters that the measurements do not exclude (history matching), projected on each pair of
@@ -47,8 +43,7 @@ def not_excluded(inputs: Inputs, config: Config) -> Figure:
     """
     table = read_table(inputs["region"], COLUMNS)
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
-    space = ParameterSpace.of(config["parameters"])
-    names, edges = space.free, _edges(space, table["x_quantile"].nunique())
+    names, edges = study.space.free, _edges(study.space, table["x_quantile"].nunique())
     last = len(names) - 1
     figure = style.new_figure(style.PAGE, 1.08 * style.PAGE)
     panels = figure.subplots(len(names), len(names), squeeze=False)
@@ -56,20 +51,16 @@ def not_excluded(inputs: Inputs, config: Config) -> Figure:
     for (row, column), panel in np.ndenumerate(panels):
         if row == column:
             panel.set_axis_off()
-            ends = f"{edges[row][0]:.3g} to {edges[row][-1]:.3g}"
-            words = f"{style.parameter_label(names[row])}\n{ends}"
+            words = f"{style.parameter_label(names[row])}\n{edges[row][0]:.3g} to {edges[row][-1]:.3g}"
             panel.text(0.5, 0.5, words, ha="center", va="center", fontsize=8, linespacing=1.6)
             continue
         first, second = sorted((row, column))
         cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
         below = row > column
         # rows of the picture follow the parameter of the panel's row
-        grid = cells.pivot(
-            index=f"{'y' if below else 'x'}_quantile",
-            columns=f"{'x' if below else 'y'}_quantile",
-            values="least_implausibility" if below else "share",
-        )
-        shown = np.ma.masked_invalid(grid.to_numpy(float))
+        value = "least_implausibility" if below else "share"
+        grid = cells.pivot(index="y_quantile", columns="x_quantile", values=value)
+        shown = np.ma.masked_invalid((grid if below else grid.T).to_numpy(float))
         look = _bands() if below else {"cmap": "Blues", "vmin": 0.0, "vmax": table["share"].max() or 1.0}
         mesh = panel.pcolormesh(edges[column], edges[row], shown, rasterized=True, **look)
         depth = depth if below else mesh

@@ -1,18 +1,28 @@
 """The register of figures: said once, beside its function, are its inputs, the keys that it reads, and its caption."""
 
 from collections.abc import Callable, Mapping
-from inspect import cleandoc
+from functools import wraps
+from inspect import cleandoc, unwrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from matplotlib.figure import Figure
 
+from repose.pictures.shown import Config, Shown
+
 if TYPE_CHECKING:
     from repose.config.study import Study
 
-Config = Mapping[str, Any]
 Inputs = Mapping[str, Any]  # paths by name
-Draw = Callable[[Inputs, Config], Figure]
-Caption = str | Callable[[Config], str]
+OF_POSTERIOR: dict[str, Any] = {  # the details of such a figure
+    "folder": "posterior",
+    "category": "Uncertainty",
+    "reads": ("parameters", "targets"),
+}
+PILE = {"heap": "validation/heaps/001.npz", "particle": "berry/particle.json"}  # of the answer
+MEASURED_PILE = PILE | {"berry": "berry/berry.json"}
+
+
+Draw = Callable[[Inputs, Any], Figure]  # takes a `Shown`; once it is registered, a configuration
 
 
 class Drawn(NamedTuple):
@@ -24,7 +34,7 @@ class Drawn(NamedTuple):
     if_there: Mapping[str, str] = {}  # shown where they exist, and never made for the figure
     title: str = ""  # in Snakemake's report
     reads: tuple[str, ...] = ()  # sections or dotted keys of the configuration, besides `figures` and `small_run`
-    caption: Caption = ""
+    caption: str | Callable[[Shown], str] = ""
     when: "Callable[[Study], bool]" = lambda study: True  # whether a study has the figure
     folder: str = "figures"
     category: str = "Figures"
@@ -36,13 +46,15 @@ class Drawn(NamedTuple):
 
     def caption_of(self, config: Config) -> str:
         """Fill the names in braces of the caption from a configuration, as `{miga[rounds]}`."""
-        return self.caption.format(**config) if isinstance(self.caption, str) else self.caption(config)
+        return self.caption.format(**config) if isinstance(self.caption, str) else self.caption(Shown(config))
 
 
 FIGURES: dict[str, Drawn] = {}
 
 
-def figure(name: str, title: str, *, inputs: Inputs, caption: Caption = "", **details: Any) -> Callable[[Draw], Draw]:
+def figure(
+    name: str, title: str, inputs: Inputs, caption: str | Callable[[Shown], str] = "", **details: Any
+) -> Callable[[Draw], Draw]:
     """Register the decorated function as a figure; the last paragraph of its docstring is the caption by default.
 
     `details` are further fields of `Drawn`.
@@ -50,8 +62,13 @@ def figure(name: str, title: str, *, inputs: Inputs, caption: Caption = "", **de
 
     def register(draw: Draw) -> Draw:
         words = caption or cleandoc(draw.__doc__ or "").split("\n\n")[-1]
-        FIGURES[name] = Drawn(draw, inputs, title=title, caption=words, **details)
-        return draw
+
+        @wraps(draw)
+        def of_config(inputs: Inputs, config: Config) -> Figure:
+            return unwrap(draw)(inputs, Shown(config))
+
+        FIGURES[name] = Drawn(of_config, inputs, title=title, caption=words, **details)
+        return of_config
 
     return register
 

@@ -15,7 +15,7 @@ from repose.doe.model import Model
 from repose.strategies.response_surface.screening import models_of
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
 
 GRID = 60
 SURFACE: dict[str, Any] = {"reads": ("targets",), "folder": "response_surface", "category": "Response surface"}
@@ -25,24 +25,21 @@ FITTED = {"samples": "response_surface/surface.csv", "dataset": "response_surfac
 @figure(
     "pareto_screening",
     "Pareto chart of the screening",
-    inputs={"effects": "response_surface/screening_effects.csv"},
+    {"effects": "response_surface/screening_effects.csv"},
+    "Standardised effects of the Plackett-Burman screening. A parameter goes on where its bar passes the dashed line.",
     **SURFACE,
-    caption="""
-    Standardised effects of the Plackett-Burman screening. A parameter goes on where its bar passes the
-    dashed line.
-    """,
 )
 @figure(
     "pareto_surface",
     "Pareto chart of the surface",
-    inputs={"effects": "response_surface/surface_effects.csv"},
+    {"effects": "response_surface/surface_effects.csv"},
+    "Standardised effects of the response surface: single parameters, products of two, squares.",
     **SURFACE,
-    caption="Standardised effects of the response surface: single parameters, products of two, squares.",
 )
-def pareto(inputs: Inputs, config: Config) -> Figure:
+def pareto(inputs: Inputs, study: Shown) -> Figure:
     """Draw the standardised effects of a step, the largest first, with the limits of significance."""
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
-    effects, targets = read_table(inputs["effects"], columns), style.targets_of(config)
+    effects, targets = read_table(inputs["effects"], columns), study.targets
     terms = len(effects) // len(targets)
     figure = style.new_figure(style.PAGE, 1.0 + 0.19 * terms)
     panels = figure.subplots(1, len(targets), squeeze=False)[0]
@@ -59,13 +56,13 @@ def pareto(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-@figure("perturbation", "Perturbation plot", inputs=FITTED, **SURFACE)
-def perturbation(inputs: Inputs, config: Config) -> Figure:
+@figure("perturbation", "Perturbation plot", FITTED, **SURFACE)
+def perturbation(inputs: Inputs, study: Shown) -> Figure:
     """Draw each response over one factor after the other.
 
     Each response over one parameter after the other, the others at the centre of the design; grey: the target.
     """
-    targets, models = _models(inputs, config)
+    targets, models = study.targets, _models(inputs, study.targets)
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(1, len(models), squeeze=False)[0]
     coded = np.linspace(-1, 1, GRID)
@@ -80,13 +77,13 @@ def perturbation(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-@figure("contours", "Contours of the surface", inputs=FITTED | {"optimum": "response_surface/optimum.json"}, **SURFACE)
-def contours(inputs: Inputs, config: Config) -> Figure:
+@figure("contours", "Contours of the surface", FITTED | {"optimum": "response_surface/optimum.json"}, **SURFACE)
+def contours(inputs: Inputs, study: Shown) -> Figure:
     """Draw each response over every pair of factors.
 
     Each response over every pair of parameters, the others at the optimum (star); the black line is the target.
     """
-    targets, models = _models(inputs, config)
+    targets, models = study.targets, _models(inputs, study.targets)
     best = read_json(inputs["optimum"], ("coded",), "output of repose stage conclude")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))
     shown = [(target, model, pair) for target, model in zip(targets, models, strict=True) for pair in pairs]
@@ -115,11 +112,10 @@ def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], p
     panel.set_title(f"{target.response.symbol} ({target.response.unit})")
 
 
-def _models(inputs: Inputs, config: Config) -> tuple[Targets, list[Model]]:
-    """Give the targets, and the fitted surfaces."""
+def _models(inputs: Inputs, targets: Targets) -> list[Model]:
+    """Fit the surfaces."""
     table, dataset = (pd.DataFrame(read_table(inputs[name], ("sample",))) for name in ("samples", "dataset"))
-    targets = style.targets_of(config)
-    return targets, models_of(table, dataset, targets, "quadratic")
+    return models_of(table, dataset, targets, "quadratic")
 
 
 def _words(term: str) -> str:

@@ -1,6 +1,5 @@
 """Figure 15 and its numbers: the bed in the drum before and after its first slip."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from repose.measure import bed
 from repose.particle.particle import Particle
 
 from . import style
-from .registry import Config, Inputs, figure, has_drum
+from .registry import Inputs, Shown, figure, has_drum
 
 PIXELS = 620
 SLIP = ("before_turned_deg", "before_time_s")
@@ -28,21 +27,21 @@ TITLES = {
 @figure(
     "figure15",
     "Figure 15",
-    inputs={"states": "{states}", "particle": "berry/particle.json"},
-    optional={"runs": "drum/runs.csv"},
-    reads=("drum", "measure.mm_per_pixel", "colour"),
-    when=has_drum,
-    caption=lambda config: (
+    {"states": "{states}", "particle": "berry/particle.json"},
+    lambda study: (
         f"""
     Figure 15. The bed in the drum before the rotation, before its first slip and after it, simulated
     with the representative solution: side views along the axis; the green line is fitted to the middle
-    {100 * config["drum"]["fit_share"]:g} % of the upper edge. The pictures show the first of
-    {config["drum"]["seeds"]} run(s). Below them stands how far and how long the drum turned before the
+    {100 * study.drum.fit_share:g} % of the upper edge. The pictures show the first of
+    {study.drum.seeds} run(s). Below them stands how far and how long the drum turned before the
     slip. The paper shows pictures and gives no number to compare with.
     """
     ),
+    optional={"runs": "drum/runs.csv"},
+    reads=("drum", "measure.mm_per_pixel", "colour"),
+    when=has_drum,
 )
-def states(inputs: Inputs, config: Config) -> Figure:
+def states(inputs: Inputs, study: Shown) -> Figure:
     """Draw side views along the axis with the line fitted to the upper edge, a panel per state."""
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle, scales = Particle.load(inputs["particle"]), arrays.get("scale")
@@ -53,20 +52,20 @@ def states(inputs: Inputs, config: Config) -> Figure:
     for panel, state, letter in zip(figure.subplots(1, len(shown)), shown, "abc", strict=False):
         turned_deg = float(arrays[f"turned_{state}_deg"])
         centres, quaternions = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
-        angle = _side_view(panel, centres, quaternions, scales, particle, turned_deg, config)
+        angle = _side_view(panel, (centres, quaternions), scales, particle, turned_deg, study)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
     if slipped:
         runs = read_table(inputs["runs"], ("status", *SLIP)) if "runs" in inputs else pd.DataFrame()
-        figure.supxlabel(_slip(float(arrays["turned_before_deg"]), runs, config["drum"]), fontsize=7.5)
+        figure.supxlabel(_slip(float(arrays["turned_before_deg"]), runs, study.drum), fontsize=7.5)
     else:
         figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
     return figure
 
 
-def _slip(turned_deg: float, runs: pd.DataFrame, section: Mapping[str, Any]) -> str:
+def _slip(turned_deg: float, runs: pd.DataFrame, section: Any) -> str:
     """Say how far and how long the drum turned before the first slip: in this run, and in all that slipped."""
-    seconds = turned_deg / np.degrees(section["angular_velocity_rad_s"])
+    seconds = turned_deg / np.degrees(section.angular_velocity_rad_s)
     words = f"The bed slipped first when the drum had turned by {turned_deg:.1f}°, after {seconds:.1f} s."
     slipped = runs[runs["status"] == "ok"] if len(runs) else runs
     if len(slipped) > 1:
@@ -78,27 +77,24 @@ def _slip(turned_deg: float, runs: pd.DataFrame, section: Mapping[str, Any]) -> 
 
 def _side_view(
     panel: Axes,
-    centres: np.ndarray,
-    quaternions: np.ndarray,
+    places: tuple[np.ndarray, np.ndarray],
     scales: np.ndarray | None,
     particle: Particle,
     turned_deg: float,
-    config: Config,
+    study: Shown,
 ) -> float:
-    """Draw one state with its fitted line; returns the line's angle in degrees."""
+    """Draw one state with its fitted line, and give the line's angle in degrees."""
     from repose.pictures.film import drum_inside  # slow to import, and `course` does without
     from repose.pictures.render import render_pile
     from repose.pictures.scenery import look_at
 
-    section = config["drum"]
-    inside, pixels = drum_inside(section, np.radians(turned_deg)), style.pixels(config, PIXELS)
+    inside, pixels = drum_inside(study.drum, np.radians(turned_deg)), style.pixels(study, PIXELS)
     view: dict[str, Any] = {"elevation_deg": 0.0, "azimuth_deg": -90.0, "width": pixels, "height": pixels}
     view["field_of_view_deg"], frame = style.TELEPHOTO_DEG, inside.outline()
-    grains: dict[str, Any] = {"scales": scales, "colour": config["colour"], "frame_m": frame}
-    picture = render_pile(centres, quaternions, particle, backdrop=inside, **view, **grains)
-    camera = look_at(frame, **view)
-    scale, share = config["measure"]["mm_per_pixel"], section["fit_share"]
-    surface = bed.measure_surface(centres, quaternions, particle, inside.radius_m, scale, share, scales)
+    grains: dict[str, Any] = {"scales": scales, "colour": study.colour, "frame_m": frame}
+    picture = render_pile(places[0], places[1], particle, backdrop=inside, **view, **grains)
+    camera, how = look_at(frame, **view), (study.measure.mm_per_pixel, study.drum.fit_share)
+    surface = bed.measure_surface(*places, particle, inside.radius_m, *how, scales)
     panel.imshow(picture)
     style.scale_bar(panel, camera, np.zeros(3), 2 * inside.radius_m)
     ends = np.column_stack([surface.line_m[:, 0], np.zeros(2), surface.line_m[:, 1]])
@@ -111,14 +107,11 @@ def _side_view(
     return surface.angle_deg
 
 
-@figure(
-    "drum",
-    "The drum over time",
-    inputs={"record": "drum/record.csv", "profile": "drum/profile.csv", "runs": "drum/runs.csv"},
-    reads=("drum",),
-    when=has_drum,
-)
-def course(inputs: Inputs, config: Config) -> Figure:
+OVER_TIME = {"record": "drum/record.csv", "profile": "drum/profile.csv", "runs": "drum/runs.csv"}
+
+
+@figure("drum", "The drum over time", OVER_TIME, reads=("drum",), when=has_drum)
+def course(inputs: Inputs, study: Shown) -> Figure:
     """Draw the angles of every run over the time, and the motion of the slipping layer by depth.
 
     The drum over time. a: surface and centre of mass of every run. A slip is judged when the centre of mass has
@@ -130,14 +123,13 @@ def course(inputs: Inputs, config: Config) -> Figure:
     runs = read_table(inputs["runs"], ("seed", "status"))
     figure = style.new_figure(style.PAGE, 2.9)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
-    _angles(left, record, runs, config["drum"])
-    _layers(right, profile, config["drum"])
-    for panel, letter in zip((left, right), "ab", strict=True):
-        panel.set_title(letter, fontweight="bold")
+    _angles(left, record, runs, study.drum)
+    _layers(right, profile)
+    style.name_panels((left, right))
     return figure
 
 
-def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapping[str, Any]) -> None:
+def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Any) -> None:
     """Draw the angles of surface and bed of every run over the time, with the start of the first slip."""
     for k, (seed, run) in enumerate(record.groupby("seed")):
         summary = runs[runs["seed"] == seed].iloc[0]
@@ -149,11 +141,11 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapp
     if len(slipped):
         look = {"ms": 4, "color": style.RED, "zorder": 4, "label": "first slip begins"}
         panel.plot(slipped["before_time_s"], slipped["before_bed_deg"], "v", **look)
-    rate = np.degrees(section["angular_velocity_rad_s"])
+    rate = np.degrees(section.angular_velocity_rad_s)
     last = record["time_s"].max()
     panel.plot([0, last], [0, rate * last], color=style.GREY, lw=0.7, ls="--", label="carried like a solid")
     if "report_time_s" in runs:
-        words = f"{section['report_s']:g} s since the filling began"
+        words = f"{section.report_s:g} s since the filling began"
         panel.axvline(runs["report_time_s"].median(), color=style.ORANGE, lw=0.8, label=words)
     top = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())
     panel.set(xlim=(0, last), ylim=(min(-3.0, record["bed_deg"].min() - 2), top))
@@ -161,7 +153,7 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapp
     panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper left", ncols=5)
 
 
-def _layers(panel: Axes, profile: pd.DataFrame, section: Mapping[str, Any]) -> None:
+def _layers(panel: Axes, profile: pd.DataFrame) -> None:
     """Draw the motion of the slipping layer over the depth of every run."""
     panel.set(xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)")
     panel.invert_yaxis()

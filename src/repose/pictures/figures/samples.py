@@ -7,27 +7,23 @@ from matplotlib.figure import Figure
 
 from repose.chain.design import METHODS
 from repose.core.files import read_table
-from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import Response
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
+
+INPUTS = {"samples": "design/samples.csv"}
+COMPARED = {"comparison": "design/comparison.csv"}
 
 
-@figure(
-    "design",
-    "Design",
-    inputs={"samples": "design/samples.csv"},
-    optional={"comparison": "design/comparison.csv"},
-    reads=("parameters", "design.method"),
-)
-def design_matrix(inputs: Inputs, config: Config) -> Figure:
+@figure("design", "Design", INPUTS, optional=COMPARED, reads=("parameters", "design.method"))
+def design_matrix(inputs: Inputs, study: Shown) -> Figure:
     """Draw every pair of the open parameters, the histogram of each, and a comparison of the methods.
 
     The design ({design[method]}): every pair of parameters. Each parameter has one sample in each of
     {design[samples]} equal strata of its range.
     """
-    free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
+    free, ranges = study.space.free, study.ranges
     table = read_table(inputs["samples"], free)
     figure = style.new_figure(style.PAGE, style.PAGE)
     for panel, across, down in style.pairs_of_parameters(figure, free):
@@ -39,7 +35,7 @@ def design_matrix(inputs: Inputs, config: Config) -> Figure:
             panel.scatter(table[across], table[down], s=4, color=style.BLUE, alpha=0.75, lw=0)
             panel.set_ylim(ranges[down])
         panel.set_xlim(ranges[across])
-    text = f"{len(table)} samples: {METHODS[config['design']['method']]}\ndiagonal: samples in each tenth of a range"
+    text = f"{len(table)} samples: {METHODS[study.design.method]}\ndiagonal: samples in each tenth of a range"
     if len(free) == 1:  # no empty corner to write in
         figure.suptitle(text, fontsize=9)
         return figure
@@ -63,16 +59,16 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     panel.invert_yaxis()
 
 
-@figure("dataset", "Responses", inputs={"dataset": "dataset.csv"}, reads=("parameters", "targets"))
-def responses_over_parameters(inputs: Inputs, config: Config) -> Figure:
+@figure("dataset", "Responses", {"dataset": "dataset.csv"}, reads=("parameters", "targets"))
+def responses_over_parameters(inputs: Inputs, study: Shown) -> Figure:
     """Draw each response over each open parameter; samples that failed are marked below.
 
     Responses of the samples over each parameter, with their rank correlation. The goji berry's angle falls with the
     friction between berries: such piles pack more loosely, and the same berries need a wider foot (``repose docs
     uncertainty``, Sensitivity).
     """
-    responses = style.targets_of(config).responses
-    free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
+    responses = study.targets.responses
+    free, ranges = study.space.free, study.ranges
     columns = [column for response in responses for column in (response.name, response.error)]
     table = read_table(inputs["dataset"], ("status", *free, *columns))
     figure = style.new_figure(style.PAGE, 0.5 + 1.45 * len(responses))

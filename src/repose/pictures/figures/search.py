@@ -11,41 +11,37 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from repose.core.files import read_json, read_table
-from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import SYMBOLS
 from repose.core.targets import Target
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
 
 ANSWER = {"ms": 5.0, "color": style.RED, "mec": "white", "mew": 0.6, "zorder": 4}
 
 
-@figure(
-    "figure14",
-    "Figure 14",
-    inputs={"feasible": "miga/feasible.csv", "summary": "miga/summary.json"},
-    optional={"published": "{table3}"},
-    reads=("parameters", "targets"),
-)
-def feasible_solutions(inputs: Inputs, config: Config) -> Figure:
+FOUND = {"feasible": "miga/feasible.csv", "summary": "miga/summary.json"}
+
+
+@figure("figure14", "Figure 14", FOUND, optional={"published": "{table3}"}, reads=("parameters", "targets"))
+def feasible_solutions(inputs: Inputs, study: Shown) -> Figure:
     """Draw the solutions' parameters in their ranges (Table 3 of the paper), and their predicted responses.
 
     Figure 14. Solutions that the search met, in their ranges, and their predicted responses. Of all feasible points
     met, the best {miga[solutions]} are kept that lie at least {miga[distance]} apart in parameters normalised to
     [-1, 1]. Where none was feasible the nearest ones are shown, and the figure says so.
     """
-    targets = style.targets_of(config)
+    targets = study.targets
     solutions = read_table(inputs["feasible"], ("feasible", "representative", *targets.predicted))
     summary = read_json(inputs["summary"], ("feasible",))
     published = None
     if "published" in inputs:
         published = read_table(inputs["published"], ("parameter", "low", "high")).set_index("parameter")
-    free = ParameterSpace.of(config["parameters"]).free
+    free = study.space.free
     figure = style.new_figure(style.PAGE, max(0.9 + 0.42 * len(free), 0.3 + 0.95 * len(targets)))
     places = figure.add_gridspec(len(targets), 2, width_ratios=(1.7, 1))
     left = figure.add_subplot(places[:, 0])
-    _parameter_strips(left, solutions, style.ranges_of(config), free, published)
+    _parameter_strips(left, solutions, study.ranges, free, published)
     for k, target in enumerate(targets):
         panel = figure.add_subplot(places[k, 1])
         _response_strip(panel, solutions, target)
@@ -145,8 +141,8 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
     panel.set_title(words, loc="right", fontsize=6.8, color=style.GREEN)
 
 
-@figure("convergence", "Convergence of the search", inputs={"history": "miga/history.csv"}, reads=("miga",))
-def convergence(inputs: Inputs, config: Config) -> Figure:
+@figure("convergence", "Convergence of the search", {"history": "miga/history.csv"}, reads=("miga",))
+def convergence(inputs: Inputs, study: Shown) -> Figure:
     """Draw the objective of the best and the mean individual, and feasible solutions met, over the generations.
 
     Course of the search: best and mean objective (Eq. 11) over {miga[rounds]} rounds of {miga[generations]}

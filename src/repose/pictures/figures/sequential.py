@@ -1,6 +1,5 @@
 """The answer of the sequential strategy over the pours: its probability and its responses."""
 
-from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -9,18 +8,15 @@ from matplotlib.figure import Figure
 from repose.core.files import read_table
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
+
+INPUTS = {"batches": "sequential/batches.csv", "check": "sequential/check.csv"}
+OF_STRATEGY: dict[str, Any] = {"folder": "sequential", "category": "Sequential"}
+READS = ("targets", "sequential.tolerance_percent", "sequential.probability")
 
 
-@figure(
-    "sequential",
-    "Probability and prediction by pours",
-    inputs={"batches": "sequential/batches.csv", "check": "sequential/check.csv"},
-    reads=("targets", "sequential.tolerance_percent", "sequential.probability"),
-    folder="sequential",
-    category="Sequential",
-)
-def sequential(inputs: Inputs, config: Config) -> Figure:
+@figure("sequential", "Probability and prediction by pours", INPUTS, reads=READS, **OF_STRATEGY)
+def sequential(inputs: Inputs, study: Shown) -> Figure:
     """Draw probability and predicted responses of the best point after each batch, and the check.
 
     How the answer became certain. Left the probability that the best point meets all targets within the tolerance,
@@ -29,7 +25,7 @@ def sequential(inputs: Inputs, config: Config) -> Figure:
     percent off the target; the band is the tolerance. The filled point at the end is the answer simulated again
     with fresh seeds, with the standard error of its mean. It took no part in finding the answer.
     """
-    targets, section = style.targets_of(config), config["sequential"]
+    targets, section = study.targets, study.sequential
     columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
     batches = read_table(inputs["batches"], ("pours", "probability", "reachable", "in_reach", *columns))
     check = read_table(inputs["check"], ("response", "simulated", "simulated_error")).set_index("response")
@@ -43,9 +39,8 @@ def sequential(inputs: Inputs, config: Config) -> Figure:
             100 / target.whole * (batches[f"{response.name}_{what}"] - shift)
             for what, shift in (("mean", target.aim), ("error", 0))
         )
-        near = section["tolerance_percent"]
-        look = {"color": style.GREEN, "alpha": 0.15, "lw": 0}
-        panel.axhspan(-near, near, label=f"near enough, ±{near:g} %", **look)
+        near = section.tolerance_percent
+        style.band(panel, -near, near, f"near enough, ±{near:g} %")
         panel.axhline(0, color=style.GREY, lw=0.7)
         look = {"fmt": "D", "ms": 4, "mfc": "white", "color": style.BLACK, "label": "predicted"}
         panel.errorbar(batches["pours"], off, error, **look)
@@ -59,7 +54,7 @@ def sequential(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-def _probability(panel: Axes, batches: Any, section: Mapping[str, Any]) -> None:
+def _probability(panel: Axes, batches: Any, section: Any) -> None:
     """Draw the probability after each batch, the one that the remaining pours can reach, and the required one."""
     lines = {
         "probability": ("o-", 4, style.BLUE, "probability of the best point"),
@@ -68,6 +63,6 @@ def _probability(panel: Axes, batches: Any, section: Mapping[str, Any]) -> None:
     }
     for name, (look, size, colour, label) in lines.items():
         panel.plot(batches["pours"], batches[name], look, ms=size, color=colour, label=label)
-    panel.axhline(section["probability"], color=style.RED, ls="--", lw=0.9, label="probability asked for")
+    panel.axhline(section.probability, color=style.RED, ls="--", lw=0.9, label="probability asked for")
     panel.set(xlabel="pours", ylabel="probability", ylim=(-0.03, 1.02))
-    panel.set_title(f"All targets within {section['tolerance_percent']:g} %")
+    panel.set_title(f"All targets within {section.tolerance_percent:g} %")

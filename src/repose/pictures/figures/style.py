@@ -19,8 +19,7 @@ from matplotlib.text import Text
 
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
 from repose.core.files import write_bytes
-from repose.core.parameter_space import range_of
-from repose.core.parameters import FURTHER, SYMBOLS, named
+from repose.core.parameters import FURTHER, SYMBOLS
 from repose.core.responses import Response
 from repose.core.targets import Targets
 from repose.measure.settings import line_of
@@ -28,7 +27,7 @@ from repose.measure.settings import line_of
 if TYPE_CHECKING:
     from repose.pictures.scenery import Camera
 
-from .registry import Config
+from .registry import Config, Shown
 
 MM = 1 / 25.4
 COLUMN = 85 * MM  # of a journal
@@ -87,17 +86,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 def targets_of(config: Config) -> Targets:
     """Give the targets of a configuration, in its order."""
-    return Targets.of(config["targets"])
-
-
-def ranges_of(config: Config) -> dict[str, tuple[float, float]]:
-    """Give the ends of the axis of each parameter: its range, with some room around a fixed value."""
-    ranges = {}
-    for name in named(config["parameters"]):
-        low, high = range_of(name, config["parameters"][name])
-        room = 0.0 if high > low else 0.05 * abs(low) or 0.01
-        ranges[name] = (low - room, high + room)
-    return ranges
+    return Shown(config).targets
 
 
 def response_label(response: Response, before: str = "") -> str:
@@ -111,7 +100,7 @@ def name_the_line(figure: Figure, config: Config) -> None:
     for one in targets_of(config).responses if {"targets", "measure"} <= config.keys() else ():
         if "measure.response" not in one.definition or one.symbol not in shown:
             continue
-        line = line_of(config["measure"])
+        line = line_of(vars(Shown(config).measure))
         words = f"{one.symbol}: {one.label}; line through the simulated piles: {line}"
         words = textwrap.fill(words, int(20 * figure.get_figwidth()))
         lowest = [legend for legend in figure.legends if getattr(legend, "_outside_loc", None) == "lower"]
@@ -120,6 +109,16 @@ def name_the_line(figure: Figure, config: Config) -> None:
             lowest[0].set_title(f"{title}\n{words}".lstrip(), {"size": 6.8})
         else:
             figure.supxlabel(f"{figure.get_supxlabel()}\n{words}".lstrip(), fontsize=6.8)
+
+
+def below(figure: Figure, words: str) -> None:
+    """Write small words below a figure, wrapped to its width."""
+    figure.supxlabel(textwrap.fill(words, int(20 * figure.get_figwidth())), fontsize=6.8)
+
+
+def band(panel: Axes, low: float, high: float, label: str) -> None:
+    """Draw the band of what is measured or near enough, across a panel."""
+    panel.axhspan(low, high, color=GREEN, alpha=0.15, lw=0, label=label)
 
 
 def parameter_label(name: str) -> str:
@@ -193,9 +192,9 @@ def save(figure: Figure, out_path: str | Path, small_run: bool, further: Sequenc
         write_bytes(out_path.with_suffix(f".{kind}"), content.getvalue())
 
 
-def pixels(config: Config, at_default: int) -> int:
+def pixels(study: Shown, at_default: int) -> int:
     """Give the size of a shaded picture: as given at the default resolution, in proportion at the configuration's."""
-    return round(at_default * config.get("figures", {}).get("dpi", DPI) / DPI)
+    return round(at_default * study.config.get("figures", {}).get("dpi", DPI) / DPI)
 
 
 def scale_bar(panel: Axes, camera: "Camera", place_m: np.ndarray, extent_m: float, where: str = "") -> None:

@@ -1,6 +1,5 @@
 """Figures 10 and 13: the network, and the quality of its predictions."""
 
-import textwrap
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from matplotlib.ticker import MaxNLocator
 
 from repose.chain.train import r2_noise_corrected
 from repose.core.files import read_json, read_table
-from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import SYMBOLS
 from repose.core.responses import Response, response
 from repose.core.targets import Targets
@@ -20,7 +18,7 @@ from repose.surrogate import Surrogate, kind_of, load
 from repose.surrogate.accuracy import r2
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import Inputs, Shown, figure
 
 ACTIVATIONS = {"tansig": "tanh", "purelin": "linear"}  # by the names that MATLAB has for them
 SPLITS = (
@@ -46,19 +44,19 @@ BELOW = (
 @figure(
     "figure10",
     "Figure 10",
-    inputs={"network": "network/network.json"},
-    reads=("parameters", "design.seed"),
-    when=lambda study: kind_of(study.config["surrogate"]).is_network,
-    caption=lambda config: (
+    {"network": "network/network.json"},
+    lambda study: (
         f"""
-    Figure 10. The trained network: {len(config["parameters"])} parameters in,
-    {config["network"]["hidden"]} hidden neurons, {len(config["targets"])} response(s) out. The lines of
+    Figure 10. The trained network: {len(study.space.names)} parameters in,
+    {study.network.hidden} hidden neurons, {len(study.targets)} response(s) out. The lines of
     a parameter are as thick as its influence on what the network predicts (total Sobol index, as in
     ``sensitivity/sobol.csv``), not as its weights: large weights can cancel.
     """
     ),
+    reads=("parameters", "design.seed"),
+    when=lambda study: kind_of(study.settings.surrogate).is_network,
 )
-def network_structure(inputs: Inputs, config: Config) -> Figure:
+def network_structure(inputs: Inputs, study: Shown) -> Figure:
     """Draw the best network; an input's lines are as thick as its influence, not its weights.
 
     Weights mislead: large ones cancel where two hidden neurons pull the same response in opposite directions.
@@ -66,7 +64,7 @@ def network_structure(inputs: Inputs, config: Config) -> Figure:
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
     counts = (*np.atleast_2d(network["W1"]).T.shape, len(network["outputs"]))
     places = [_column(x, n) for x, n in zip((0, 1, 2), counts, strict=True)]
-    shares, ways = influence(load(inputs["network"]), config)
+    shares, ways = influence(load(inputs["network"]), study)
     symbols = [response(name, inputs["network"]).symbol for name in network["outputs"]]
     width = 0.36 + 0.05 * max(len(symbol) for symbol in symbols)  # of a column of shares
     figure = style.new_figure(style.COLUMN * (1.2 + 0.33 * width * counts[2]), 3.7)
@@ -92,19 +90,18 @@ def network_structure(inputs: Inputs, config: Config) -> Figure:
     left = -0.5 - width * counts[2]
     panel.set(xlim=(left, 2.45 + 0.055 * max(0, longest - 6)), ylim=(-1.1, 1.38))
     panel.axis("off")
-    words = textwrap.fill(INFLUENCE, int(20 * figure.get_figwidth()))
-    figure.supxlabel(words, fontsize=6.8)
+    style.below(figure, INFLUENCE)
     return figure
 
 
-def influence(model: Surrogate, config: Config) -> tuple[np.ndarray, np.ndarray]:
+def influence(model: Surrogate, study: Shown) -> tuple[np.ndarray, np.ndarray]:
     """Give the total Sobol index of each input for each output of a surrogate, and the sign of the output's rise.
 
     Both have the shape (outputs, inputs), and are 0 for a fixed input, and for all if an output is constant.
     """
     from repose.studies.sensitivity import indices, main_effects  # slow to import
 
-    space, seed = ParameterSpace.of(config["parameters"]), config["design"]["seed"]
+    space, seed = study.space, study.design.seed
     shares, ways = np.zeros((2, len(model.outputs), len(model.inputs)))
     free = [model.inputs.index(name) for name in space.free]
 
@@ -139,15 +136,12 @@ def _column(x: float, count: int) -> np.ndarray:
     return np.column_stack([np.full(count, float(x)), np.linspace(reach, -reach, count)])
 
 
-@figure(
-    "figure13",
-    "Figure 13",
-    inputs={"predictions": "network/predictions.csv", "dataset": "dataset.csv"},
-    optional={"network": "network/network.json"},
-    if_there={"fresh": "pool/fresh_dataset.csv"},
-    reads=("targets",),
-)
-def predicted_against_simulated(inputs: Inputs, config: Config) -> Figure:
+OF_FITS = {"predictions": "network/predictions.csv", "dataset": "dataset.csv"}
+NETWORK, FRESH = {"network": "network/network.json"}, {"fresh": "pool/fresh_dataset.csv"}
+
+
+@figure("figure13", "Figure 13", OF_FITS, optional=NETWORK, if_there=FRESH, reads=("targets",))
+def predicted_against_simulated(inputs: Inputs, study: Shown) -> Figure:
     """Draw predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
 
     R2 at unseen points is also given without the noise of the simulated means, `repose.chain.train.r2_noise_corrected`.
@@ -157,7 +151,7 @@ def predicted_against_simulated(inputs: Inputs, config: Config) -> Figure:
     precise points" is the estimate without it. The parts are predicted by the training part's fit, new points,
     where they were poured, by the final one.
     """
-    targets = style.targets_of(config)
+    targets = study.targets
     table = read_table(inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted))
     errors = read_table(inputs["dataset"], ("sample", *targets.errors))
     table = table.merge(errors[["sample", *targets.errors]], on="sample", how="left")
@@ -171,8 +165,7 @@ def predicted_against_simulated(inputs: Inputs, config: Config) -> Figure:
         panel.set(xlabel=style.response_label(shown, "simulated"), ylabel=style.response_label(shown, "predicted"))
     style.name_panels(panels)
     panels[-1].legend(loc="lower right", handletextpad=0.2)
-    words = textwrap.wrap(BELOW, int(20 * figure.get_figwidth()))
-    figure.supxlabel("\n".join(words), fontsize=6.8)
+    style.below(figure, BELOW)
     return figure
 
 

@@ -1,6 +1,5 @@
 """Figures 5, 6 and 8: the simulated pile, its measurement, and the test bench."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,21 +17,15 @@ from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
 from . import style
-from .registry import Config, Inputs, figure, has_pile
+from .registry import MEASURED_PILE, PILE, Inputs, Shown, figure, has_pile
 
 LINE = "#D7191C"
 PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
 
 
-@figure(
-    "figure05",
-    "Figure 5",
-    inputs={"heap": "validation/heaps/001.npz", "particle": "berry/particle.json"},
-    reads=("funnel", "colour"),
-    when=has_pile,
-)
-def simulated_pile(inputs: Inputs, config: Config) -> Figure:
+@figure("figure05", "Figure 5", PILE, reads=("funnel", "colour"), when=has_pile)
+def simulated_pile(inputs: Inputs, study: Shown) -> Figure:
     """Draw a shaded picture of the first pour of the file, the counterpart of the paper's photograph.
 
     Figure 5. Pile of the representative solution, simulated: the counterpart of the photographed pile.
@@ -48,9 +41,9 @@ def simulated_pile(inputs: Inputs, config: Config) -> Figure:
     near = centres[in_pile].astype(float)
     corners = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     frame = (near[:, None] + corners).reshape(-1, 3)
-    width = style.pixels(config, PILE_PIXELS)
+    width = style.pixels(study, PILE_PIXELS)
     size: dict[str, Any] = {"width": width, "height": width // 2, "azimuth_deg": 20.0}
-    grains = {"scales": scales, "colour": config["colour"]}
+    grains = {"scales": scales, "colour": study.colour}
     picture = render_pile(centres, quaternions, particle, frame_m=frame, **size, **grains)
     figure = style.new_figure(style.PAGE, style.PAGE / 2)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)
@@ -64,21 +57,15 @@ def simulated_pile(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-@figure(
-    "figure06",
-    "Figure 6",
-    inputs={"heap": "validation/heaps/001.npz", "particle": "berry/particle.json", "berry": "berry/berry.json"},
-    reads=("measure",),
-    when=has_pile,
-)
-def measurement(inputs: Inputs, config: Config) -> Figure:
+@figure("figure06", "Figure 6", MEASURED_PILE, reads=("measure",), when=has_pile)
+def measurement(inputs: Inputs, study: Shown) -> Figure:
     """Draw the steps of the measurement (section 2.3 of the paper).
 
     Figure 6. Measurement of that pile in one side view: grey picture, threshold, edge, and boundary (yellow) with
     the Height (blue), the line of the left flank (red) and of the right one (green), each with its angle. The title
     names the line. The tables take the mean over {measure[views]} view(s).
     """
-    settings = pile.MeasureSettings.of(config["measure"], read_berry(inputs["berry"]))
+    settings = pile.MeasureSettings.of(vars(study.measure), read_berry(inputs["berry"]))
     image = side_view(first_pour(inputs["heap"]), Particle.load(inputs["particle"]), settings)
     steps = drawing.process_panels(image, settings.mm_per_pixel, settings, base_row=image.shape[0] - 0.5)
     measured = pile.measure_image(image, settings.mm_per_pixel, settings, base_row=image.shape[0] - 0.5)
@@ -109,41 +96,37 @@ def _name_lines(panel: Axes, measured: pile.Measurement, settings: pile.MeasureS
     panel.set_title(f"angle of this view {angle.aor_deg:.1f}°, line: {settings.line}", loc="right")
 
 
-@figure(
-    "figure08",
-    "Figure 8",
-    inputs={},
-    optional={"trajectory": "{trajectory}", "particle": "berry/particle.json"},
-    reads=("funnel", "colour"),
-    when=has_pile,
-)
-def apparatus(inputs: Inputs, config: Config) -> Figure:
+POUR = {"trajectory": "{trajectory}", "particle": "berry/particle.json"}
+
+
+@figure("figure08", "Figure 8", {}, optional=POUR, reads=("funnel", "colour"), when=has_pile)
+def apparatus(inputs: Inputs, study: Shown) -> Figure:
     """Draw the test bench from the side, in mm, with the grains of a pour if given.
 
     Figure 8. Virtual test bench to scale, halfway through the pour: particle factory, funnel and plate.
     """
-    funnel = config["funnel"]
+    funnel = study.funnel
     from repose.pictures.scenery import funnel_walls
 
-    walls = funnel_walls(funnel)
-    top, half_inlet = 1e3 * walls[-1].z_high_m, funnel["inlet_diameter_mm"] / 2
-    factory = top + funnel["factory_height_mm"]
+    walls = funnel_walls(funnel.funnel)
+    top, half_inlet = 1e3 * walls[-1].z_high_m, funnel.inlet_diameter_mm / 2
+    factory = top + funnel.factory_height_mm
     half_view = max(half_inlet + 75, 190)
     left, right, low, high = -half_view, half_view, -34, factory + 34
     width = 1.3 * style.COLUMN
     figure = style.new_figure(width, (width - 0.5) * (high - low) / (right - left) + 0.55)
     panel = figure.subplots()
     if {"trajectory", "particle"} <= inputs.keys():
-        _grains(panel, inputs, config["colour"])
+        _grains(panel, inputs, study.colour)
     for wall in walls:
         for side in (-1, 1):
             radii = [side * 1e3 * wall.r_low_m, side * 1e3 * wall.r_high_m]
             panel.plot(radii, [1e3 * wall.z_low_m, 1e3 * wall.z_high_m], color=style.BLACK, lw=1.6, zorder=3)
-    rim = funnel["rim_radius_mm"]
+    rim = funnel.rim_radius_mm
     for side in (-1, 1):
-        centre = (side * (funnel["outlet_diameter_mm"] / 2 + rim), funnel["outlet_height_mm"])
+        centre = (side * (funnel.outlet_diameter_mm / 2 + rim), funnel.outlet_height_mm)
         panel.add_patch(Circle(centre, rim, color=style.BLACK, zorder=3))
-    half_plate = min(funnel["plate_diameter_mm"] / 2, half_view)
+    half_plate = min(funnel.plate_diameter_mm / 2, half_view)
     panel.fill_between([-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2)
     _levels(panel, funnel, factory, half_view)
     _dimensions(panel, funnel, top, half_inlet)
@@ -153,13 +136,13 @@ def apparatus(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-def _levels(panel: Axes, funnel: Mapping[str, Any], factory: float, half_view: float) -> None:
+def _levels(panel: Axes, funnel: Any, factory: float, half_view: float) -> None:
     """Draw the three red lines: factory, outlet and plate."""
-    levels = {"particle factory": factory, "funnel outlet": funnel["outlet_height_mm"], "": 0.0}
+    levels = {"particle factory": factory, "funnel outlet": funnel.outlet_height_mm, "": 0.0}
     for name, z in levels.items():
         panel.axhline(z, color=LINE, lw=0.9, zorder=4)
         panel.text(half_view - 3, z + 2, name, color=LINE, ha="right", va="bottom", fontsize=6.8)
-    half_factory = funnel["factory_diameter_mm"] / 2
+    half_factory = funnel.factory_diameter_mm / 2
     panel.plot([-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4)
 
 
@@ -179,10 +162,10 @@ def dimension(
     panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, ha=ha, **options)
 
 
-def _dimensions(panel: Axes, funnel: Config, top: float, half_inlet: float) -> None:
+def _dimensions(panel: Axes, funnel: Any, top: float, half_inlet: float) -> None:
     """Draw measured arrows with their numbers: diameters across, heights at the left."""
-    half_outlet, outlet = funnel["outlet_diameter_mm"] / 2, funnel["outlet_height_mm"]
-    over, below, side = top + funnel["factory_height_mm"] + 14, outlet - 11, -half_inlet - 32
+    half_outlet, outlet = funnel.outlet_diameter_mm / 2, funnel.outlet_height_mm
+    over, below, side = top + funnel.factory_height_mm + 14, outlet - 11, -half_inlet - 32
     for half, z, text, place, ha, va in (
         (half_inlet, over, f"inlet {2 * half_inlet:g}", (0, over + 4), "center", "bottom"),
         (half_outlet, below, f"{2 * half_outlet:g}", (half_outlet + 4, below), "left", "center"),
@@ -191,9 +174,9 @@ def _dimensions(panel: Axes, funnel: Config, top: float, half_inlet: float) -> N
     for low, high, text in ((0, outlet, f"{outlet:g}"), (outlet, top, f"{top - outlet:.0f}")):
         dimension(panel, (side, low), (side, high), text, (side - 4, (low + high) / 2), "right", va="center")
     look = {"color": style.BLUE, "fontsize": 6.5}
-    words = f"{funnel['cone_angle_deg']:g}° from horizontal"
+    words = f"{funnel.cone_angle_deg:g}° from horizontal"
     panel.text((half_outlet + half_inlet) / 2 + 9, (outlet + top) / 2 - 8, words, **look)
-    panel.text(0, -11, f"plate diameter {funnel['plate_diameter_mm']:g}", ha="center", va="top", **look)
+    panel.text(0, -11, f"plate diameter {funnel.plate_diameter_mm:g}", ha="center", va="top", **look)
 
 
 def _grains(panel: Axes, inputs: Inputs, colour: str) -> None:

@@ -13,11 +13,11 @@ from matplotlib.patches import Rectangle
 
 from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import SYMBOLS, named
+from repose.core.parameters import SYMBOLS
 from repose.core.targets import Target, Targets
 
 from . import style
-from .registry import Config, Inputs, figure
+from .registry import OF_POSTERIOR, Inputs, Shown, figure
 
 CREDIBLE_SHARES = (0.95, 0.5)  # of the posterior inside a contour
 SEEDS = (1, 2, 4, 8, 16, 32, 64)
@@ -26,20 +26,17 @@ PERCENT = (0.5, 1, 2, 5)
 UNCERTAINTY: dict[str, Any] = {"reads": ("parameters", "targets"), "category": "Uncertainty"}
 
 
-@figure(
-    "noise",
-    "Noise floor",
-    inputs={"runs": "runs.csv", "seeds": "noise/seeds.csv", "noise": "noise/noise.json"},
-    folder="noise",
-    **UNCERTAINTY,
-)
-def noise_floor(inputs: Inputs, config: Config) -> Figure:
+NOISE = {"runs": "runs.csv", "seeds": "noise/seeds.csv", "noise": "noise/noise.json"}
+
+
+@figure("noise", "Noise floor", NOISE, folder="noise", **UNCERTAINTY)
+def noise_floor(inputs: Inputs, study: Shown) -> Figure:
     """Draw runs about the mean of their sample; standard error and reachable R2 over the number of seeds.
 
     Runs of the same parameters beside runs of others, and the standard error that a number of seeds buys.
     ``noise.json`` has the correlation of the responses within samples.
     """
-    targets = style.targets_of(config)
+    targets = study.targets
     runs, seeds = (read_table(inputs["runs"], ("sample", "status", *targets.names)), read_table(inputs["seeds"]))
     rows = read_json(inputs["noise"], ("responses",))["responses"]
     figure = style.new_figure(style.PAGE, 2.15 + 2.45 * style.grid_rows(len(targets)))
@@ -48,7 +45,6 @@ def noise_floor(inputs: Inputs, config: Config) -> Figure:
         ok = runs[(runs["status"] == "ok") & runs[target.name].notna()]
         _runs_by_mean(panel, ok, target.name, style.series(k)["color"])
         panel.set(xlabel="samples, in order of their mean (line)", ylabel=style.response_label(target.response))
-        panel.set_title(style.letter(k), fontweight="bold")
         _variances(panel, target, rows[target.name])
     for k, target in enumerate(targets):
         _over_seeds(below, seeds, target, style.series(k))
@@ -56,12 +52,12 @@ def noise_floor(inputs: Inputs, config: Config) -> Figure:
     below[0].set_yticks(PERCENT, [f"{value:g}" for value in PERCENT])
     below[0].minorticks_off()
     below[1].set(ylabel="R² of a perfect predictor\non means over the seeds", ylim=(None, 1))
-    for k, panel in enumerate(below, start=len(targets)):
+    for panel in below:
         panel.set(xlabel="seeds per sample", xscale="log")
         panel.set_xticks(SEEDS, SEEDS)
         panel.minorticks_off()
         panel.grid(True)
-        panel.set_title(style.letter(k), fontweight="bold")
+    style.name_panels([*above, *below])
     below[0].legend()
     below[1].legend(loc="lower right", title="band: 95 % interval", title_fontsize=6.8)
     return figure
@@ -104,28 +100,21 @@ def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> No
     panel.plot(place, means, color=style.BLACK, lw=1.2)
 
 
-@figure(
-    "corner",
-    "Posterior",
-    inputs={
-        "draws": "posterior/draws.csv",
-        "posterior": "posterior/posterior.csv",
-        "summary": "posterior/posterior.json",
-        "feasible": "miga/feasible.csv",
-    },
-    folder="posterior",
-    **UNCERTAINTY,
-)
-def corner(inputs: Inputs, config: Config) -> Figure:
+DRAWS = {"draws": "posterior/draws.csv", "posterior": "posterior/posterior.csv"}
+DRAWS |= {"summary": "posterior/posterior.json", "feasible": "miga/feasible.csv"}
+
+
+@figure("corner", "Posterior", DRAWS, **OF_POSTERIOR)
+def corner(inputs: Inputs, study: Shown) -> Figure:
     """Draw the posterior's draws, alone and in pairs, beside solutions of the search and published intervals.
 
     The free parameters given the physical measurements: draws of the posterior, with the feasible solutions of the
     search. A parameter whose draws fill its range is not determined by the targets.
     """
-    space = ParameterSpace.of(config["parameters"])
+    space = study.space
     draws, table = read_table(inputs["draws"], space.names), read_table(inputs["posterior"], ("parameter",))
     cloud, summary = read_table(inputs["feasible"], space.names), read_json(inputs["summary"], ("predicted",))
-    ranges, table = style.ranges_of(config), table.set_index("parameter")
+    ranges, table = study.ranges, table.set_index("parameter")
     published = "published_low" in table
     figure = style.new_figure(style.PAGE, style.PAGE)
     for panel, across, down in style.pairs_of_parameters(figure, space.free):
@@ -140,7 +129,7 @@ def corner(inputs: Inputs, config: Config) -> Figure:
         panel.scatter(cloud[across], cloud[down], s=5, color=style.RED, lw=0, zorder=4)
         if published and table.loc[[across, down], "published_low"].notna().all():
             panel.add_patch(_published_box(table, across, down))
-    words = _account(summary, style.targets_of(config))
+    words = _account(summary, study.targets)
     figure.text(0.47, 0.975, words, fontsize=7.5, va="top", linespacing=1.5)
     prior, box = "prior" if space.prior else "uniform prior", partial(Rectangle, (0, 0), 1, 1)
     handles = [
@@ -226,14 +215,8 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
     return "\n".join(filter(None, parts))
 
 
-@figure(
-    "intervals",
-    "Credible intervals",
-    inputs={"posterior": "posterior/posterior.csv"},
-    folder="posterior",
-    **UNCERTAINTY,
-)
-def intervals(inputs: Inputs, config: Config) -> Figure:
+@figure("intervals", "Credible intervals", {"posterior": "posterior/posterior.csv"}, **OF_POSTERIOR)
+def intervals(inputs: Inputs, study: Shown) -> Figure:
     """Draw credible intervals in the parameters' ranges.
 
     Credible intervals of the free parameters beside the published intervals and the intervals of the feasible
@@ -273,14 +256,18 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
     return figure
 
 
-@figure("sobol", "Sobol indices", inputs={"sobol": "sensitivity/sobol.csv"}, folder="sensitivity", **UNCERTAINTY)
-def sobol_indices(inputs: Inputs, config: Config) -> Figure:
+SOBOL = {"sobol": "sensitivity/sobol.csv"}
+EFFECTS = SOBOL | {"effects": "sensitivity/main_effects.csv", "dataset": "dataset.csv"}
+
+
+@figure("sobol", "Sobol indices", SOBOL, folder="sensitivity", **UNCERTAINTY)
+def sobol_indices(inputs: Inputs, study: Shown) -> Figure:
     """Draw a pair of bars for each parameter.
 
     First-order and total Sobol indices of each response of the surrogate, with 95 % bootstrap intervals.
     """
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
-    targets = style.targets_of(config)
+    targets = study.targets
     figure = style.new_figure(style.PAGE, 2.4 * style.grid_rows(len(targets)))
     panels = style.grid(figure, len(targets), sharey=True)
     for k, (panel, target) in enumerate(zip(panels, targets, strict=True)):
@@ -310,23 +297,17 @@ def _bars(panel: Axes, rows: pd.DataFrame) -> None:
     style.note(panel, text, x=0.97, ha="right")
 
 
-@figure(
-    "main_effects",
-    "Main effects",
-    inputs={"effects": "sensitivity/main_effects.csv", "sobol": "sensitivity/sobol.csv", "dataset": "dataset.csv"},
-    folder="sensitivity",
-    **UNCERTAINTY,
-)
-def main_effects(inputs: Inputs, config: Config) -> Figure:
+@figure("main_effects", "Main effects", EFFECTS, folder="sensitivity", **UNCERTAINTY)
+def main_effects(inputs: Inputs, study: Shown) -> Figure:
     """Draw the mean response along each free parameter, on the simulated points.
 
     Each response over each free parameter: the mean of the surrogate over the other parameters. Points are the
     simulated samples. The goji berry's angle falls with the friction between berries: such piles pack more loosely,
     and the same berries need a wider foot (``repose docs uncertainty``, Sensitivity).
     """
-    targets, ranges = style.targets_of(config), style.ranges_of(config)
+    targets, ranges = study.targets, study.ranges
     effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))
-    table = read_table(inputs["dataset"], (*named(config["parameters"]), "status", *targets.names))
+    table = read_table(inputs["dataset"], (*study.space.names, "status", *targets.names))
     sobol = read_table(inputs["sobol"], ("response", "parameter", "first"))
     sobol, good = sobol.set_index(["response", "parameter"]), table[table["status"] == "ok"]
     names = list(dict.fromkeys(effects["parameter"]))
@@ -343,8 +324,6 @@ def main_effects(inputs: Inputs, config: Config) -> Figure:
         panels[row, 0].set_ylabel(style.response_label(target.response))
     for panel, name in zip(panels[-1], names, strict=True):
         panel.set_xlabel(style.parameter_label(name), fontsize=8.5)
-    text = (
-        "points: samples; line: mean of the surrogate over the other parameters; %: first-order share of the variance"
-    )
-    figure.supxlabel(text, fontsize=6.8)
+    words = "mean of the surrogate over the other parameters; %: first-order share of the variance"
+    style.below(figure, f"points: samples; line: {words}")
     return figure

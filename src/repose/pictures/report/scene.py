@@ -5,8 +5,7 @@ within 0.02 mm and 1 degree of its true place.
 """
 
 import os
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
@@ -18,6 +17,9 @@ from repose.pictures.film import KEYS
 from repose.pictures.report.prediction import packed
 from repose.pictures.scenery import funnel_walls
 
+if TYPE_CHECKING:
+    from repose.apparatus.funnel import FunnelSettings
+
 FRAMES = 72
 MAX_BYTES = 1_500_000  # of positions and orientations
 BYTES = 10  # of one body in one frame
@@ -25,7 +27,7 @@ ABSENT, STEPS = 65535, 65534
 MAX_TRIANGLES = 600_000  # of all bodies together, for a phone
 
 
-def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: Mapping[str, Any]) -> dict[str, Any]:
+def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: "FunnelSettings") -> dict[str, Any]:
     """Give a pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
 
     Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`, `turns`,
@@ -40,7 +42,7 @@ def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: Ma
     scales = record.get("scale")
     walls = [
         [1e3 * length for length in (wall.z_low_m, wall.r_low_m, wall.z_high_m, wall.r_high_m)]
-        for wall in funnel_walls(section)
+        for wall in funnel_walls(section.funnel)
     ]
     return {
         "body": _packed_body(*body(particle, MAX_TRIANGLES // max(count, 1))),
@@ -52,7 +54,7 @@ def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: Ma
         "turns": packed(np.rint(127 * turns), "<i1"),
         "scales": None if scales is None else packed(scales, "<f4"),
         "walls": walls,
-        "plate_mm": section["plate_diameter_mm"] / 2,
+        "plate_mm": section.plate_diameter_mm / 2,
     }
 
 

@@ -18,12 +18,12 @@ from repose.surrogate.support import Support
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """Propose one batch, then answer."""
     if data.empty:
-        section = study.config["design"]
-        unit = design.points(section["samples"], study.parameters.dimensions, section["method"], section["seed"])
+        section = study.settings.design
+        unit = design.points(section.samples, study.parameters.dimensions, section.method, section.seed)
         return Batch(samples_of(study.parameters, unit, seeds_of(study)))
     samples = samples_of_runs(data, study.parameters, study.targets)
     model, support = fitted(study, samples, data).model, support_of(study, samples)
-    inversion = invert(model, study.parameters, study.targets, study.config["miga"], support=support)
+    inversion = invert(model, study.parameters, study.targets, study.settings.miga, support=support)
     why = "the batch is simulated: the search on its surrogate answers"
     return answer_of(study, model, inversion, data, why, seeds_of(study))
 
@@ -35,9 +35,8 @@ def seeds_of(study: Studied) -> int:
 
 def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> Training:
     """Fit the surrogate of the study to the samples of its runs."""
-    settings = study.config["network"] | {"surrogate": study.config["surrogate"]}
-    runs = runs_by_bench(data, study.targets)
-    return train(samples, runs, study.targets, settings, {}, "runs", study.parameters.names)
+    settings, names, runs = study.settings, study.parameters.names, runs_by_bench(data, study.targets)
+    return train(samples, runs, study.targets, settings.network, {}, "runs", names, settings.surrogate)
 
 
 def support_of(study: Studied, samples: pd.DataFrame) -> Support:

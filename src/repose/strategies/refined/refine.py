@@ -90,7 +90,7 @@ def search(
     centre: Mapping[str, float],
     space: ParameterSpace,
     targets: Targets,
-    config: Mapping[str, Any],
+    settings: Any,
     support: Support | None = None,
 ) -> tuple[Surrogate, invert.Inversion]:
     """Correct a surrogate, refitted to `dataset`, near the last proposal `centre`, and search there.
@@ -98,11 +98,11 @@ def search(
     The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all suitable
     parameter sets, one near the last proposal is wanted, where the correction holds.
     """
-    reach, tolerance = config["refine"]["reach"], config["refine"]["tolerance_percent"] / 100
+    reach, tolerance = settings.refine.reach, settings.refine.tolerance_percent / 100
     model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)
     for share in WIDENING:
         box = search_box(space, centre, share * reach)
-        inversion = invert.invert(model, box, targets, config["miga"], support=support)
+        inversion = invert.invert(model, box, targets, settings.miga, support=support)
         off = [inversion.summary["target_distance"][target.name] / target.whole for target in targets]
         if max(off) < tolerance * MET:
             break

@@ -51,11 +51,11 @@ def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
     training, support = fitted(study, samples, data), support_of(study, samples)
     model = training.model
     if number == 0:
-        inversion = invert(model, space, targets, config["miga"], support=support)
+        inversion = invert(model, space, targets, study.settings.miga, support=support)
     else:
         last = samples[own == number - 1].iloc[0]
         centre = last[list(space.names)].astype(float).to_dict()
-        model, inversion = refine.search(model, samples, centre, space, targets, config, support)
+        model, inversion = refine.search(model, samples, centre, space, targets, study.settings, support)
     solutions, seed = inversion.solutions, config["design"]["seed"]
     proposal = refine.propose(solutions, model, space, targets, config["refine"], number, seed)
     return Round(training, model, inversion, proposal)

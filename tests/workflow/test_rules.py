@@ -1,21 +1,25 @@
-"""No text of a user reaches the shell as more than one word."""
+"""The rules: each says what it reads, quotes a user's words, and has a caption."""
 
 import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
+from types import SimpleNamespace
 
+import jinja2
 import pytest
+from plans import ROOT
 
-ROOT = Path(__file__).parents[2]
+from repose.config import stands_on
+from repose.config.study import Study
+
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
 
 
 RULES = [path for folder in ("workflow", "research") for path in sorted((ROOT / folder).rglob("*.smk"))]
 
 
-def test_every_placeholder_in_a_shell_command_is_quoted():
+def test_every_placeholder_is_quoted_and_no_shell_command_writes_a_result_itself():
     bare, seen = [], 0
     for path in RULES:
         for command in SHELL.finditer(path.read_text()):
@@ -24,10 +28,6 @@ def test_every_placeholder_in_a_shell_command_is_quoted():
             bare += [f"{path.name}: {placeholder}" for placeholder in placeholders if not placeholder.endswith(":q}")]
     assert seen > 200
     assert not bare
-
-
-def test_no_shell_command_writes_a_result_itself():
-    """What a shell redirects is in no ledger, and not written in one move."""
     commands = [(path.name, command[2]) for path in RULES for command in SHELL.finditer(path.read_text())]
     redirected = {(name, one) for name, text in commands for one in re.findall(r">+ *([^\s\")&]+)", text)}
     assert len(redirected) > 20
@@ -38,7 +38,6 @@ ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
 
 
 def run_snakemake(folder, snakefile, *words):
-    """A figure of a study in a folder, by a workflow."""
     words = ("results/figures/figure02.png", "--cores", "1", "--snakefile", str(snakefile), *words)
     command = [sys.executable, "-m", "snakemake", *words]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True)
@@ -66,3 +65,40 @@ def test_a_program_in_a_folder_with_braces_is_refused_before_any_work(tmp_path):
     assert done.returncode == 2
     assert "{x}/Snakefile'; expected a folder without braces" in done.stderr
     assert not (tmp_path / "results").exists()
+
+
+PARAMS = SimpleNamespace(caption="A caption.")  # of a figure: `@figure` says it, and tests/pictures hold it
+CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
+
+
+@pytest.mark.parametrize("name", ["config", "quick", "paper"])
+def test_every_caption_can_be_filled_in(name, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    config = Study.load(f"config/{name}.yaml").config
+    words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
+    for path in CAPTIONS:
+        text = words.from_string(path.read_text()).render(snakemake=SimpleNamespace(config=config, params=PARAMS))
+        assert text.strip(), path.name
+        assert "{" not in text, path.name
+
+
+def test_no_caption_is_left_over():
+    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
+    text += (ROOT / "workflow" / "Snakefile").read_text()
+    unused = [path.stem for path in CAPTIONS if path.stem not in text]
+    assert unused == []
+
+
+RULE = re.compile(r"^ *(?:use rule|rule|checkpoint)\b", re.MULTILINE)
+# The rule `measure` says the one section of both.
+OTHERWISE = {"silhouette", "measure_silhouette"}
+
+
+def test_the_keys_of_each_rule_are_those_of_its_stage():
+    said = {}
+    for path in (ROOT / "workflow/rules").rglob("*.smk"):
+        for rule in RULE.split(path.read_text()):
+            for stage in re.findall(r"python -m repose (?:stage )?(\w+)", rule):
+                for words in re.findall(r"depends=reads\(([^)]*)\)", rule):
+                    said[stage] = tuple(re.findall(r'"([^"]+)"', words))
+    assert said == {stage: keys for stage, keys in stands_on.KEYS.items() if stage not in OTHERWISE}

@@ -1,0 +1,124 @@
+"""The example of the lifted piles: its measures beside known shapes and a slow twin, and a small pile."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "lifted_piles"))
+import campaign
+import lifted_piles
+from lifted_piles import Contents, Grains
+
+RADIUS_M = 0.00185
+
+
+def grains(centres_m, radii_m=RADIUS_M):
+    """Grains at rest."""
+    radii = np.broadcast_to(radii_m, len(centres_m)).copy()
+    return Grains(np.asarray(centres_m, float), radii, np.zeros(len(centres_m)))
+
+
+def cone(degrees, count=6000, height_m=0.04):
+    """Grains anywhere in a cone of an angle, none of them above its surface; its axis is not the origin."""
+    rng, slope = np.random.default_rng(3), np.tan(np.radians(degrees))
+    x, y = rng.uniform(-height_m / slope, height_m / slope, (2, 40 * count))
+    tops = rng.uniform(0.0, height_m, x.size)
+    inside = tops < height_m - slope * np.hypot(x, y)
+    return grains(np.column_stack([x + 0.01, y - 0.02, tops - RADIUS_M])[inside][:count])
+
+
+@pytest.mark.parametrize("degrees", [15.0, 25.0, 35.0])
+def test_the_angle_of_a_cone_is_found(degrees):
+    found = lifted_piles.angle(cone(degrees))
+    assert found["angle_deg"] == pytest.approx(degrees, abs=0.6)
+    assert not found["flat"]
+    assert found["height_mm"] == pytest.approx(40.0, abs=4.0)
+
+
+def test_a_low_pile_is_measured_along_its_radius_and_grains_that_move_are_left_out():
+    low = cone(8.0, height_m=0.012)
+    found = lifted_piles.angle(low)
+    assert found["flat"]
+    assert found["angle_deg"] == pytest.approx(8.0, abs=1.0)
+    flying = grains(np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)]))._replace(speeds_m_s=np.ones(50))
+    both = Grains(*map(np.concatenate, zip(low, flying, strict=True)))
+    assert lifted_piles.angle(both) == {**found, "moving": 50}
+
+
+def test_the_rings_are_those_of_a_slow_twin():
+    rng = np.random.default_rng(1)
+    out, tops, width = 0.05 * np.sqrt(rng.random(900)), 0.03 * rng.random(900), 2.0 * RADIUS_M
+    expected = []
+    for number in range(int(np.ceil(out.max() / width))):
+        here = [top for r, top in zip(out, tops, strict=True) if number * width <= r < (number + 1) * width]
+        held = [top for top in here if sum(top - 1.5 * width < other <= top for other in here) >= 4]
+        if len(here) >= 4:
+            expected.append(((number + 0.5) * width, max(held, default=np.median(here))))
+    np.testing.assert_allclose(np.transpose(lifted_piles.rings(out, tops, width)), expected)
+
+
+def test_the_density_is_that_of_the_bed_between_its_ends():
+    rng, share = np.random.default_rng(2), 0.6
+    volume = np.pi * lifted_piles.TUBE_RADIUS_M**2 * 0.06
+    count = round(share * volume / (4.0 / 3.0 * np.pi * RADIUS_M**3))
+    out, turn = lifted_piles.TUBE_RADIUS_M * np.sqrt(rng.random(count)), 2.0 * np.pi * rng.random(count)
+    bed = grains(np.column_stack([out * np.cos(turn), out * np.sin(turn), rng.uniform(0.0, 0.06, count)]))
+    found = lifted_piles.density(bed)
+    assert found["density_kg_m3"] == pytest.approx(share * lifted_piles.DENSITY_KG_M3, rel=0.03)
+    assert found["level_mm"] == pytest.approx(60.0 + 1e3 * RADIUS_M, abs=1.0)
+
+
+def test_grains_are_thrown_without_overlap_the_largest_first_with_the_shares_by_mass():
+    sizes = lifted_piles.diameters_mm()
+    masses = [np.sum(sizes[sizes == size] ** 3) for size in lifted_piles.DIAMETERS_MM]
+    np.testing.assert_allclose(masses / np.sum(masses), [0.25, 0.5, 0.25], atol=2e-4)
+    assert (np.diff(sizes) <= 0.0).all()
+    radii = 5e-4 * lifted_piles.diameters_mm(200)
+    centres = lifted_piles.places_m(radii, 1)
+    gaps = np.linalg.norm(centres[:, None] - centres, axis=2) - radii - radii[:, None]
+    assert gaps[~np.eye(len(radii), dtype=bool)].min() > 0.0
+    assert (np.hypot(*centres[:, :2].T) + radii).max() < lifted_piles.FILLED_M[0]
+
+
+def test_a_small_pile_is_lifted_and_rests(monkeypatch):
+    monkeypatch.setattr(lifted_piles, "LIFTING_M_S", 0.1)
+    simulation = lifted_piles.filled(Contents(0.4, 0.1, 0.5), 1, 0.01, grains=200)
+    assert simulation.n_bodies == 200
+    settled, final, behind = lifted_piles.lifted(simulation)
+    assert simulation.time_s == pytest.approx(0.4 + 0.55 + 0.4, abs=0.01)
+    assert np.hypot(*settled.centres_m[:, :2].T).max() < 0.04
+    assert behind < 20
+    assert np.median(final.speeds_m_s) < 0.01
+    assert final.centres_m[:, 2].min() > 0.9 * 0.0017
+    assert abs(lifted_piles.angle(final)["angle_deg"]) < 20.0
+
+
+def test_only_numbers_and_parameters_of_rows_were_taken():
+    table = pd.read_csv(lifted_piles.HERE / "parameters.csv")
+    assert list(table.columns) == ["test", "row", "fric", "rollfric", "rest"]
+    assert table.groupby("test").size().to_dict() == {"pile": 45, "drum": 9, "discharge": 9, "tilted_drum": 3}
+    within = table[["fric", "rollfric", "rest"]]
+    assert ((within >= [0.2, 0.0, 0.3]) & (within <= [0.6, 0.25, 0.7])).all(axis=None)
+
+
+def test_the_campaign_takes_the_softest_modulus_that_changes_little(monkeypatch):
+    assert campaign.five() == [13, 6, 16, 43, 28]
+
+    def modulus_of(shift_deg, of_density):
+        def means(row, modulus):
+            softer = modulus < 1.0
+            angle = 20.0 + (shift_deg[row == 43] * softer if modulus == 0.01 else 0.0)
+            return pd.Series({"angle_deg": angle, "density_kg_m3": 800.0 * (1.0 + of_density * (modulus == 0.01))})
+
+        monkeypatch.setattr(campaign, "means", means)
+        order = list(campaign.jobs())
+        assert order[:5] == [(row, 1, 0.01) for row in campaign.five()]
+        assert len(set(order)) == len(order) - 10 == 30 + 2 + 80
+        assert order[30:32] == [(1, 1, order[-1][2]), (4, 1, order[-1][2])]
+        return order[-1][2]
+
+    assert modulus_of((0.4, 0.9), 0.004) == 0.01
+    assert modulus_of((0.6, 0.6), 0.0) == modulus_of((0.0, 1.1), 0.0) == modulus_of((0.0, 0.0), 0.006) == 0.1
