@@ -4,6 +4,7 @@ A JSON file has it under the key ``provenance``, an .npz file as an array of thi
 its header. Every other file has it in a sidecar, FILE.provenance.json.
 """
 
+import errno
 import json
 import struct
 import zipfile
@@ -27,7 +28,7 @@ def plain_file(path: str | PathLike) -> Path:
     """Return the path of a file; OSError if a device or a pipe, which may never end, has it."""
     path = Path(path)
     if path.exists() and not path.is_file() and not path.is_dir():
-        raise OSError(f"{path} is a device or a pipe")
+        raise OSError(errno.EINVAL, "a device or a pipe", str(path))
     return path
 
 

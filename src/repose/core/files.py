@@ -109,7 +109,7 @@ def read_json(
 ) -> dict[str, Any]:
     """Read a JSON file that holds a mapping with at least these keys, of these types if `keys` is a mapping."""
     try:
-        content = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
+        content = json.loads(attached.plain_file(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
     except (*UNREADABLE, RecursionError) as error:
@@ -131,9 +131,9 @@ def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") 
     import numpy as np
 
     try:
-        with np.load(path, allow_pickle=False) as store:
+        with np.load(attached.plain_file(path), allow_pickle=False) as store:
             arrays = {name: store[name] for name in store.files if name != attached.KEY}
-    except (*UNREADABLE, TypeError) as error:  # TypeError: a plain .npy array, which cannot be closed
+    except (*UNREADABLE, TypeError, MemoryError) as error:  # TypeError: a plain .npy array, which cannot be closed
         raise InputError(path, "arrays", str(error), what) from error
     for key in keys:
         if key not in arrays:

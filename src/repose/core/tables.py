@@ -300,10 +300,10 @@ def _check_column(column: Column, cells: Sequence[Any], left_out: Collection[int
                 values.append(math.nan if k in left_out else column.read(cell))
             except (TypeError, ValueError, OverflowError):
                 values.append(math.nan)
-                faults.append((k, column.name, _as_number(cell), column.allowed))
+                faults.append((k, column.name, cell if column.kind is bool else _as_number(cell), column.allowed))
     seen: dict[Any, int] = {}
     for k, value in enumerate(values if column.once else ()):
-        if seen.setdefault(value, k) != k and value == value:
+        if k not in left_out and value == value and seen.setdefault(value, k) != k:
             faults.append((k, column.name, value, f"each {column.name} once; row {seen[value] + 1} has it, too"))
     return values, faults
 
