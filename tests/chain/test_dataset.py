@@ -207,7 +207,7 @@ def changed(tables, name, row, column, value):
 @pytest.mark.parametrize(
     ("name", "column", "value", "message"),
     [
-        ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is inf; expected a finite number"),
+        ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is 'inf'; expected a finite number"),
         ("dataset.csv", "aor_deg", "nan", "row 3: aor_deg is nan; expected a number from 1 to 89"),
         ("dataset.csv", "aor_deg", "", "row 3: aor_deg is nan; expected a number from 1 to 89"),
         ("dataset.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0; expected a number from 1 to 89"),
@@ -220,7 +220,7 @@ def changed(tables, name, row, column, value):
         ("dataset.csv", "sample", "2", "row 3: sample is .2.; expected each once"),
         ("runs.csv", "sample", "2", "sample and seed|sample 1: ok runs is 5; expected 6"),
         ("runs.csv", "sample", "151", "sample is 151"),
-        ("runs.csv", "aor_deg", "-inf", "row 3: aor_deg is -inf; expected a finite number"),
+        ("runs.csv", "aor_deg", "-inf", "row 3: aor_deg is '-inf'; expected a finite number"),
         ("runs.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0"),
         ("runs.csv", "aor_deg", "30.5", "sample 1: mean of aor_deg is"),
         ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; expected 6"),
