@@ -233,7 +233,7 @@ def test_a_column_is_what_it_is_declared_to_be(tmp_path):
             ["1", "9", "2.0"],
             ["0", "1.5", "10", ""],
         ),
-        "share": (tables.Column("b", float, 0, above=True), "a positive number", ["1e-9"], ["0", "-1", "nan"]),
+        "share": (tables.Column("b", float, 0, above=True), "a number above 0", ["1e-9"], ["0", "-1", "nan"]),
         "above": (tables.Column("b", float, 2, above=True), "a number above 2", ["2.1"], ["2"]),
         "most": (tables.Column("b", high=2.0), "a number up to 2", ["-3", "2"], ["2.1", "-inf"]),
         "nothing": (tables.Column("b", empty=True), "a finite number, or nothing", ["", "NaN", "n/a"], ["inf", "x"]),

@@ -20,20 +20,6 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-__all__ = [
-    "json_text",
-    "read_json",
-    "read_npz",
-    "read_table",
-    "write_bytes",
-    "write_image",
-    "write_json",
-    "write_npz",
-    "write_table",
-    "write_text",
-    "write_whole",
-]
-
 Path_ = str | os.PathLike
 UNREADABLE = attached.UNREADABLE
 KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", dict: "a mapping"}

@@ -68,20 +68,15 @@ class Column:
         """Say which cells are allowed."""
         if self.kind in (str, object):
             return "a text: the formula of the spreadsheet has no result"
-        return (self.words or self._by_range()) + (", or nothing" if self.empty else "")
+        words = "True or False" if self.kind is bool else self.words or self._by_range()
+        return words + (", or nothing" if self.empty else "")
 
     def _by_range(self) -> str:
         """Say kind and range."""
-        if self.kind is bool:
-            return "True or False"
         number = "a whole number" if self.kind is int else "a number"
-        if math.isinf(self.low) and math.isinf(self.high):
-            return number if self.kind is int else "a finite number"
-        if self.above and math.isinf(self.high):
-            return "a positive number" if self.low == 0 else f"{number} above {self.low:g}"
-        start = "" if math.isinf(self.low) else f" {'above' if self.above else 'from'} {self.low:g}"
-        end = "" if math.isinf(self.high) else f" {'to' if start else 'up to'} {self.high:g}"
-        return f"{number}{start}{end}"
+        low = "" if math.isinf(self.low) else f" {'above' if self.above else 'from'} {self.low:g}"
+        high = "" if math.isinf(self.high) else f" {'to' if low else 'up to'} {self.high:g}"
+        return f"{number}{low}{high}" if low or high else "a finite number"
 
     def read(self, cell: Any) -> Any:
         """Read a cell; ValueError for one that is not allowed."""
@@ -211,14 +206,8 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     header = rows.pop(0)
     width = max((k for k, name in enumerate(header, start=1) if name), default=0)
     more = "; a decimal comma needs ; between the columns" if separator == "," else ""
-    refuse(
-        path,
-        (
-            (k, "cells", len(row), f"{width}, as in the header{more if len(row) > width else ''}")
-            for k, row in enumerate(rows)
-            if len(row) < width or any(row[width:])
-        ),
-    )
+    odd = ((k, len(row)) for k, row in enumerate(rows) if len(row) < width or any(row[width:]))
+    refuse(path, ((k, "cells", n, f"{width}, as in the header{more if n > width else ''}") for k, n in odd))
     columns = list(zip(*(row[:width] for row in rows), strict=True)) or [()] * width
     kept = [(name, column) for name, column in zip(header, columns, strict=False) if name or any(column)]
     names = [name for name, _ in kept]
@@ -293,14 +282,14 @@ def _summaries(table: Table) -> Iterator[Fault]:
 
 def _check_column(column: Column, cells: Sequence[Any], left_out: Collection[int]) -> tuple[list[Any], list[Fault]]:
     """Read the cells of a column, as `check` does."""
-    values, faults = _read_at_once(column, cells), []
-    if len(values) < len(cells):
-        for k, cell in enumerate(cells):
-            try:
-                values.append(math.nan if k in left_out else column.read(cell))
-            except (TypeError, ValueError, OverflowError):
-                values.append(math.nan)
-                faults.append((k, column.name, cell if column.kind is bool else _as_number(cell), column.allowed))
+    faults: list[Fault] = []
+    values = _read_at_once(column, cells)
+    for k, cell in enumerate(cells if len(values) < len(cells) else ()):
+        try:
+            values.append(math.nan if k in left_out else column.read(cell))
+        except (TypeError, ValueError, OverflowError):
+            values.append(math.nan)
+            faults.append((k, column.name, _shown(column, cell), column.allowed))
     seen: dict[Any, int] = {}
     for k, value in enumerate(values if column.once else ()):
         if k not in left_out and value == value and seen.setdefault(value, k) != k:
@@ -319,10 +308,10 @@ def _read_at_once(column: Column, cells: Sequence[Any]) -> list[Any]:
     return values if values and column.takes(min(values), max(values)) else []
 
 
-def _as_number(cell: Any) -> Any:
-    """Turn a text into its number where it is a finite one: a message shows numbers without quotes."""
+def _shown(column: Column, cell: Any) -> Any:
+    """Return a cell for a message: numbers out of range without quotes."""
     try:
         number = plain_number(cell)
     except (TypeError, ValueError):
         return cell
-    return number if math.isfinite(number) else cell
+    return number if column.kind is not bool and math.isfinite(number) else cell

@@ -150,7 +150,7 @@ def _parameter(name: str, space: ParameterSpace) -> Column:
 def _numbers_of_samples(
     table: pd.DataFrame, rows: Rows, space: ParameterSpace, source: object, repeats: bool
 ) -> Sequence[int]:
-    """Number the samples, or take their numbers: rows with the same parameters are one sample."""
+    """Return the numbers of the samples; without any, rows with the same parameters are one sample."""
     numbers: Sequence[int] = pd.factorize(table[list(space.names)].apply(tuple, axis=1))[0] + 1
     if "sample" not in rows[0]:
         return numbers
