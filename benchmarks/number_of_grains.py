@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from repose.apparatus import Scene, bench, scene_size
+from repose.apparatus.funnel import FunnelSettings
 from repose.apparatus.job import run_once
 from repose.config.computed import diameter_mm as diameter_mm_of
 from repose.config.study import Study
@@ -27,7 +28,7 @@ ANGLES = ("whole", "flank", "secant", "steepest")
 def row(study, grains, pours):
     """Means and standard errors of the pours of one number of grains."""
     diameter_mm = diameter_mm_of(study.grain)
-    funnel = scene_size.scaled(study.config["funnel"], grains, diameter_mm)
+    funnel = scene_size.scaled(FunnelSettings(**study.config["funnel"]), grains, diameter_mm)
     funnel["duration_s"] = grains / funnel["rate_per_s"] + AFTER_S
     config = {**study.config, "funnel": funnel}
     scale = (grains / study.config["funnel"]["berries"]) ** (1 / 3)

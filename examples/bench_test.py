@@ -4,21 +4,28 @@ Once this module is in `repose/apparatus/` and imported there, `targets:` may na
 measure_runs, the dataset and the workflow know the bench test. Here it is registered by running it.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, bench, register
-from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, Pouring, fill
-from repose.apparatus.scene import Filmed, grain_simulation
-from repose.apparatus.settings import SceneSettings
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Progress,
+    Run,
+    Scene,
+    bench,
+    register,
+    stated,
+)
+from repose.apparatus.factory import Disc, fill
+from repose.apparatus.scene import Trial
+from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
-from repose.core.section import Section, Seeds
 
 NAME = "drop"
 # 1. What it gives. `definition` names the keys on which the number depends.
@@ -35,11 +42,9 @@ SPREAD = Response(
 
 
 # 2. What its section of the configuration holds: each key with its type and bounds.
-class DropSettings(Section):
-    """The section `drop`."""
+class DropSettings(Poured):
+    """The section `drop`; `berries`, `rate_per_s` and `seeds` are those of every test that pours."""
 
-    berries: int = Field(ge=1, le=1000)
-    seeds: Seeds
     height_mm: float = Field(ge=1, le=1000)
     duration_s: float = Field(ge=0.1, le=60)
 
@@ -51,47 +56,34 @@ class DropTest(BenchTest[DropSettings]):
 
     settings = DropSettings
     responses = (SPREAD,)
-    recorded = Recorded(means=(SPREAD.name,), single=(SPREAD.name,))
     statuses = ("ok", "unstable")
     required_arrays = ("position",)
     summary = "spread {spread_mm:.1f} mm"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> dem.Simulation:
-        """Make the empty simulation of a plate."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe a plate."""
         section = self.section(scene.settings)
-        top = 1e-3 * section.height_mm + 4.0 * scene.particle.bounding_radius_m
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
-            lower=(-0.2, -0.2, 0.0),
-            upper=(0.2, 0.2, top),
-            largest_scale=largest_scale,
-        )
+        return {
+            "capacity": section.berries,
+            "walls": {"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
+            "lower": (-0.2, -0.2, 0.0),
+            "upper": (0.2, 0.2, 1e-3 * section.height_mm + 4.0 * reach_m),
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
-        """Drop the grains within half of the time, and let them roll."""
-        section, simulation = self.section(scene.settings), self.build(scene)
-        height_m = 1e-3 * section.height_mm
-        bounded = Bounded(simulation, height_m)
-        filmed = Filmed(bounded, interval_s, progress)
-        end = scene.simulation.steps(section.duration_s)
-        pouring = Pouring(section.berries, rate_per_s=2.0 * section.berries / section.duration_s)
-        factory = Disc(2.0 * scene.particle.bounding_radius_m, height_m)
-        with bounded.guard():
-            fill(simulation, factory, pouring, scene.seed, end, filmed.run_to)
-            filmed.run_to(end)
-        status = "unstable" if bounded.broken else "ok"
-        record = {"seed": int(scene.seed), "status": status, "reason": bounded.broken}
-        return Run(record, {"position": simulation.positions.astype(np.float32)}, filmed.frames())
+        """Drop the grains one by one, and let them roll."""
+        section = self.section(scene.settings)
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        height_m, end = 1e-3 * section.height_mm, scene.simulation.steps(section.duration_s)
+        with trial.bound(height_m).guard():
+            fill(trial, Disc(2.0 * scene.particle.bounding_radius_m, height_m), section, end)
+            trial.run_to(end)
+        return self.ended(scene, Ending(unstable=trial.broken), trial.grains(), trial.frames())
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with the spread; None where the run failed."""
-        spread = None
-        if record["status"] == "ok":
-            x, y, _ = arrays["position"].astype(float).T
-            spread = float(1e3 * np.hypot(x, y).mean())
-        return {**record, SPREAD.name: spread}
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure the spread."""
+        x, y, _ = arrays["position"].astype(float).T
+        return {SPREAD.name: float(1e3 * np.hypot(x, y).mean())}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -101,8 +93,8 @@ class DropTest(BenchTest[DropSettings]):
         """Yield keys whose values do not go together, with the allowed values."""
         section = self.section(settings)
         fall_s = (2e-3 * section.height_mm / settings.simulation.gravity_m_s2) ** 0.5
-        if section.duration_s < fall_s:
-            yield "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"
+        early = section.duration_s < fall_s
+        return stated((early, "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"))
 
 
 def main(berries: int = 20, duration_s: float = 2.0) -> None:
@@ -113,7 +105,8 @@ def main(berries: int = 20, duration_s: float = 2.0) -> None:
     from repose.particle.build import ellipsoid_mesh, fit_particle
 
     config = Study.load("config/quick.yaml").config
-    config["drop"] = {"berries": berries, "seeds": 1, "height_mm": 100.0, "duration_s": duration_s}
+    rate = 2.0 * berries / duration_s
+    config["drop"] = {"berries": berries, "rate_per_s": rate, "seeds": 1, "height_mm": 100.0, "duration_s": duration_s}
     config["targets"] = [
         {
             "response": "spread_mm",

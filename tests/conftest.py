@@ -37,7 +37,7 @@ def _once(function, when=lambda *_: True):
 
 def _is_built(_berry, section):
     """Whether the particle's mesh is built from axes and mass, not read from a file, which may change."""
-    return section["stl"] is None
+    return section.stl is None
 
 
 # Hundreds of tests read the same defaults (PyYAML needs 50 ms for them) and make the same berry (3 s).

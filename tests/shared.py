@@ -1,12 +1,14 @@
 """What several tests share."""
 
 import functools
+from types import SimpleNamespace
 
 import pytest
 
 from repose.config import models, reading
 from repose.config.study import Study
 from repose.core import places, responses
+from repose.core.parameter_space import ParameterSpace
 from repose.core.section import Section
 from repose.core.targets import Targets
 from repose.surrogate.settings import NetworkSettings
@@ -50,8 +52,17 @@ def settings_of(config):
         kind = fields[name].annotation if name in fields else None
         if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, Section):
             value = NetworkSettings.of(value) if name == "network" else kind.model_construct(**value)
+        if name == "targets":
+            value = [models.TargetSettings.model_construct(**one) for one in value]
         sections[name] = value
-    return models.StudySettings.model_construct(**sections)
+    return models.settings_type().model_construct(**sections)
+
+
+def studied(config, **more):
+    """A study of a small configuration, unchecked."""
+    config = {"label": "made_up", "strategy": "published", "small_run": False, "measure": None} | config | more
+    space, targets = ParameterSpace.of(config.get("parameters", RANGES)), Targets.of(config["targets"])
+    return SimpleNamespace(config=config, settings=settings_of(config), parameters=space, targets=targets)
 
 
 @functools.cache

@@ -168,7 +168,7 @@ def corrected(study: Study, screening: calibration.Calibration) -> tuple[calibra
         steps.append((best, drums))
         answer = with_drums(study, screening, steps)
         off = compared(drums).set_index("rpm")
-        print(f"step {step}: {best}", off.to_string(), calibration.describe(answer), sep="\n", flush=True)
+        print(f"step {step}: {best}", off.to_string(), str(answer), sep="\n", flush=True)
         if all(off["single_runs_rms_mm"][rpm] <= WITHIN_MM[rpm] for rpm in RPM):
             break
     return answer, steps
@@ -261,7 +261,7 @@ def main() -> None:
     """
     study, screening = screened()
     answer, steps = corrected(study, screening)
-    calibration.write(answer, OUT)
+    answer.save(OUT)
     own.write(answer, OUT / "report.html")
     fresh = drums_as_published("fresh", answer.parameters, FRESH)
     off = compared(fresh)

@@ -11,9 +11,12 @@ import itertools
 import math
 from collections.abc import Iterator
 
+import discharges
+import drums
+import lifted_piles
 import numpy as np
 import pandas as pd
-from lifted_piles import OUT, PUBLISHED, name, pile, rows
+from lifted_piles import OUT, PUBLISHED, name, rows
 
 from repose.core.files import read_json, write_table
 
@@ -25,6 +28,7 @@ RANGES = (0.4, 0.25)
 ANGLE_DEG, ONE_ANGLE_DEG, DENSITY_PERCENT = 0.5, 1.0, 0.5
 DECKS_STEP_S = 8e-6  # two piles of the middle row have it
 THIRD = 3
+STIFF = 0.1  # of the discharges at least: a softer grain that falls may pass through the plug
 
 
 def five() -> list[int]:
@@ -73,37 +77,54 @@ def jobs() -> Iterator[tuple]:
     yield from ((row, seed, modulus) for seed, row in itertools.product(SEEDS, rest))
 
 
+def further_jobs() -> Iterator[tuple]:
+    """Drums, tilted drums and discharges, once all piles are there: module, and row, seed, modulus (and tilt)."""
+    modulus = next(factor for factor in MODULI if good(factor))
+    for tilted, seed in itertools.product((False, True), SEEDS):
+        yield from ((drums, (int(row), seed, modulus, tilted)) for row in drums.rows(tilted).index)
+    for seed in SEEDS:
+        yield from ((discharges, (int(row), seed, max(modulus, STIFF))) for row in discharges.rows().index)
+
+
 def spent_h() -> float:
-    """Processor time of all piles that are there [h]."""
-    return sum(read_json(path)["processor_s"] for path in OUT.glob("row_*.json")) / 3600.0
+    """Processor time of all runs that are there [h]."""
+    return sum(read_json(path)["processor_s"] for path in OUT.glob("*_seed_*.json")) / 3600.0
 
 
-def predictions() -> pd.DataFrame:
-    """Every pile that is there, a line each."""
-    files = {path.name: path for folder in (PUBLISHED, OUT) for path in folder.glob("row_*.json")}
+def predictions(kind: str) -> pd.DataFrame:
+    """Every run of a kind (row: pile) that is there, a line each."""
+    files = {path.name: path for folder in (PUBLISHED, OUT) for path in folder.glob(f"{kind}_*_seed_*.json")}
     return pd.DataFrame([read_json(path) for _name, path in sorted(files.items())])
+
+
+def run_all() -> None:
+    """Run what is missing, piles first, until the budget is spent."""
+    piles = ((lifted_piles, job) for job in jobs())
+    for of, job in itertools.chain(piles, further_jobs()):
+        if any((folder / f"{of.name(*job)}.json").exists() for folder in (OUT, PUBLISHED)):
+            continue
+        if spent_h() >= BUDGET_H:
+            print(f"the budget of {BUDGET_H:g} h is spent", flush=True)
+            return
+        print(of.name(*job), f"{of.one(*job)['processor_s']:.0f} s", flush=True)
 
 
 def main() -> None:
     """Run what is missing, or say what is there."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--state", action="store_true", help="number of piles, hours, shifts of the softer moduli")
-    parser.add_argument("--write", action="store_true", help=f"write {PUBLISHED}/predicted.csv from the piles there")
+    parser.add_argument("--write", action="store_true", help=f"write what is there to {PUBLISHED}")
     asked = parser.parse_args()
     if asked.write:
-        write_table(PUBLISHED / "predicted.csv", predictions())
+        for kind in ("row", "drum", "tilted", "discharge"):
+            if len(table := predictions(kind)):
+                write_table(PUBLISHED / f"predicted_{kind}.csv", table)
     elif asked.state:
-        print(f"{len(predictions())} piles, {spent_h():.2f} h; the five: {five()}")
+        print(f"{len(predictions('row'))} piles, {spent_h():.2f} h; the five: {five()}")
         for modulus in MODULI[:-1]:
             print(f"modulus {modulus:g}:", shifts(modulus).round(2).to_string(), f"good: {good(modulus)}", sep="\n")
     else:
-        for job in jobs():
-            if there(*job) is None:
-                if spent_h() >= BUDGET_H:
-                    print(f"the budget of {BUDGET_H:g} h is spent", flush=True)
-                    break
-                found = pile(*job)
-                print(name(*job), f"{found['angle_deg']:.2f} deg, {found['processor_s']:.0f} s", flush=True)
+        run_all()
 
 
 if __name__ == "__main__":

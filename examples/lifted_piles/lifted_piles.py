@@ -60,9 +60,9 @@ def diameters_mm(grains: int = sum(NUMBERS)) -> np.ndarray:
     return np.repeat(DIAMETERS_MM[::-1], np.diff(ends, prepend=0))
 
 
-def places_m(radii_m: np.ndarray, seed: int) -> np.ndarray:
+def places_m(radii_m: np.ndarray, seed: int, filled_m: tuple[float, float, float] = FILLED_M) -> np.ndarray:
     """Centres of spheres thrown into the cylinder one after another, each where it overlaps no earlier one."""
-    rng, (radius, low, high) = np.random.default_rng(seed), FILLED_M
+    rng, (radius, low, high) = np.random.default_rng(seed), filled_m
     centres, done = np.empty((len(radii_m), 3)), 0
     while done < len(radii_m):
         r, before = radii_m[done], done
@@ -221,11 +221,11 @@ def angle(grains: Grains) -> dict:
     flank = (along >= WINDOW[0] * whole) & (along <= WINDOW[1] * whole)
     if flank.sum() < 2:
         flank[:] = True
-    line = _line(middles[flank], heights[flank])
+    line = line_of(middles[flank], heights[flank])
     off = heights - np.polyval(line, middles)
     near = flank & (np.abs(off) <= TRIMMED * off[flank].std())
     if 2 <= near.sum() < flank.sum():
-        line = _line(middles[near], heights[near])
+        line = line_of(middles[near], heights[near])
     first, count = line, int(flank.sum())
     low, high = WINDOW[0] * max(peak, line[1]), WINDOW[1] * peak
     for _ in range(ROUNDS):
@@ -235,7 +235,7 @@ def angle(grains: Grains) -> dict:
         if shell.sum() < FEWEST_IN_SHELL:
             line, count = first, int(flank.sum())
             break
-        line, count = _line(out[shell], tops[shell]), int(shell.sum())
+        line, count = line_of(out[shell], tops[shell]), int(shell.sum())
     return {
         "angle_deg": math.degrees(math.atan(-line[0])),
         "rings_angle_deg": math.degrees(math.atan(-first[0])),
@@ -247,7 +247,7 @@ def angle(grains: Grains) -> dict:
     }
 
 
-def _line(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def line_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Slope and height over 0 of the line of least squares."""
     return np.polyfit(x, y, 1)
 
@@ -282,7 +282,7 @@ def name(row: int, seed: int, modulus: float, time_step_s: float | None = None) 
     return f"row_{row:02}_seed_{seed}_modulus_{modulus:g}{step}"
 
 
-def pile(row: int, seed: int, modulus: float, time_step_s: float | None = None) -> dict:
+def one(row: int, seed: int, modulus: float, time_step_s: float | None = None) -> dict:
     """Run and measure a pile, or read the file that has it."""
     path = OUT / f"{name(row, seed, modulus, time_step_s)}.json"
     for kept in (path, PUBLISHED / path.name):
@@ -315,13 +315,13 @@ def main() -> None:
     """Run one pile and print its numbers."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     commands = parser.add_subparsers(required=True)
-    one = commands.add_parser("pile", help="a row of parameters.csv, and a seed")
-    one.add_argument("row", type=int)
-    one.add_argument("seed", type=int)
-    one.add_argument("--modulus", type=float, default=1.0, metavar="FACTOR", help="over the modulus of the decks")
-    one.add_argument("--time-step", type=float, default=None, metavar="SECONDS", help="8e-6 is that of the decks")
+    words = commands.add_parser("pile", help="a row of parameters.csv, and a seed")
+    words.add_argument("row", type=int)
+    words.add_argument("seed", type=int)
+    words.add_argument("--modulus", type=float, default=1.0, metavar="FACTOR", help="over the modulus of the decks")
+    words.add_argument("--time-step", type=float, default=None, metavar="SECONDS", help="8e-6 is that of the decks")
     asked = parser.parse_args()
-    for key, value in pile(asked.row, asked.seed, asked.modulus, asked.time_step).items():
+    for key, value in one(asked.row, asked.seed, asked.modulus, asked.time_step).items():
         print(f"{key}: {value}", flush=True)
 
 

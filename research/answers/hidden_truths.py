@@ -28,6 +28,7 @@ from repose.core.responses import response
 from repose.core.targets import Target, Targets
 from repose.search.objective import Objective
 from repose.strategies import plan
+from repose.strategies.sequential import SequentialSettings
 from repose.strategies.sequential.advise import advise, ranked
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
@@ -59,16 +60,16 @@ def goal_of(names, aims, space):
 
 def sequential(simulator, goal, config, random, most_pours):
     """Answers after each batch: pours, point, probability, and why it stopped."""
-    section = config["sequential"] | {"most_pours": most_pours, "probability": 0.99}
-    first = lhsdesign(section["start_samples"], goal.space.dimensions, rng=random)
-    data = simulator.pour(first, section["seeds"], random)
+    section = SequentialSettings(**config["sequential"] | {"most_pours": most_pours, "probability": 0.99})
+    first = lhsdesign(section.start_samples, goal.space.dimensions, rng=random)
+    data = simulator.pour(first, section.seeds, random)
     while True:
         poured = data.values.shape[0] * data.values.shape[1]
         advice = advise(data, NOWHERE, goal, section, poured, random)
         yield poured, advice.answer, advice.probability, advice.stop
         if advice.stop:
             return
-        new = simulator.pour(advice.batch, section["seeds"], random)
+        new = simulator.pour(advice.batch, section.seeds, random)
         data = Observed(np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values]))
 
 

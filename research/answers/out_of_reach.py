@@ -15,6 +15,7 @@ import pandas as pd
 
 from repose.chain.design import lhsdesign
 from repose.config.study import Study
+from repose.strategies.sequential import SequentialSettings
 from repose.strategies.sequential.advise import advise
 from repose.strategies.sequential.kriging import Observed
 from research.answers.emulated import Simulator, options
@@ -65,7 +66,7 @@ def campaign(simulator, names, aim, mean, section, space, random):
     """Rows of one campaign."""
     _, goal = goal_of(names, aim, space)
     least = goal.of_responses(mean)[1].min()
-    data = simulator.pour(lhsdesign(section["start_samples"], space.dimensions, rng=random), 2, random)
+    data = simulator.pour(lhsdesign(section.start_samples, space.dimensions, rng=random), 2, random)
     while True:
         pours = 2 * len(data.unit)
         advice = advise(data, NOWHERE, goal, section, pours, random)
@@ -94,7 +95,7 @@ def main():
     args = parser.parse_args()
     study = Study.load(args.config)
     config, space = study.config, study.parameters
-    section = config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99}
+    section = SequentialSettings(**config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99})
     simulator = Simulator(args.pool, args.responses, config)
     mean = dense(simulator, space.dimensions)[1]
     columns = ["kind", "responses", "campaign", "pours", "in_reach", "stop", "F", "F_least"]

@@ -20,11 +20,13 @@ one:
     pip install optuna==5.0.0 tqdm && pip install --no-deps grainlearning==2.0.5
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 from cmaes import CMA
 
 from repose.core.parameters import PARAMETERS
-from repose.strategies.response_surface import screening, surface
+from repose.strategies.response_surface import ResponseSurfaceSettings, screening, surface
 
 GRAINLEARNING_SAMPLES = 40
 TRIAL_POURS = 2  # of Optuna
@@ -114,8 +116,8 @@ def grainlearning(simulator, goal, targets, config, random, budgets):
 def response_surface(simulator, goal, targets, config, random, budgets):
     """Answer of `strategy: response_surface`: screening, steepest ascent, Box-Behnken design."""
     for budget, seeds in zip(sorted(budgets), (2, 3), strict=True):
-        space = goal.space
-        section = config["response_surface"] | {"most_factors": 3}
+        space, section = goal.space, ResponseSurfaceSettings(**config["response_surface"] | {"most_factors": 3})
+        study = SimpleNamespace(parameters=space, targets=targets, settings=SimpleNamespace(response_surface=section))
 
         def poured(table, seeds=seeds, space=space):
             unit = space.unit(table[list(PARAMETERS)].to_numpy(float))
@@ -128,7 +130,7 @@ def response_surface(simulator, goal, targets, config, random, budgets):
         models = screening.models_of(corners, data, targets, "linear")
         centre = data.loc[middle.index, list(targets.names)].to_numpy(float).mean(axis=0)
         kept = screening.kept_factors(models, section)
-        path = screening.path(models, centre, kept, space, targets, section)
+        path = screening.path(models, centre, kept, study)
         second = surface.design(surface.walked(path, poured(path), targets), space, section)
         models = screening.models_of(second, poured(second), targets, "quadratic")
         best = surface.best_point(models, targets)

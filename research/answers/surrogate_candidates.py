@@ -58,7 +58,7 @@ class ProcessOfPart(GaussianProcess):
 class NetworkResampled(Candidate):
     """Networks of samples drawn with replacement."""
 
-    def fit(self, X, Y, *, precision=None, noise_covariance=None, noise_freedom=0.0):
+    def fit(self, X, Y, **noise):
         X, Y = np.asarray(X), np.asarray(Y)
         random = np.random.default_rng(self.settings["seed"])
         self.members = []
@@ -67,7 +67,7 @@ class NetworkResampled(Candidate):
             network = make(
                 "network", NetworkSettings.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
             )
-            self.members.append(network.fit(X, Y, count, precision, noise_covariance, noise_freedom))
+            self.members.append(network.fit(X, Y, count, **noise))
         return self
 
     def _means(self, X):
@@ -129,7 +129,7 @@ class Kriging(Candidate):
     covariance_of = staticmethod(matern)
 
     def fit(self, X, Y, *, precision=None, noise_covariance=None, noise_freedom=0.0):
-        X, Y, _, precision = checked_samples(X, Y, None, precision)
+        X, Y, _, precision = checked_samples(X, Y, precision=precision)
         self.low, self.span = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))
         self.x = (X - self.low) / self.span
         k = Y.shape[1]

@@ -8,8 +8,7 @@ import numpy as np
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.measure import further_responses
-from repose.studies import discrepancy
-from research.responses import information
+from research.responses import discrepancies, information
 from research.responses.response_sets import minutes_of
 from research.responses.responses_over_design import Data
 
@@ -72,6 +71,6 @@ def discrepancy_of(data: Data, names: Sequence[str], settings: Mapping[str, Any]
     `settings` holds ``discrepancy_percent``, ``discrepancy_correlation`` and ``smallest_discrepancy``.
     """
     means = np.array([data.known[name].row["mean"] for name in names])
-    sd = discrepancy.sizes(names, means, settings["discrepancy_percent"], settings["smallest_discrepancy"])
+    sd = discrepancies.sizes(names, means, settings["discrepancy_percent"], settings["smallest_discrepancy"])
     over_design = np.column_stack([data.known[name].mean for name in names])
-    return discrepancy.covariance(names, sd, over_design, settings["discrepancy_correlation"])
+    return discrepancies.covariance(names, sd, over_design, settings["discrepancy_correlation"])

@@ -22,8 +22,7 @@ from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.core.targets import Targets
-from repose.studies import discrepancy
-from research.responses import information
+from research.responses import discrepancies, information
 from research.responses.design_surrogates import NOISY, WORST_R2, Predict, fitted
 from research.responses.plausible import plausible_truths, prior_points
 from research.responses.responses_over_design import Known, cross_validated_r2, over_design, surrogate_covariance
@@ -148,11 +147,11 @@ def _discrepancy(percent, correlated, centre, directions, own, known, settings):
     of_widths = correlated * np.outer(sd, sd)
     np.fill_diagonal(of_widths, sd**2)
     means = np.array([column.row["mean"] for column in known[: len(own)]])
-    size = discrepancy.sizes(own, means, percent, settings["smallest_discrepancy"])
+    size = discrepancies.sizes(own, means, percent, settings["smallest_discrepancy"])
     over = np.column_stack([column.mean for column in known[: len(own)]])
     k = len(own) + directions.shape[1]
     found = np.zeros((k, k))
-    found[: len(own), : len(own)] = discrepancy.covariance(own, size, over, correlated)
+    found[: len(own), : len(own)] = discrepancies.covariance(own, size, over, correlated)
     found[len(own) :, len(own) :] = directions.T @ of_widths @ directions
     return found
 

@@ -43,8 +43,7 @@ from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.core.targets import Targets
-from repose.studies import discrepancy
-from research.responses import information
+from research.responses import discrepancies, information
 from research.responses.plausible import measured_covariance, plausible_truths, prior_points
 from research.responses.response_sets import base_label, minutes_of, sets_of, source_of, ways_of
 from research.responses.responses_over_design import (
@@ -151,11 +150,11 @@ def observed_covariance(
     """Covariance S_y + S_s + S_d (k, k) of observed and predicted responses.
 
     The discrepancy is `percent` of each mean, or that of `apart` by response, but not below `smallest` by unit; see
-    `repose.studies.discrepancy.sizes`.
+    `research.responses.discrepancies.sizes`.
     """
     means = np.array([data.known[name].row["mean"] for name in model.names])
     own = {name: (apart or {}).get(name, percent) for name in model.names}
-    sd = discrepancy.sizes(model.names, means, own, smallest or {})
+    sd = discrepancies.sizes(model.names, means, own, smallest or {})
     measured = measured_covariance(data, model.names, model.correlation, targets)
     return measured + model.surrogate + np.diag(sd**2)
 

@@ -14,8 +14,14 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.measure import further_responses
-from repose.studies import discrepancy
-from research.responses import further_runs, information, joint_targets, observables, responses_over_design
+from research.responses import (
+    discrepancies,
+    further_runs,
+    information,
+    joint_targets,
+    observables,
+    responses_over_design,
+)
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 2.0)))
 TARGETS = Targets.of([{"response": "height_mm", "value": 60.0, "sd": 1.0, "repetitions": 4, "range": [55.0, 65.0]}])
@@ -40,11 +46,11 @@ SETTINGS = {
 
 def test_a_small_response_has_the_smallest_discrepancy():
     names, means = ("loose_percent", "height_mm", "radius_90_mm"), np.array([5.0, 60.0, -100.0])
-    found = discrepancy.sizes(names, means, 2.0, {"%": 1.0, "mm": 1.5})
+    found = discrepancies.sizes(names, means, 2.0, {"%": 1.0, "mm": 1.5})
     assert found == pytest.approx([1.0, 1.5, 2.0])  # 0.1 % points and 1.2 mm would be less
-    assert discrepancy.sizes(names, means, 0.0, {"%": 1.0}) == pytest.approx(0.0)  # an exact simulator
+    assert discrepancies.sizes(names, means, 0.0, {"%": 1.0}) == pytest.approx(0.0)  # an exact simulator
     own = {"loose_percent": 40.0, "height_mm": 2.0, "radius_90_mm": 0.0}
-    assert discrepancy.sizes(names, means, own, {}) == pytest.approx([2.0, 1.2, 0.0])
+    assert discrepancies.sizes(names, means, own, {}) == pytest.approx([2.0, 1.2, 0.0])
 
 
 def test_discrepancies_are_correlated_in_a_bench_test_with_the_signs_of_the_design():
@@ -53,10 +59,10 @@ def test_discrepancies_are_correlated_in_a_bench_test_with_the_signs_of_the_desi
     means = np.column_stack([60 + 9 * steep, 100 - 20 * steep, 5 * steep, 55 + steep])
     means[2, 2] = np.nan  # not all samples are run in every bench test
     sd = np.array([1.0, 2.0, 3.0, 4.0])
-    found = discrepancy.covariance(names, sd, means, 0.9)
+    found = discrepancies.covariance(names, sd, means, 0.9)
     expected = np.array([[1, -1.8, 0, 3.6], [-1.8, 4, 0, -7.2], [0, 0, 9, 0], [3.6, -7.2, 0, 16]])
     assert found == pytest.approx(expected)
-    assert discrepancy.covariance(names, sd, means, 0.0) == pytest.approx(np.diag(sd**2))
+    assert discrepancies.covariance(names, sd, means, 0.0) == pytest.approx(np.diag(sd**2))
 
 
 def test_a_direct_test_has_the_information_of_a_normal_posterior():

@@ -35,9 +35,9 @@ def example(name, time_step_s=1.5e-4, **keys):
     return whole
 
 
-def check_statuses(test, config, good, cases, *more):
+def check_statuses(test, config, good, cases):
     """Hold the statuses of changed runs, by the changes, against those expected."""
-    found = [test.status_of(replace(good, **changes), SceneSettings(config), *more)[0] for _, changes in cases]
+    found = [test.status_of(replace(good, **changes), SceneSettings(config))[0] for _, changes in cases]
     assert found == [status for status, _ in cases]
 
 

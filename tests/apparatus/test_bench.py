@@ -26,7 +26,7 @@ EXAMPLES = ROOT / "examples/bench_tests"
 BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "long_mm": 21.1, "major_mm": 11.4, "minor_mm": 9.9}
 PARTICLE = fit_particle(ellipsoid_mesh([21.0, 11.4, 9.9]), 840.0)
 SET = dict(zip(PARAMETERS, (0.2, 0.6, 0.05, 0.2, 0.6, 0.2), strict=True))
-SECTION = {"berries": 5, "seeds": 2, "height_mm": 50.0, "duration_s": 0.6}
+SECTION = {"berries": 5, "rate_per_s": 20.0, "seeds": 2, "height_mm": 50.0, "duration_s": 0.6}
 TARGET = {"response": "spread_mm", "apparatus": "drop", "value": 30.0, "sd": 2.0, "repetitions": 5, "range": [25, 35]}
 
 
@@ -70,7 +70,7 @@ def test_its_section_is_part_of_the_configuration(config):
     Study.of(config)
     assert Targets.of(config["targets"]).apparatus == ("funnel", "drop")
     for key, value, allowed in (
-        ("berries", 0, "an integer from 1 to 1000"),
+        ("berries", 0, "an integer from 1 to 20000"),
         ("duration_s", 0.1, "the time of the fall"),
         ("hight_mm", 3.0, "did you mean height_mm"),
     ):

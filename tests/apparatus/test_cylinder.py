@@ -97,15 +97,19 @@ def test_the_core_counts_the_volume_of_layers_that_its_ends_cut(kind):
 
 
 def test_a_filling_is_judged():
+    def judged(centres, energy_j=1e-12, unstable=""):
+        filling = cylinder.Filling(centres, energy_j, length_m=0.021, unstable=unstable)
+        return TEST.status_of(filling, SceneSettings(config()))
+
     full, low = lattice(5e-3, 0.26), lattice(5e-3, 0.24)
-    assert TEST.status_of(full, 1e-12, SceneSettings(config()), 0.021)[0] == "ok"
-    # 12 mm above the rim are less than the length of a berry
-    status, reason = TEST.status_of(low, 1e-12, SceneSettings(config()), 0.021)
+    assert judged(full) == ("ok", "")
+    # 12 mm above the rim are less than the length of a grain
+    status, reason = judged(low)
     assert status == "not_full"
     assert "above it" in reason
-    assert TEST.status_of(full, 1e-6, SceneSettings(config()), 0.021)[0] == "not_at_rest"
-    assert TEST.status_of(full + np.array([0.02, 0, 0]), 1e-12, SceneSettings(config()), 0.021)[0] == "lost"
-    assert TEST.status_of(full, 1e-12, SceneSettings(config()), 0.021, "why") == ("unstable", "why")
+    assert judged(full, 1e-6)[0] == "not_at_rest"
+    assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
+    assert judged(full, unstable="why") == ("unstable", "why")
 
 
 def test_a_tap_lifts_a_berry_by_its_height():
@@ -141,8 +145,8 @@ def test_a_tapped_cylinder_holds_more():
 
 
 def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
-    def broken(simulation, *_):
-        simulation.add("berry", (0.0, 0.0, 0.02))
+    def broken(trial, *_):
+        trial.simulation.add("berry", (0.0, 0.0, 0.02))
         raise Unstable("a berry is too fast")
 
     monkeypatch.setattr(cylinder, "fill", broken)

@@ -15,7 +15,6 @@ from goji import AXES_MM, BERRY, ROOT, named, particle
 from numba import typeof
 
 from repose.apparatus import Scene, bench, funnel, scene
-from repose.apparatus.bounds import Bounded
 from repose.apparatus.job import measure_job, pour_job, run_once
 from repose.apparatus.settings import SceneSettings, SimulationSettings
 from repose.config.study import Study
@@ -181,7 +180,8 @@ def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(p
 def test_frames_may_be_a_time_step_apart():
     made = TEST.build(Scene.of(small(), named(CENTRE), BERRY, particle()))
     made.add("berry", (0.0, 0.0, 0.05))
-    film = scene.Filmed(Bounded(made, 0.1), interval_s=made.time_step_s)
+    film = scene.Filmed(made, interval_s=made.time_step_s)
+    film.bound(0.1)
     film.run_to(5)
     assert film.frames()["time_s"] == pytest.approx(made.time_step_s * np.arange(1, 6))
 

@@ -22,7 +22,9 @@ from repose.measure.settings import MeasureSettings
 SET = named((0.3, 0.5, 0.1, 0.3, 0.5, 0.1))
 TUBE = {"berries": 200, "rate_per_s": 400.0, "lift_from_s": 1.0, "settle_s": 2.0, "diameter_mm": 60.0}
 TUBE |= {"length_mm": 130.0, "rim_radius_mm": 0.5}
-GOOD = lifted_cylinder.Lifting(filled=300, filling_height_mm=90.0, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12)
+GOOD = lifted_cylinder.Lifting(
+    filled=300, filling_height_mm=90.0, in_tube=0, off_plate=0, in_pile=280, energy_j=1e-12, grain_mm=10.0
+)
 
 TEST = lifted_cylinder.LiftedCylinderTest()
 
@@ -48,9 +50,9 @@ def test_a_run_is_judged():
         ("ok", {"off_plate": 30}), ("left_plate", {"off_plate": 31}), ("not_at_rest", {"energy_j": 1e-6}),
         ("not_at_rest", {"energy_j": nan}), ("no_flank", {"in_pile": 149}),
     ]  # fmt: skip
-    check_statuses(TEST, config(berries=300), GOOD, cases, 10.0)
+    check_statuses(TEST, config(berries=300), GOOD, cases)
     levels = {79.9: "not_filled", 80.1: "ok", 99.9: "ok", 100.1: "not_filled", nan: "not_filled"}
-    check_statuses(TEST, config(), GOOD, [(name, {"filling_height_mm": mm}) for mm, name in levels.items()], 10.0)
+    check_statuses(TEST, config(), GOOD, [(name, {"filling_height_mm": mm}) for mm, name in levels.items()])
 
 
 def test_a_tube_that_cannot_be_filled_or_lifted_is_refused():
@@ -91,7 +93,7 @@ def test_the_card_and_the_definitions_say_how_much_is_filled_in():
         for response in bench("lifted_cylinder").responses:
             assert f"lifted_cylinder.{said}" in study.definitions[response.name]
             assert f"lifted_cylinder.{other}" not in study.definitions[response.name]
-        described = card.described(study.config, bench("lifted_cylinder").responses[0], study.grain)
+        described = card.described(study, bench("lifted_cylinder").responses[0], study.grain)
         assert said in described["bench"]
         assert said in described["definition"]["settings"]
         assert other not in described["bench"]

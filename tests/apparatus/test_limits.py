@@ -13,6 +13,7 @@ from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle import build, size_distribution
+from repose.particle.settings import GrainSettings
 
 CONFIG = Study.load(Path(__file__).parents[2] / "config/quick.yaml").config
 AXES_MM = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
@@ -28,7 +29,7 @@ PARTICLES = {
 
 
 def particle_of(name):
-    return build.of_settings(BERRY, CONFIG["berry"] | {"stl": None} | PARTICLES[name])
+    return build.of_settings(BERRY, GrainSettings.model_construct(**CONFIG["berry"] | {"stl": None} | PARTICLES[name]))
 
 
 def sized(particle, factor):

@@ -12,6 +12,7 @@ from repose.apparatus import funnel, reach, scene_size
 from repose.config.study import Study
 from repose.core import places
 from repose.measure.angles import DEFINITIONS
+from repose.measure.settings import MeasureSettings
 from repose.particle.particle import Particle
 
 # 500 of these are 744 ml; the cone of 65.57 mm and 32.87 degrees holds 707 ml.
@@ -56,7 +57,7 @@ def test_no_side_and_no_sample_is_steeper_than_the_cone_of_its_mass(config):
         side = (shares[:, None] * np.maximum(1 - r / feet[:, None], 0)).sum(axis=0)
         volume = 2 * math.pi * (side * r).mean()
         assert -np.polyfit(r, side, 1)[0] <= math.sqrt(math.pi / (3 * volume)) * (1 + 1e-4)
-    row, exact = reach.nearest_row(config["measure"] | WHOLE, "whole", 0.2)
+    row, exact = reach.nearest_row(MeasureSettings(**config["measure"] | WHOLE), "whole", 0.2)
     assert exact
     assert row["largest"] < math.sqrt(reach.DENSEST / funnel.PACKING)
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from repose.apparatus import scene_size
+from repose.apparatus import funnel, scene_size
 from repose.cli import checking, main
 from repose.config.study import Study
 from repose.core import places
@@ -44,14 +44,15 @@ def test_a_change_is_that_of_the_table_and_fewer_grains_are_enough_where_the_ang
 
 def test_a_scaled_scene_keeps_its_proportions_and_lets_grains_through(config):
     own = config["funnel"]
-    smaller = scene_size.scaled(own, 4, 13.34)
+    section = funnel.FunnelSettings(**own)
+    smaller = scene_size.scaled(section, 4, 13.34)
     assert smaller["plate_diameter_mm"] == pytest.approx(own["plate_diameter_mm"] / 5)
     assert (
         smaller["inlet_diameter_mm"] == 2 * smaller["outlet_diameter_mm"]
     )  # a fifth would be narrower than the outlet
     assert smaller["rate_per_s"] == pytest.approx(own["rate_per_s"] * 5**-2.5)
     assert smaller["outlet_diameter_mm"] == pytest.approx(min(own["outlet_diameter_mm"], 2.4 * 13.34))
-    assert scene_size.scaled(own, own["berries"], 13.34) == own | dict.fromkeys(scene_size.COMPUTED, "auto")
+    assert scene_size.scaled(section, own["berries"], 13.34) == own | dict.fromkeys(scene_size.COMPUTED, "auto")
 
 
 def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
@@ -75,7 +76,7 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     )
     Study.of({**config, "funnel": config["funnel"] | keys})
     largest = max(scene_size.numbers())
-    _, smaller, *_ = scene_size.advice(with_grains(config, 25 * largest), 13.34, 65.0)
+    _, smaller, *_ = scene_size.advice(config, 13.34, 65.0, 25 * largest)
     assert "have not been compared" in smaller
 
 

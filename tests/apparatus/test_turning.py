@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from goji import BERRY, PARTICLE, named, recommended
+from goji import BERRY, PARTICLE, check_statuses, named, recommended
 
-from repose.apparatus import Scene, bench, turning
+from repose.apparatus import Scene, bench, drum, turning
 from repose.apparatus.job import run_once
 from repose.apparatus.settings import SceneSettings
 from repose.core.responses import derived
@@ -115,9 +115,9 @@ def test_speeds_and_times_belong_together_and_a_run_is_judged():
     assert bench("turning").duration_s(SceneSettings(two)) == pytest.approx(2.5 + 6.0)
     three = config(measure_from_s=[1.0, 2.0, 3.0])
     assert [key for key, _ in TEST.contradictions(SceneSettings(three))] == ["turning.measure_from_s"]
-    assert turning.status_of(True) == ("ok", "")
-    assert turning.status_of(True, "why") == ("unstable", "why")
-    assert turning.status_of(False)[0] == "lost"
+    settings, held = SceneSettings(one), drum.Turned(held=True)
+    assert TEST.status_of(held, settings) == ("ok", "")
+    check_statuses(TEST, one, held, [("unstable", {"unstable": "why"}), ("lost", {"held": False})])
 
 
 def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():

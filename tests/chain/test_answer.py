@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 from refusals import input_error
+from shared import studied
 
 from repose import strategies
 from repose.chain import answer
@@ -43,7 +44,7 @@ def study(folder, simulated, feasible=True):
 
 def read(config):
     names = ("miga/summary.json", "validation/representative.csv", "miga/feasible.csv")
-    return answer.read(config, *(f"{config['results_dir']}/{name}" for name in names))
+    return answer.read(studied(config), *(f"{config['results_dir']}/{name}" for name in names))
 
 
 @pytest.mark.parametrize(
@@ -110,7 +111,7 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
         answer.Check("aor_deg", "deg", angle, None, 9, status, 32.0, 2.0, 31.0, 34.0, predicted=32.5),
         answer.Check("my_mm", "mm", height, 0.5, 9, status, 66.0, 2.0, 64.0, 68.0),
     )
-    return answer.Answer("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
+    return answer.Result("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
 
 
 @pytest.mark.parametrize(
@@ -185,7 +186,7 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     files = {name: tmp_path / path for name, path in names.items()}
     made = SimpleNamespace(rule="conclude", feasible="solutions.csv", table4="t4.csv", **files)
     known = {"answers": answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
-    known |= {"config": study(tmp_path, simulated, feasible)}
+    known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
     known |= {"CALL": SimpleNamespace(made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path)))}
     exec(textwrap.dedent(HANDLER[1]), known)
     first = capsys.readouterr().out.splitlines()[0]

@@ -63,10 +63,10 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5,
         for target in config["targets"]
     )
     values = {name: 0.3 if name in FIXED else solutions[name].mean() for name in config["parameters"]} | values
-    found = answer.Answer("wheat", values, True, "", checks, Path("results"), {1.0: 0.25, 2.0: within}, **known)
+    found = answer.Result("wheat", values, True, "", checks, Path("results"), {1.0: 0.25, 2.0: within}, **known)
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
-    return card.make(config, found, berry, particle, solutions, posterior)
+    return card.make(shared.studied(config), found, berry, particle, solutions, posterior)
 
 
 def record_of_an_ellipsoid():
@@ -215,11 +215,11 @@ def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, capsys):
 
 
 def test_a_card_describes_the_laws_of_the_study(config):
-    result = card.laws(config)
+    result = card.laws(shared.settings_of(config).simulation)
     assert result["normal"].startswith("Hertz")
     assert "mu_s times the size of the damped normal force" in result["tangential"]
     config["simulation"] |= {"contact_law": "linear_spring", "tension": "keep"}
-    other = card.laws(config)
+    other = card.laws(shared.settings_of(config).simulation)
     assert other["normal"].startswith("linear spring")
     assert "mu_r times the elastic part of the normal force" in other["rolling"]
     assert set(result) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
@@ -233,13 +233,13 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, s
     assert "seeds" not in height["bench"]
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
     config["measure"] |= {"response": "flank", "fit_from": 0.2}
-    angle = described(config, response("aor_deg"), read_berry(STUDY / "berry/berry.json"))["definition"]
+    angle = described(shared.studied(config), response("aor_deg"), read_berry(STUDY / "berry/berry.json"))["definition"]
     assert angle["name"] == "angle, flank"
     assert (angle["settings"]["fit_from"], angle["settings"]["fit_to"]) == (0.2, 0.8)
     # Eq. 1 of the mean axes, where the configuration has no height of a grain
     assert angle["settings"]["berry_height_mm"] == pytest.approx((21.14 * 11.37 * 9.88) ** (1 / 3), rel=1e-3)
     config["measure"]["response"] = "secant"
-    secant = described(config, response("aor_deg"), {})["definition"]
+    secant = described(shared.studied(config), response("aor_deg"), {})["definition"]
     assert secant["name"] == "angle, secant"
     assert "fit_from" not in secant["settings"]
 
@@ -263,16 +263,17 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(confi
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
     config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
     check = answer.Check("aor_deg", "deg", 30.5, 0.4, 32, "ok", 30.0, 1.0, 29.0, 31.0)
-    found = answer.Answer("wheat", dict.fromkeys(config["parameters"], 0.3), True, "", (check,), Path(), {})
+    found = answer.Result("wheat", dict.fromkeys(config["parameters"], 0.3), True, "", (check,), Path(), {})
     row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
     row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {"aor_whole_deg": math.nan}
     berry, particle = read_berry(STUDY / "berry/berry.json"), Particle.of_record(record_of_an_ellipsoid())
+    study = shared.studied(config)
     for given in (row, None):
-        made_card = card.make(config, found, berry, particle, solutions, row=given)
+        made_card = card.make(study, found, berry, particle, solutions, row=given)
         card.check(made_card, "card")
         assert made_card["tests"][0]["line"] == "secant, foot to crest"
         assert ("definitions" in made_card["tests"][0]) == (given is not None)
-    (tmp_path / "card.json").write_text(json.dumps(card.make(config, found, berry, particle, solutions, row=row)))
+    (tmp_path / "card.json").write_text(json.dumps(card.make(study, found, berry, particle, solutions, row=row)))
     assert main(["card", "show", str(tmp_path / "card.json")]) == 0
     text = capsys.readouterr().out
     assert (
@@ -332,7 +333,7 @@ def test_a_check_of_before_the_probabilities_is_refused(monkeypatch, tmp_path, c
     table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)
     config = Study.load("config/config.yaml").config
     with pytest.raises(InputError, match=r"old\.csv: column within_1_percent is 'missing'"):
-        answer.read(config, STUDY / "miga/summary.json", tmp_path / "old.csv", "feasible.csv")
+        answer.read(shared.studied(config), STUDY / "miga/summary.json", tmp_path / "old.csv", "feasible.csv")
 
 
 def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, capsys):

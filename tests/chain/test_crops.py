@@ -49,7 +49,8 @@ def test_there_are_four_of_different_shape_and_size():
 @pytest.mark.parametrize("name", NAMES)
 def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch):
     monkeypatch.chdir(CROPS / name)
-    config = Study.load(inputs=True).config
+    study = Study.load(inputs=True)
+    config = study.config
     Study.of(config, name)
     assert not {"drum", "cylinder"} & set(config)
     assert config["berry"]["sizes"] == "sizes.csv"
@@ -69,7 +70,7 @@ def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch
     assert shown["grain"]["density_kg_m3"] == config["berry"]["density_kg_m3"]
     axes = dict(zip(("long_mm", "major_mm", "minor_mm"), shown["grain"]["mean_axes_mm"], strict=True))
     for test in shown["tests"]:
-        result = described(config, response(test["response"]), axes)
+        result = described(study, response(test["response"]), axes)
         assert {key: test[key] for key in result} == result
 
 

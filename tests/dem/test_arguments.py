@@ -108,7 +108,7 @@ def test_add_leaves_nothing_behind():
         ({"shape": "cube"}, "shape is 'cube'; expected 'ball'"),
         ({"position_m": (0, 0)}, r"position_m is \(0, 0\); expected three finite numbers"),
         ({"position_m": (0, 0, math.nan)}, "position_m is .*expected three finite numbers"),
-        ({"quaternion": (0, 0, 0, 0)}, "quaternion is 0; expected four finite numbers that are not all 0"),
+        ({"quaternion": (0, 0, 0, 0)}, r"quaternion is \(0, 0, 0, 0\); expected a vector that is not zero"),
         ({"quaternion": (1, 0, 0)}, r"quaternion is \(1, 0, 0\); expected four finite numbers"),
         ({"velocity_m_s": 1.0}, r"velocity_m_s is 1\.0; expected three finite numbers"),
         ({"angular_velocity_rad_s": (1, 2, math.inf)}, "angular_velocity_rad_s is .*three finite numbers"),

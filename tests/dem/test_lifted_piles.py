@@ -9,6 +9,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "lifted_piles"))
 import campaign
+import discharges
+import drums
 import lifted_piles
 from lifted_piles import Contents, Grains
 
@@ -122,3 +124,56 @@ def test_the_campaign_takes_the_softest_modulus_that_changes_little(monkeypatch)
 
     assert modulus_of((0.4, 0.9), 0.004) == 0.01
     assert modulus_of((0.6, 0.6), 0.0) == modulus_of((0.0, 1.1), 0.0) == modulus_of((0.0, 0.0), 0.006) == 0.1
+
+
+@pytest.mark.parametrize("tilted", [False, True])
+def test_the_angle_of_a_bed_in_the_drum_is_found(tilted):
+    rng, slope = np.random.default_rng(4), -np.tan(np.radians(35.0))
+    x, z = rng.uniform(-0.07, 0.07, (2, 60_000))
+    y = rng.uniform(-0.012, 0.012, x.size)
+    rises = 0.5 * y if tilted else 0.0  # the bed of a tilted drum is not level along its axis
+    inside = (z < slope * x + rises) & (np.hypot(x, z) < 0.072)
+    bed = grains(np.column_stack([x, y, z - RADIUS_M])[inside])
+    assert drums.frame_angle(bed, tilted) == pytest.approx(35.0, abs=0.6)
+
+
+def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(monkeypatch):
+    monkeypatch.setattr(drums, "SPUN_S", {False: 0.1, True: 0.1})
+    monkeypatch.setattr(drums, "FRAMES", {False: 2, True: 2})
+    monkeypatch.setattr(drums, "REGION_M", (0.02, 0.011))
+    simulation = drums.drum(Contents(0.4, 0.1, 0.5), 1, False, 0.01, grains=250)
+    assert 200 < simulation.n_bodies <= 250
+    assert drums.DRUM.holds(simulation.positions).all()
+    assert len(drums.turned(simulation, False)) == 2
+    assert simulation.angular_velocities[:, 1].mean() != 0.0
+
+
+def test_a_grain_is_thrown_where_it_overlaps_no_other():
+    there, radii = np.zeros((1, 3)), np.array([0.03])
+    found = drums.thrown(there, radii, np.full(300, 4.0), np.random.default_rng(1))
+    assert len(found) > 200
+    centres = np.vstack([there, [centre for _size, centre in found]])
+    radii = np.append(radii, np.full(len(found), 0.002))
+    gaps = np.linalg.norm(centres[:, None] - centres, axis=2) - radii - radii[:, None]
+    assert gaps[~np.eye(len(radii), dtype=bool)].min() > 0.0
+    assert (np.hypot(centres[1:, 0], centres[1:, 2]) + 0.002).max() <= drums.REGION_M[0]
+    assert (np.abs(centres[1:, 1]) + 0.002).max() <= drums.REGION_M[1]
+
+
+def test_the_rate_is_the_slope_of_the_mass_that_left_in_the_middle():
+    left_s = np.concatenate([0.5 + np.arange(1000) / 2000.0, np.full(50, np.inf)])  # 2,000 a second
+    masses_g = np.full(1050, 0.04)
+    assert discharges.rate_g_s(left_s, masses_g, 1.8) == pytest.approx(80.0, rel=0.005)
+    slow_end = np.concatenate([left_s[:900], left_s[899] + 0.01 * np.arange(1, 151)])
+    assert discharges.rate_g_s(slow_end[:1000], masses_g[:1000], 1.8) == pytest.approx(80.0, rel=0.02)
+
+
+def test_grains_rest_over_the_plug_and_run_out_when_it_is_drawn(monkeypatch):
+    monkeypatch.setattr(discharges, "FLOWING_S", 0.5)
+    simulation = discharges.closed(Contents(0.3, 0.05, 0.5), 1, 0.1, grains=250)
+    left_s = discharges.opened(simulation)
+    assert (left_s > discharges.SETTLED_S).all()
+    gone = np.isfinite(left_s)
+    assert 10 < gone.sum() < 250  # the others lie on the plate
+    assert (simulation.positions[~gone, 2] > 0.0).all()
+    assert (np.hypot(*simulation.positions[~gone, :2].T) < 0.04).all()

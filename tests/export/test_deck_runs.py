@@ -90,8 +90,8 @@ def test_a_sphere_rebounds_with_the_calibrated_restitution(config, program, law,
 def test_the_default_grain_is_poured_as_a_clump(config, program, law, tmp_path):
     installed(program)  # before the spheres are packed
     study = Study.load(CONFIG)
-    berry = config["berry"] | {"particle": "multisphere", "spheres": 14}
-    job = job_of(config, build.of_settings(study.grain, berry), law, k_gg=3e3, k_gp=1e3)
+    grain = study.settings.berry.model_copy(update={"particle": "multisphere", "spheres": 14})
+    job = job_of(config, build.of_settings(study.grain, grain), law, k_gg=3e3, k_gp=1e3)
     few = replace(job, count=3, rate_per_s=50.0, duration_s=0.8)
     end = ran(program, few, tmp_path)
     at = places(end, few)

@@ -399,7 +399,7 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys
     config = Study.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))
     wall = {key: config["wall"][key] for key in card.WALL}
-    shown |= {"material": config["label"], "wall": wall, "laws": card.laws(config)}
+    shown |= {"material": config["label"], "wall": wall, "laws": card.laws(Study.load(CONFIG).settings.simulation)}
     shown["tests"][0]["bench"] = config["funnel"]
     (tmp_path / "card.json").write_text(json.dumps(shown))
     axes = dict(zip(("long_mm", "major_mm", "minor_mm"), shown["grain"]["mean_axes_mm"], strict=True))

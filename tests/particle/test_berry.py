@@ -11,6 +11,7 @@ from scipy.stats import truncnorm
 
 from repose.core.errors import InputError
 from repose.particle import berry, berry_files, size_distribution
+from repose.particle.settings import GrainSettings
 
 RESOURCES = Path(__file__).parents[2] / "resources"
 SIZES = RESOURCES / "berries.csv"
@@ -27,7 +28,7 @@ def written(tmp_path, text):
 def run(out_dir, **changes):
     section = {"sizes": SIZES, "compression": COMPRESSION, "density_kg_m3": 840.47}
     section |= {"poisson_ratio": None, "shear_modulus_pa": None}
-    section |= changes
+    section = GrainSettings.model_construct(**section | changes)
     berry.run(section, TABLE1, out_dir)
     return berry.of_settings(section, TABLE1)
 

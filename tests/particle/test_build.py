@@ -13,6 +13,7 @@ from refusals import input_error
 from repose.core.errors import InputError
 from repose.dem.rotations import sphere_directions
 from repose.particle import build, support_fit
+from repose.particle.mesh import principal_pose
 
 BARREL_M = np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]]) * 1e-3
 
@@ -60,7 +61,7 @@ def test_sphere_is_recognised_whatever_its_pose(tmp_path):
 def test_ellipsoid_whose_mesh_axes_are_not_its_own():
     mesh = turned(trimesh.creation.icosphere(subdivisions=3, radius=0.5), shift=(0, 0, 0))
     mesh.apply_scale([20.0, 12.0, 9.0])
-    particle = build.fit_particle(build.principal_pose(mesh), 1000.0)
+    particle = build.fit_particle(principal_pose(mesh), 1000.0)
     assert particle.kind == "ellipsoid"
     np.testing.assert_allclose(particle.semi_axes_m, [[10e-3, 6e-3, 4.5e-3]], rtol=1e-5)
 
@@ -110,7 +111,7 @@ def test_fit_finds_a_barrel_again(tmp_path):
 
 
 def test_support_is_what_the_mesh_says():
-    particle = build.fit_particle(build.principal_pose(barrel_mesh()), 840.47)
+    particle = build.fit_particle(principal_pose(barrel_mesh()), 840.47)
     n = np.random.default_rng(3).normal(size=(4, 50, 3))
     n /= np.linalg.norm(n, axis=-1, keepdims=True)
     brute = (n @ barrel_mesh().vertices.T).max(axis=-1) * 1e-3
@@ -144,7 +145,7 @@ def test_bounding_radius_of_crossed_components():
 
 
 def test_particle_file_round_trip(tmp_path):
-    particle = build.fit_particle(build.principal_pose(barrel_mesh(4)), 840.47, stl="berry.stl")
+    particle = build.fit_particle(principal_pose(barrel_mesh(4)), 840.47, stl="berry.stl")
     particle.save(tmp_path / "particle.json")
     again = build.Particle.load(tmp_path / "particle.json")
     for name in particle.__dataclass_fields__:

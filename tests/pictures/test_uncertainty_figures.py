@@ -87,7 +87,7 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     quantile = np.random.default_rng(1).random((20_000, space.dimensions))
     # what the first free parameter, with a prior, has below its median is excluded
     excluded = np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
-    share, table = implausibility.region(SimpleNamespace(quantile=quantile), space, excluded)
+    share, table = implausibility.region(SimpleNamespace(quantile=quantile, space=space), excluded)
     inputs = {"region": tmp_path / "region.csv", "summary": tmp_path / "summary.json"}
     table.to_csv(inputs["region"], index=False)
     write_json(inputs["summary"], {"not_implausible_share": share})

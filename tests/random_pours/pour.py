@@ -26,6 +26,7 @@ from repose.dem.constants import OF_LAWS
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.particle import berry as berries
 from repose.particle import build
+from repose.particle.settings import GrainSettings
 
 PARTICLES = {
     "ellipsoid": {"particle": "ellipsoid", "mass_g": None},
@@ -433,7 +434,10 @@ def main():
     mean = berries.of_files(section["sizes"], section["compression"], table1, section["density_kg_m3"])[1]
     ball = mean | dict.fromkeys(("major_mm", "minor_mm"), mean["long_mm"])
     means = {name: ball if name == "sphere" else mean for name in PARTICLES}
-    particles = {name: build.of_settings(means[name], section | own) for name, own in PARTICLES.items()}
+    particles = {
+        name: build.of_settings(means[name], GrainSettings.model_construct(**section | own))
+        for name, own in PARTICLES.items()
+    }
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
     seen = [Seen()]
     Bounded.look = noting(seen)

@@ -1,5 +1,7 @@
 """A simulator in one line for the strategies: two responses that three parameters set."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +10,7 @@ from shared import RANGES, entries, settings_of, target
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
+from repose.strategies.response_surface import ResponseSurfaceSettings
 
 SPACE = ParameterSpace.of(RANGES)
 # What `responses` gives at mus_gg 0.61, mur_gg 0.05, mus_gp 0.68.
@@ -16,6 +19,7 @@ SECTION = {"seeds": 3, "screening_runs": 12, "significance": 0.05, "most_factors
 SECTION |= {"surface": "box_behnken", "centres": 5, "reach": 0.25, "checks": 8}
 REFINE = {"seeds": 20, "block": 8, "neighbours": 4, "neighbour_seeds": 3, "tolerance_percent": 1.0}
 REFINE |= {"standard_error_percent": 0.7}
+SETTINGS = ResponseSurfaceSettings(**SECTION)
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
 
 
@@ -23,6 +27,7 @@ class Study(NamedTuple):
     parameters: ParameterSpace
     targets: Targets
     config: dict
+    definitions: Mapping = MappingProxyType({})
 
     @property
     def settings(self):

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import beta, norm
-from synthetic import SPACE, TARGETS, configuration
+from synthetic import TARGETS, study
 
 from repose.cli import main
 from repose.config import cost
@@ -18,7 +18,11 @@ from repose.strategies import plan
 from research.answers import hidden_truths
 
 ROOT = Path(__file__).parents[2]
-CONFIG = configuration(TARGETS, SPACE, funnel={"berries": 500})
+
+
+def study_of(responses):
+    """A study of one or two targets."""
+    return study(Targets(TARGETS[-responses:]), funnel={"berries": 500})
 
 
 def runs_of(sd, samples=400, seed=1):
@@ -35,10 +39,8 @@ def test_the_noise_is_that_of_the_runs_or_the_default_as_by_hand():
     found = plan.measured_noise(runs_of(sd), TARGETS)
     # 400 degrees of freedom: a variance is known to 7 %
     assert found == pytest.approx(np.outer(sd, sd) * [[1, 0.5], [0.5, 1]], rel=0.25)
-    assert plan.plan(CONFIG, runs_of(sd)).measured
-    height = Targets.of(CONFIG["targets"])[1:]
-    found = plan.plan(CONFIG | {"targets": CONFIG["targets"][1:]})
-    assert len(height) == 1
+    assert plan.plan(study_of(2), runs_of(sd)).measured
+    found = plan.plan(study_of(1))
     for percent in (1.0, 2.0):
         by_hand = (norm.ppf((1 + plan.CERTAINTY) / 2) * plan.NOISE_PERCENT / percent) ** 2
         assert found.needed[percent] == int(np.ceil(by_hand))
@@ -52,9 +54,8 @@ def test_the_noise_is_that_of_the_runs_or_the_default_as_by_hand():
 @pytest.mark.parametrize("responses", [1, 2])
 def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses):
     sd = np.array([percent, percent]) / 100 * TARGETS.aim
-    config = CONFIG | {"targets": CONFIG["targets"][-responses:]}
     names = list(TARGETS.names)[-responses:]
-    found = plan.plan(config, runs_of(sd)[["sample", "status", *names]]).budgets
+    found = plan.plan(study_of(responses), runs_of(sd)[["sample", "status", *names]]).budgets
     section = Study.load(ROOT / "config/config.yaml").config["sequential"]
     assert found["pours"].min() == section["start_samples"] * section["seeds"]
     campaigns = pd.read_csv(plan.SUCCESS).query("responses == @responses")
@@ -75,7 +76,7 @@ def test_chances_between_two_scatters_and_their_errors_are_those_by_hand():
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
     assert plan.share_error(shares, trials).to_numpy() == pytest.approx(by_hand, rel=1e-12)
     # 150 jobs of 6 pours of 500 grains took 27.6 MB
-    assert plan.disk_mb(CONFIG, 900) == pytest.approx(27.6, rel=0.05)
+    assert plan.disk_mb(study_of(2), 900) == pytest.approx(27.6, rel=0.05)
 
 
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("published", "sequential")]

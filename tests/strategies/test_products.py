@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from shared import target
+from shared import studied, target
 from synthetic import SPACE, TARGETS, configuration, responses
 from test_sequential import HEIGHT, SECTION, campaign
 
@@ -20,6 +20,7 @@ from repose.measure.angles import MEAN_KEYS
 from repose.particle.particle import Particle
 from repose.pictures.report import page, sections
 from repose.pictures.report.study import read
+from repose.search.settings import MigaSettings
 from repose.strategies import answer as written
 from repose.strategies.answer import separated
 
@@ -29,6 +30,11 @@ BERRY = {"long_mm": 8.0, "major_mm": 8.0, "minor_mm": 8.0, "n": 20, "density_kg_
 FILES = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
 FILES |= {"summary": "summary.json", "table4": "table4.csv"}
 BERRY |= {"elastic_modulus_pa": 1e6, "shear_modulus_pa": 4e5, "poisson_ratio": 0.25, "scale_sd": 0.0}
+
+
+def apart(solutions):
+    """The section `miga` of so many solutions."""
+    return MigaSettings.model_construct(distance=0.02, solutions=solutions)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +55,7 @@ def number(folder):
 
 def of_files(folder, config):
     names = ("summary.json", "representative.csv", "solutions.csv")
-    return answer.read(config, *(folder / name for name in names), strategy="sequential")
+    return answer.read(studied(config, strategy="sequential"), *(folder / name for name in names))
 
 
 def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(study):
@@ -61,7 +67,7 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     assert found.checks[0].runs == SECTION["checks"]
     assert f"all solutions: {folder}/solutions.csv" in str(found)
     table = pd.read_csv(folder / "solutions.csv")
-    made = card.make(config, found, BERRY, SPHERE, table)
+    made = card.make(studied(config), found, BERRY, SPHERE, table)
     card.check(made, "card")
     assert made["interval"] == card.RANGE
     assert made["out_of_reach"] is False
@@ -77,8 +83,8 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     off = responses(table) / TARGETS.aim - 1
     assert abs(off).max() < 0.12
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy())
-    assert len(separated(unit[1:], 0.02, 99)) == len(unit) - 1
-    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), 0.02, 3).tolist() == [0, 2, 4]
+    assert len(separated(unit[1:], apart(99))) == len(unit) - 1
+    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), apart(3)).tolist() == [0, 2, 4]
 
 
 def test_a_target_out_of_reach_is_no_success(study, tmp_path):
@@ -92,7 +98,7 @@ def test_a_target_out_of_reach_is_no_success(study, tmp_path):
     assert "a larger sequential.most_pours" in str(found)
     assert "probably out of reach" in str(found)
     assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
-    made = card.make(config, found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv"))
+    made = card.make(studied(config), found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv"))
     card.check(made, "card")
     assert made["out_of_reach"] is True
     assert made["met"] is False

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from linear import Linear
 from refusals import value_error
-from shared import MIGA, targets_of
+from shared import MIGA, studied, targets_of
 from synthetic import REFINE, Study, configuration
 
 from repose.chain import answer, dataset, invert, train
@@ -41,7 +41,8 @@ def solutions(**columns):
 
 def proposed(round_=0, space=SPACE, targets=TARGETS, table=None, **changes):
     table = solutions() if table is None else table
-    return refine.propose(table, flat(*targets.names), space, targets, SECTION | changes, round_, 7)
+    study = Study(space, targets, {"refine": SECTION | changes, "design": {"seed": 7}})
+    return refine.propose(table, flat(*targets.names), study, round_)
 
 
 def test_the_box_is_cut_to_the_ranges():
@@ -150,13 +151,15 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
     jobs = jobs_of(table, table["seeds"], values, own)
     dataset.run(own / "proposal.csv", jobs, targets, {}, own)
     runs = pd.read_csv(own / "runs.csv")
-    row = rounds.judge(table, runs, targets, SECTION, 0, PARAMETERS)
+    study = Study(SPACE, targets, {"refine": SECTION})
+    row = rounds.judge(table, runs, study, 0)
     assert (row["outcome"], row["n_seeds"], row["poured"]) == ("not within", 4, 8)
     assert (row["height_simulated_mm"], row["drum_slip_simulated_deg"]) == pytest.approx((60.2, 42.0))
     assert "slip 42.00 deg is 5.00 %" in row["reason"]
     assert "Height 60.20 mm is 0.33 %" in row["reason"]
-    more = table.assign(gamma_gg=0.05), (*PARAMETERS, "gamma_gg")
-    assert rounds.judge(more[0], runs, targets, SECTION, 0, more[1])["gamma_gg"] == 0.05
+    seven = ParameterSpace.of(RANGES | {"gamma_gg": [0.0, 0.1]})
+    more = rounds.judge(table.assign(gamma_gg=0.05), runs, study._replace(parameters=seven), 0)
+    assert more["gamma_gg"] == 0.05
     data = batches.read([tmp_path, own], targets)
     added = samples_of_runs(data, SPACE, targets)
     assert added["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
@@ -314,7 +317,7 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
     summary.write_text(json.dumps(content | {"definitions": other}))
     definitions = {"aor_deg": {"measure.response": "secant"}}
     with pytest.raises(InputError, match=r"b/dataset_summary\.json: definition of aor_deg"):
-        batches.run_propose("refined", STUDY, copies, tmp_path, definitions, "config.json")
+        batches.run_propose("refined", STUDY._replace(definitions=definitions), copies, tmp_path, "config.json")
     with pytest.raises(InputError, match=r"batch_1/dataset\.csv: sample is 1001; expected in one batch alone"):
         batches.run_propose("refined", STUDY, [*folders, folders[1]], tmp_path)
     many = STUDY._replace(config=CONFIG | {"design": {"samples": 1000, "seed": 7}})
@@ -331,7 +334,7 @@ def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
     assert "the limit of 1 refits is reached, and round 1 is not within: AoR" in summary["why"]
     # a study stops there if its last round came no nearer, as the rules do
     data = batches.read([tmp_path, *(tmp_path / f"refined/batch_{k}" for k in (1, 2))], TARGETS)
-    jobs, runs = rounds.jobs(CONFIG["refine"], 0), runs_by_bench(data, TARGETS)
+    jobs, runs = rounds.jobs(STUDY.settings.refine, 0), runs_by_bench(data, TARGETS)
     assert rounds.objective_of(jobs, runs, TARGETS) == pytest.approx(verdicts[0]["objective"], rel=1e-12)
     found = Refined().propose(STUDY, data)
     assert verdicts[1]["out_of_reach"]
@@ -344,7 +347,7 @@ def test_the_answer_comes_last_and_says_whether_the_targets_are_met(loop):
     with pytest.raises(InputError, match=r"proposal\.json: answer is False; expected true in the last folder"):
         batches.run_conclude("refined", STUDY, folders[:-1], out)
     files = (out / name for name in ("summary.json", "representative.csv", "solutions.csv"))
-    text = str(answer.read(configuration(TARGETS, SPACE), *files, strategy="refined"))
+    text = str(answer.read(studied(configuration(TARGETS, SPACE), strategy="refined"), *files))
     assert text.splitlines()[0].startswith("made_up: targets met. Angle of repose ")
     assert text.endswith(f"\nNo more batches: round {len(verdicts) - 1} meets both targets.")
     assert "(runs: 200)" in text

@@ -8,7 +8,7 @@ import pytest
 import synthetic
 from matplotlib.text import Text
 from shared import entries
-from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, configuration, dataset, responses, write_poured
+from synthetic import MATTER, RANGES, SECTION, SETTINGS, SPACE, TARGETS, configuration, dataset, responses, write_poured
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -59,12 +59,11 @@ def test_the_screening_finds_the_parameters_that_matter(noisy):
     assert set(found["kept"]) >= MATTER
     assert found["kept"][0] in {"mus_gg", "mur_gg"}
     assert set(found["kept"]) | set(found["dropped"]) == set(PARAMETERS)
-    table = screening.design(SPACE, SECTION)
+    table = screening.design(SPACE, SETTINGS)
     models = screening.models_of(table, dataset(table, 0.1), TARGETS, "linear")
-    none = SECTION | {"significance": 1e-30}
-    assert len(screening.kept_factors(models, none)) == 3
-    assert len(screening.kept_factors(models, none | {"surface": "rotatable"})) == 2
-    assert len(screening.kept_factors(models, SECTION | {"significance": 0.999999})) == 4
+    none = {"significance": 1e-30}
+    for changes, count in ((none, 3), (none | {"surface": "rotatable"}, 2), ({"significance": 0.999999}, 4)):
+        assert len(screening.kept_factors(models, SETTINGS.model_copy(update=changes))) == count
 
 
 def test_the_ascent_begins_at_the_centre_and_the_surface_lies_about_its_best_point(noisy):
@@ -110,10 +109,10 @@ def test_the_interval_of_the_check_holds_what_it_says():
     # a surface of second order is right here, so 95 % of the checks lie inside: 1000 of them, standard error 0.7 %
     points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
     points = points.assign(**SPACE.centre, **{f"coded_{name}": 0.0 for name in sorted(MATTER)})
-    table = surface.design(points, SPACE, SECTION)
+    table = surface.design(points, SPACE, SETTINGS)
     place = np.array([0.3, -0.2, 0.5])
     best = Optimum(place, np.zeros(2), True, 1.0)
-    check = surface.check_samples(table, best, SPACE, SECTION)
+    check = surface.check_samples(table, best, SPACE, SETTINGS.checks)
     inside = []
     for k in range(500):
         models = screening.models_of(table, dataset(table, 0.5, [k, 0]), TARGETS, "quadratic")
@@ -126,7 +125,7 @@ def test_the_interval_of_the_check_holds_what_it_says():
 def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
     points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
     points = points.assign(**SPACE.centre, **{f"coded_{factor}": 0.0 for factor in sorted(MATTER)})
-    table = surface.design(points, SPACE, SECTION | {"surface": name})
+    table = surface.design(points, SPACE, SETTINGS.model_copy(update={"surface": name}))
     assert len(table) == 14 + SECTION["centres"]
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     k = SPACE.free.index(factors_of(table)[0])
@@ -146,14 +145,14 @@ def bent(table):
 def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(aim, sign):
     targets = Targets.of([configuration(TARGETS, SPACE)["targets"][1] | {"value": aim, "range": [aim - 2, aim + 2]}])
     study = synthetic.study(targets, response_surface=SECTION)
-    found = ResponseSurface().propose(study, bent(screening.design(SPACE, SECTION)))
+    found = ResponseSurface().propose(study, bent(screening.design(SPACE, SETTINGS)))
     assert found.notes["screening"]["centre"]["height_mm"] == pytest.approx(68.0)
     assert found.notes["screening"]["corners"]["height_mm"] == pytest.approx(60.0)
     assert np.sign(found.samples["coded_mus_gg"].iloc[-1]) == sign
 
 
 def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
-    table = screening.design(SPACE, SECTION)
+    table = screening.design(SPACE, SETTINGS)
     data = dataset(table)
     data.loc[[0, 5], "status"] = "failed"
     data.loc[[0, 5], list(TARGETS.names)] = np.nan
@@ -165,7 +164,7 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
 
 
 def test_too_few_piles_are_reported_with_their_folder(tmp_path):
-    study, table = synthetic.study(response_surface=SECTION), screening.design(SPACE, SECTION)
+    study, table = synthetic.study(response_surface=SECTION), screening.design(SPACE, SETTINGS)
     write_poured(tmp_path, table)
     data, runs = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("dataset", "runs"))
     failed = data["sample"].iloc[3:12]

@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 from shared import targets_of
 from synthetic import REFINE as SECTION
-from synthetic import SPACE
+from synthetic import SPACE, study
 
 from repose.chain.dataset import assemble
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
 from repose.strategies import batches
-from repose.strategies.refined import rounds
+from repose.strategies.refined import RefineSettings, rounds
 from repose.strategies.runs import samples_of_runs
 from repose.strategies.sequential.strategy import observed_of
 
@@ -34,18 +34,18 @@ def judged(targets=TARGETS, section=SECTION, **responses):
     count = len(next(iter(responses.values())))
     noise = runs_of([1101], **dict.fromkeys(responses, 99.0))  # a neighbour, which has no say
     runs = pd.concat([runs_of([1001] * (count - 1) + [1002], **responses), noise])
-    return rounds.judge(proposed(targets, count), runs, targets, section, 0, PARAMETERS)
+    return rounds.judge(proposed(targets, count), runs, study(targets, refine=section), 0)
 
 
 def test_a_round_is_cut_into_blocks_whose_seeds_were_never_used():
-    jobs = rounds.jobs(SECTION, 2)
+    jobs = rounds.jobs(RefineSettings.model_construct(**SECTION), 2)
     assert jobs[:3] == [(3001, "proposal", 8), (3002, "proposal", 8), (3003, "proposal", 4)]
     assert jobs[3:] == [(number, "neighbour", 3) for number in (3101, 3102, 3103, 3104)]
     assert [rounds.round_of(number) for number in (1001, 3104, 150)] == [0, 2, -1]
     seeds = [
         pour_seeds(2026, "refined", sample, count)
         for round_ in range(4)
-        for sample, _, count in rounds.jobs(SECTION, round_)
+        for sample, _, count in rounds.jobs(RefineSettings.model_construct(**SECTION), round_)
     ]
     seeds.append(pour_seeds(2026, "validation", 1, 32))
     seeds += [pour_seeds(2026, "design", sample, 6) for sample in range(1, 151)]
@@ -75,7 +75,7 @@ def test_a_round_is_within_both_bars_misses_them_is_not_precise_or_gave_no_pile(
     single = judged(section=SECTION | {"standard_error_percent": 1e-9}, aor_deg=[30.0, 30.0], height_mm=[60.0, 60.0])
     assert single["outcome"] == "within", "a standard error of nought is below any"
     runs = runs_of([1001, 1002], aor_deg=30.0, height_mm=60.0).assign(status="jammed", reason="stuck")
-    row = rounds.judge(proposed(TARGETS, 2), runs, TARGETS, SECTION, 0, PARAMETERS)
+    row = rounds.judge(proposed(TARGETS, 2), runs, study(TARGETS, refine=SECTION), 0)
     assert row["outcome"] == "no pile"
     assert row["reason"] == "jammed: 2 of 2 runs jammed (stuck)"
     assert np.isnan(row["aor_simulated_deg"])
@@ -87,7 +87,7 @@ def test_one_target_and_four_of_two_bench_tests():
     assert row["drum_slip_simulated_deg"] == pytest.approx(40.1)
     assert rounds.why_stopped(row, 4, targets_of(drum_slip_deg=40.0)) == "round 0 meets the target"
     assert rounds.claim(row, targets_of(drum_slip_deg=40.0)).startswith("slip 40.10 ± 0.06 deg (+0.25 %), mean")
-    row = rounds.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0, PARAMETERS)
+    row = rounds.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), study(FOUR, refine=SECTION), 0)
     assert (row["poured"], row["n_seeds"]) == (7, 3)
     assert row["outcome"] == "not within"
     assert row["base_radius_simulated_mm"] == pytest.approx(110)
@@ -95,7 +95,7 @@ def test_one_target_and_four_of_two_bench_tests():
     assert "slip 41.40 deg is 3.50 %" in row["reason"]
     failed = of_two_bench_tests([40.0, 40.2])
     failed.loc[failed["apparatus"] == "drum", ["status", "reason"]] = ["jammed", "stuck"]
-    row = rounds.judge(proposed(FOUR, 4), failed, FOUR, SECTION, 0, PARAMETERS)
+    row = rounds.judge(proposed(FOUR, 4), failed, study(FOUR, refine=SECTION), 0)
     assert (row["outcome"], row["reason"]) == ("no pile", "jammed: 2 of 2 runs jammed (stuck)")
     assert rounds.why_stopped(row | {"outcome": "within"}, 4, FOUR) == "round 0 meets all targets"
 
@@ -127,7 +127,7 @@ def test_targets_out_of_reach_end_the_loop_where_it_comes_no_nearer():
     assert not reached["out_of_reach"]
     table = proposed(TARGETS, 3).assign(aor_predicted_deg=29.0)
     runs = runs_of([1001] * 3, aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])
-    row = rounds.judge(table, runs, TARGETS, SECTION, 1, PARAMETERS) | {"usable": 3}
+    row = rounds.judge(table, runs, study(TARGETS, refine=SECTION), 1) | {"usable": 3}
     assert row["out_of_reach"]
     assert row["objective"] == pytest.approx(1 / (TARGETS.high - TARGETS.low)[0])
     nearer, farther = (row | {"objective": row["objective"] + off} for off in (-0.1, 0.1))

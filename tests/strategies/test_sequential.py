@@ -21,6 +21,7 @@ from repose.pictures.figures import style
 from repose.pictures.figures.sequential import sequential
 from repose.strategies import batches
 from repose.strategies.batches import data_of
+from repose.strategies.sequential import SequentialSettings
 from repose.strategies.sequential.advise import LEAST_GAIN, OUT_OF_REACH, advise, start
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
@@ -85,8 +86,8 @@ def observed(n=40, noise=0.5, targets=TARGETS, seed=1, space=SPACE):
 
 
 def advised(data, targets=TARGETS, failed=None, **changes):
-    section = SECTION | changes
-    goal = Goal.of(targets, section["tolerance_percent"], SPACE)
+    section = SequentialSettings.model_construct(**SECTION | changes)
+    goal = Goal.of(targets, section.tolerance_percent, SPACE)
     nowhere = np.empty((0, 6)) if failed is None else failed
     return advise(data, nowhere, goal, section, 3 * len(data.unit), np.random.default_rng(1))
 
@@ -123,7 +124,7 @@ def test_the_same_pours_give_the_same_bits(done, tmp_path):
 
 def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_path):
     known = {"mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}}
-    unit = start(ParameterSpace.of(RANGES | known), SECTION, 1)
+    unit = start(ParameterSpace.of(RANGES | known), SequentialSettings(**SECTION), 1)
     strata = np.sort(np.floor(12 * ParameterSpace.of(RANGES | known).prior_cdf(unit)), axis=0)
     assert (strata == np.arange(12)[:, None]).all()
     values = ParameterSpace.of(RANGES | known).values(unit)[:, PARAMETERS.index("mus_gp")]

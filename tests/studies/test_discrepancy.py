@@ -150,7 +150,7 @@ def observed(targets):
 
 def curve_of(model, targets, study=None):
     points = implausibility.Points(model, SPACE)
-    return points, implausibility.curve(points, SPACE, targets, observed(targets), study)
+    return points, implausibility.curve(points, targets, observed(targets), study)
 
 
 def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribution():
@@ -189,7 +189,7 @@ def test_the_region_is_where_the_response_is_within_three_standard_deviations():
     points = implausibility.Points(Linear(40.0), SPACE)
     mean, covariance = observed(targets)(2.0)
     implausible = implausibility.implausibility(points, mean, covariance)
-    share, table = implausibility.region(points, SPACE, implausible)
+    share, table = implausibility.region(points, implausible)
     half = 3 * math.sqrt(covariance[0, 0]) / 40
     assert share == pytest.approx(2 * half, abs=0.002)
     assert len(table) == 15 * implausibility.CELLS**2

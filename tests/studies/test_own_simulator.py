@@ -15,9 +15,10 @@ from shared import at, put
 
 from repose.chain import card
 from repose.cli import main
+from repose.config.record import add_runs
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.strategies.runs import add_runs, checked_runs
+from repose.strategies.runs import checked_runs
 from repose.strategies.sequential import noise
 from repose.strategies.sequential.strategy import observed_of
 from repose.studies import calibration
@@ -72,7 +73,7 @@ def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(f
     answer = pd.DataFrame([found.summary["representative"]])
     exact = simulate(answer, noise=0.0).iloc[0]
     for k, one in enumerate(found.study.targets):
-        assert abs(exact[one.name] - one.aim) < 4 * found.error[k]
+        assert abs(exact[one.name] - one.aim) < 4 * found.answer.error[k]
     assert found.summary["feasible"]
     chance = found.probability
     assert 0.5 < chance["within_1_percent"] <= chance["within_2_percent"] <= 1
@@ -91,19 +92,20 @@ def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(f
     moved = found._replace(posterior=found.posterior._replace(parameters=table))
     for name in FREE:
         assert moved.intervals[name]["high"] == found.parameters[name]
-    assert calibration.describe(moved).count("; interval widened to hold the answer") == 2
-    assert calibration.describe(found).count("widened") == 0
+    assert str(moved).count("; interval widened to hold the answer") == 2
+    assert str(found).count("widened") == 0
     assert "friction" in moved._repr_html_()
 
 
 @pytest.mark.slow
 def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
-    made = calibration.write(found, tmp_path)
+    found.save(tmp_path)
+    made = found.card
     assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
     assert made["met"] is None
     assert made["reason"] == "The answer is predicted inside both ranges; the answer was not simulated again."
     assert made["out_of_reach"] is False
-    assert calibration.describe(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
+    assert str(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert main(["card", "check", str(tmp_path / "card.json")]) == 3
     assert capsys.readouterr().out.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert {test["bench"] for test in made["tests"]} == {None}
@@ -160,7 +162,7 @@ def test_rows_with_the_same_parameters_are_replicates_and_failed_runs_known_as_s
 
 def noise_of(study, table):
     known = observed(study, checked_runs(study, table))[0]
-    return noise.noise_of(known, study.targets.names, study.config["noise_sd"])
+    return noise.noise_of(known, study.targets.names, study.settings.noise_sd)
 
 
 def test_a_fixed_parameter_needs_no_column(study, table, tmp_path):
@@ -200,8 +202,8 @@ def test_how_rough_the_estimate_is(samples, low, high):
 
 def test_the_correlation_of_responses_needs_more_repeated_runs_than_responses(study):
     needed = len(study.targets) + 2
-    assert calibration.posterior_settings(study, needed - 1)["measured_correlation"] == 0.0
-    assert calibration.posterior_settings(study, needed) == study.config["posterior"]
+    assert calibration.posterior_settings(study, needed - 1).measured_correlation == 0.0
+    assert calibration.posterior_settings(study, needed).measured_correlation == "simulated"
 
 
 def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table):

@@ -9,6 +9,7 @@ import pytest
 from linear import Linear
 from scipy import stats
 from shared import targets_of
+from synthetic import Study
 
 from repose.chain import train
 from repose.core.errors import InputError
@@ -16,6 +17,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import implausibility, likelihood, posterior
 from repose.studies.likelihood import observation
+from repose.studies.settings import PosteriorSettings
 from repose.surrogate import names
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.settings import NetworkSettings
@@ -25,6 +27,7 @@ TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
 SETTINGS = {"shape_study": None, "discrepancy_percent": 2.0, "discrepancy_correlation": 0.0}
 SETTINGS |= {"measured_correlation": "simulated", "walkers": 24, "steps": 1000, "seed": 1}
+GIVEN = Study(ParameterSpace.of(UNIT), TARGETS, {"posterior": SETTINGS})
 
 
 def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
@@ -39,7 +42,7 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
     space = ParameterSpace.of(UNIT | {"mus_gg": [0.4, 0.8]})
     k = space.free.index("mus_gg")
-    found = posterior._reference("other", space, k, np.array([0.0, 0.5, 1.0]), 0.5, 0.7)
+    found = posterior._reference("other", space, k, np.array([0.4, 0.6, 0.8]), 0.5, 0.7)
     assert found["other_prior_probability"] == pytest.approx(0.5)
     assert found["other_probability"] == pytest.approx(1 / 3)
 
@@ -61,9 +64,9 @@ def runs_of(targets, seeds=4, samples=20):
 def inferred(targets, slopes, space=UNIT, runs=None, **changes):
     beside = {name: pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS) for name in ("published", "miga")}
     model = Linear(targets.names, slopes, error=0.1)
-    settings = SETTINGS | {"discrepancy_percent": 0.0} | changes
+    settings = PosteriorSettings.model_construct(**SETTINGS | {"discrepancy_percent": 0.0} | changes)
     runs = runs_of(targets) if runs is None else runs
-    return posterior.infer(model, Everywhere(), runs, ParameterSpace.of(space), targets, settings, beside)
+    return posterior.infer(model, Everywhere(), runs, Study(ParameterSpace.of(space), targets, {}), settings, beside)
 
 
 def test_a_correlation_of_more_responses_than_repeated_runs_is_refused_unless_it_is_stated():
@@ -131,7 +134,7 @@ def test_fixed_parameters_are_not_sampled_and_unpublished_ones_have_no_published
     space = ParameterSpace.of(UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}})
     published = pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS)
     unit = np.random.default_rng(1).uniform(size=(500, 7))
-    table = posterior._parameters(space, unit, *np.ones((3, 7)), {"published": published})
+    table = posterior._parameters(space, unit, {"effective_draws": np.ones(7)}, {"published": published})
     assert table["published_low"].isna().tolist() == [False] * 6 + [True]
 
 
@@ -166,7 +169,7 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
     def observed(percent, between):
         return observation(targets, np.eye(1), np.array([[(percent / 100 * 31.0) ** 2]]))
 
-    curve = implausibility.curve(points, space, targets, observed)
+    curve = implausibility.curve(points, targets, observed)
     own = curve.set_index("discrepancy_percent").loc[2.0, "information_bits"]
     assert own == pytest.approx(exact, abs=0.01)
 
@@ -205,7 +208,7 @@ def study(tmp_path_factory):
 
 
 def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(study, tmp_path):
-    summary = posterior.run(study, ParameterSpace.of(UNIT), TARGETS, SETTINGS, tmp_path)
+    summary = posterior.run(study, GIVEN, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
     assert table.loc[["mus_gp", "mur_gg"], "median"].to_numpy() == pytest.approx([0.5, 0.5], abs=0.03)
     # 20 units of AoR over a range: se 1 and discrepancy 0.6 are 0.058 of it
@@ -225,7 +228,8 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(s
 def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
     train.run(study["dataset"], study["runs"], TARGETS, TRAINING, tmp_path, surrogate=name)
     files = study | {"network": tmp_path / "network.json", "predictions": tmp_path / "predictions.csv"}
-    summary = posterior.run(files, ParameterSpace.of(UNIT), TARGETS, SETTINGS | {"walkers": 14, "steps": 400}, tmp_path)
+    few = GIVEN._replace(config={"posterior": SETTINGS | {"walkers": 14, "steps": 400}})
+    summary = posterior.run(files, few, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
     assert table.loc[["mus_gp", "mur_gg"], "median"].to_numpy() == pytest.approx([0.5, 0.5], abs=0.04)
     assert table.loc["mus_gp", "sd"] == pytest.approx(math.sqrt(1.36) / 20, rel=0.25)
@@ -233,17 +237,16 @@ def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
 
 
 def test_other_responses_and_other_definitions_are_refused(study, tmp_path):
-    space = ParameterSpace.of(UNIT)
     other = targets_of(height_mm=60.0, aor_deg=30.0)
     with pytest.raises(InputError, match=r"network\.json: outputs is .*the responses of the targets, height_mm"):
-        posterior.run(study, space, other, SETTINGS, tmp_path)
+        posterior.run(study, GIVEN._replace(targets=other), tmp_path)
     network = json.loads(study["network"].read_text())
     made_with = network | {"definitions": {"aor_deg": {"measure.response": "flank"}}}
     (tmp_path / "network.json").write_text(json.dumps(made_with))
     files = study | {"network": tmp_path / "network.json"}
     wanted = {"aor_deg": {"measure.response": "secant"}}
     with pytest.raises(InputError, match=r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"):
-        posterior.run(files, space, TARGETS, SETTINGS, tmp_path, wanted, "my.yaml")
+        posterior.run(files, GIVEN._replace(definitions=wanted), tmp_path, "my.yaml")
 
 
 def test_restored_network_has_the_error_bars_it_was_trained_with(study):

@@ -1,6 +1,7 @@
 """The sampler and its diagnostics, on densities with closed forms."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +9,11 @@ from refusals import value_error
 from scipy import stats
 from scipy.special import logsumexp
 
+from repose.core.parameter_space import ParameterSpace
 from repose.studies import sampler
 from repose.studies.likelihood import log_likelihood
+
+CUBE = ParameterSpace.of({name: [0.0, 1.0] for name in "ab"}, names=tuple("ab"))
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +41,7 @@ def test_linear_model_has_its_closed_form_posterior_and_information(linear):
     # KL(normal || uniform on the cube) = -entropy, since the uniform density is one
     joint = -0.5 * np.log2((2 * math.pi * math.e) ** 2 * np.linalg.det(known))
     effective = chains.log_density.size / chains.density_time
-    found, error = sampler.joint_information_bits(log_density, chains.log_density.ravel(), effective, 2, 1)
+    found, error = sampler.joint_information_bits(log_density, chains.log_density.ravel(), effective, CUBE, 1)
     assert found == pytest.approx(joint, abs=0.03)
     assert error < 0.05
     for k in range(2):
@@ -114,7 +118,8 @@ def test_information_beyond_an_informative_prior():
     def from_prior(share):
         return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
 
-    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior)
+    space = SimpleNamespace(dimensions=1, from_prior=from_prior)
+    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, space, 1)
     # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
     known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
     assert found == pytest.approx(known / math.log(2), abs=0.02)

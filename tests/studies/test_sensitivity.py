@@ -6,6 +6,7 @@ import pytest
 from linear import Linear
 from refusals import input_error, value_error
 from shared import targets_of
+from synthetic import Study
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -60,14 +61,19 @@ def test_bad_arguments_are_reported():
 
 
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
-SETTINGS = {"samples": 256, "resamples": 20, "seed": 1}
+SECTION = {"samples": 256, "resamples": 20, "seed": 1}
 SLOPES = [{"e_gg": 1.0, "mus_gp": 2.0}, {"mur_gg": 5.0}, {"mus_gp": 1.0}, {"e_gp": 3.0, "mur_gp": 4.0}]
+
+
+def study_of(targets, space=None):
+    """A study of these targets."""
+    return Study(space or ParameterSpace.of(UNIT), targets, {"sensitivity": SECTION})
 
 
 @pytest.mark.parametrize("names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")])
 def test_one_target_and_four(names):
     targets, slopes = targets_of(**dict.fromkeys(names, 30.0)), SLOPES[: len(names)]
-    table, effects = sensitivity.analyse(Linear(names, slopes), ParameterSpace.of(UNIT), targets, SETTINGS)
+    table, effects = sensitivity.analyse(Linear(names, slopes), study_of(targets))
     assert len(table) == 6 * len(names)
     first = table.set_index(["response", "parameter"])["first"]
     assert first[names[0], "mus_gp"] == pytest.approx(4 / 5, abs=0.02)
@@ -79,7 +85,7 @@ def test_one_target_and_four(names):
 def test_a_fixed_parameter_has_no_index():
     space = ParameterSpace.of(UNIT | {"e_gg": {"fixed": 0.9}})
     targets = targets_of(drum_slip_deg=30.0)
-    table, effects = sensitivity.analyse(Linear(targets.names, SLOPES[:1]), space, targets, SETTINGS)
+    table, effects = sensitivity.analyse(Linear(targets.names, SLOPES[:1]), study_of(targets, space))
     assert "e_gg" not in set(table["parameter"]) | set(effects["parameter"])
     assert table.set_index("parameter").loc["mus_gp", "first"] == pytest.approx(1, abs=0.02)
     middle = effects[(effects["parameter"] == "mus_gp") & (effects["value"] == 0.5)]
@@ -93,7 +99,7 @@ def test_tables_of_every_surrogate(name, tmp_path):
     model = make(name, NetworkSettings.of({"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1}))
     model.describe(PARAMETERS, targets.names).fit(X, X @ random.uniform(size=(6, 2)))
     model.save(tmp_path / "network.json")
-    parts = (tmp_path / "network.json", ParameterSpace.of(UNIT), targets, SETTINGS)
+    parts = (tmp_path / "network.json", study_of(targets))
     table = sensitivity.run(*parts, tmp_path / "out")
     pd.testing.assert_frame_equal(table, sensitivity.run(*parts, tmp_path / "again"))
     assert len(table) == 12
@@ -110,8 +116,8 @@ def test_faults_are_reported_with_the_file(tmp_path):
     flat.W1_ = 0 * flat.W1_
     flat.describe(PARAMETERS, targets.names).save(path)
     with pytest.raises(InputError, match=r"network\.json: surrogate is 'an output of the function does not vary"):
-        sensitivity.run(path, ParameterSpace.of(UNIT), targets, SETTINGS, tmp_path)
+        sensitivity.run(path, study_of(targets), tmp_path)
     with pytest.raises(InputError, match="outputs"):
-        sensitivity.run(path, ParameterSpace.of(UNIT), targets_of(height_mm=60.0), SETTINGS, tmp_path)
+        sensitivity.run(path, study_of(targets_of(height_mm=60.0)), tmp_path)
     fixed = ParameterSpace.of({name: {"fixed": 0.5} for name in PARAMETERS})
-    input_error("all fixed", sensitivity.run, path, fixed, targets, SETTINGS, tmp_path)
+    input_error("all fixed", sensitivity.run, path, study_of(targets, fixed), tmp_path)

@@ -7,11 +7,13 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from refusals import not_refused
 
 from repose import Study
+from repose.cli import main
+from repose.config.record import add_runs
 from repose.core.errors import InputError
-from repose.strategies.runs import add_runs
 
 QUICK = {"posterior": {"walkers": 32, "steps": 100}, "sequential": {"start_samples": 8, "tolerance_percent": 5.0}}
 
@@ -102,6 +104,63 @@ def test_the_verb_adds_rows_of_several_processes(tmp_path):
 
 def add_part(part, record):
     add_runs(study(), part, record)
+
+
+@pytest.fixture
+def verbs(tmp_path):
+    """The verbs tell and ask of the study in a folder: add a table, return the runs to make next."""
+    content = {"simulator": "own simulator", "label": "study", "seed": 0, **QUICK}
+    content |= {"parameters": {key: [0.0, 1.0] for key in "ab"}}
+    content |= {"targets": {name: {"value": v, "sd": 0.05, "repetitions": 1} for name, v in (("y", 1.0), ("z", 0.5))}}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(content))
+    config, record = ["--config", str(tmp_path / "own.yaml")], str(tmp_path / "record.csv")
+
+    def tell(table):
+        table.to_csv(tmp_path / "part.csv", index=False)
+        return main(["tell", str(tmp_path / "part.csv"), *config, "--out", record])
+
+    def ask():
+        assert main(["ask", "--runs", record, *config, "--out", str(tmp_path / "next.csv")]) == 0
+        return pd.read_csv(tmp_path / "next.csv")
+
+    return tell, ask
+
+
+def noisy(asked):
+    """Results with random numbers."""
+    rows = asked.reset_index(drop=True)
+    noise = np.random.default_rng(len(rows)).normal(0, 0.1, (2, len(rows)))
+    return rows.assign(y=rows["a"] + rows["b"] + noise[0], z=rows["a"] + noise[1])
+
+
+def test_the_verbs_keep_turns_as_python_does(verbs, capsys):
+    """A turn that is told in parts asks for its other runs, and then for the same as a whole one; twice is refused."""
+    (tell, ask), whole = verbs, study()
+    for turn in range(2):
+        asked = whole.ask()
+        pd.testing.assert_frame_equal(ask(), asked)
+        told = noisy(asked) if turn else noisy(asked).drop(columns=["sample", "run"])
+        assert tell(told[:5]) == 0
+        pd.testing.assert_frame_equal(ask(), asked[5:].reset_index(drop=True))
+        assert tell(told[3:5]) == 2
+        assert ("each once" if turn else "the record has all numbers of this row") in capsys.readouterr().err
+        assert tell(told[5:]) == 0
+        whole.tell(noisy(asked))
+    pd.testing.assert_frame_equal(ask(), whole.ask())
+
+
+def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
+    tell, ask = verbs
+    start = ask()
+    sets = pd.DataFrame(np.random.default_rng(1).random((24, 2)), columns=["a", "b"])
+    made = noisy(sets.loc[sets.index.repeat(2)])
+    assert tell(made[:3]) == 0
+    assert tell(made[3:40]) == 0
+    asked = ask()
+    assert not set(asked["a"]) & set(start["a"]), "a batch after these runs, not the start"
+    assert tell(noisy(asked)[:2]) == 0
+    assert tell(made[40:]) == 0
+    pd.testing.assert_frame_equal(ask(), asked[2:].reset_index(drop=True))
 
 
 def test_what_is_wrong_is_told_by_its_name(tmp_path):

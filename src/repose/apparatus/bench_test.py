@@ -8,6 +8,7 @@ To add a bench test, write a subclass of `BenchTest` in a module of its own, put
 import the module in `repose.apparatus`; then the configuration knows the name.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,11 +16,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
+from repose.apparatus.scene import grain_simulation
 from repose.apparatus.settings import S, SceneSettings, SimulationSettings
 from repose.core import responses as core
 from repose.core.errors import InputError
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.seeds import UNNAMED
 
 if TYPE_CHECKING:
     from repose import dem
@@ -29,7 +32,9 @@ if TYPE_CHECKING:
 Config = Mapping[str, Any]
 Grain = Mapping[str, Any]
 Progress = Callable[[float], object]
+Arrays = Mapping[str, np.ndarray]
 Contradictions = Iterator[tuple[str, str]]
+Faults = Iterator[tuple[str, str]]
 LongestStep = Callable[[Grain], float]
 
 
@@ -61,11 +66,11 @@ class Scene:
     def of(
         cls, config: Config, parameters: Mapping[str, float], grain: Grain, particle: "Particle", seed: int = 0
     ) -> Self:
-        """The scene of a configuration."""
+        """Make the scene of a configuration."""
         return cls(SceneSettings(config), parameters, grain, particle, seed)
 
     def with_seed(self, seed: int) -> Self:
-        """The same scene with other random numbers."""
+        """Return the same scene with other random numbers."""
         return replace(self, seed=seed)
 
     @property
@@ -74,17 +79,9 @@ class Scene:
         return self.settings.simulation
 
     @property
-    def mm_per_pixel(self) -> float:
-        """Scale of a silhouette; other keys of `measure` are a pile's."""
-        scale: float = self.settings.config["measure"]["mm_per_pixel"]
-        return scale
-
-    @property
     def measure(self) -> "MeasureSettings":
         """Settings of the measurement of a pile."""
-        from repose.measure.settings import MeasureSettings
-
-        return MeasureSettings.of(self.settings.config["measure"], self.grain)
+        return self.settings.measure_of(self.grain)
 
 
 @dataclass(frozen=True)
@@ -108,6 +105,18 @@ class Run:
     frames: dict[str, np.ndarray] | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ending:
+    """How a run ended: the numbers by which it is judged; each bench test adds its own."""
+
+    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+
+
+def stated(*cases: tuple[object, str, str]) -> Iterator[tuple[str, str]]:
+    """Yield the cases that hold: a key and what is allowed, or a status and its reason."""
+    return ((name, words) for holds, name, words in cases if holds)
+
+
 class BenchTest(ABC, Generic[S]):
     """A bench test: its responses, and how a scene is run and measured.
 
@@ -119,10 +128,14 @@ class BenchTest(ABC, Generic[S]):
         Model of that section. ``seeds`` among its keys is the number of runs of each sample of a design.
     responses : tuple of Response
         Its responses. Each function of a measured run (`Response.of`) takes what `measure` returns.
+    numbers : tuple of str
+        Numbers of a measured run besides its responses.
     recorded : Recorded
-        Numbers of a run that the tables keep besides the targets.
+        Numbers of a run that the tables keep besides the targets: by default its responses and `numbers`.
     statuses : tuple of str
         How a run may end; ``ok`` first.
+    lacking : mapping
+        Status of a run without a number for a target, by the response; ``no_flank`` by default.
     measured_by : tuple of str
         Keys of its section that only `measure` reads; a change of them makes no new run.
     required_arrays : tuple of str
@@ -136,24 +149,55 @@ class BenchTest(ABC, Generic[S]):
     name: ClassVar[str]
     settings: type[S]
     responses: ClassVar[tuple[Response, ...]]
+    numbers: ClassVar[tuple[str, ...]] = ()
     recorded: ClassVar[Recorded]
     statuses: ClassVar[tuple[str, ...]]
+    lacking: ClassVar[Mapping[str, str]] = {}
     measured_by: ClassVar[tuple[str, ...]] = ()
     required_arrays: ClassVar[tuple[str, ...]] = ()
     summary: ClassVar[str] = ""
     photographed: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe capacity, walls and box, as arguments of `repose.dem.Simulation`; reach_m: of the largest grain."""
+
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
         """Make the empty simulation, with room for grains of a largest relative size."""
+        reach_m = largest_scale * scene.particle.bounding_radius_m
+        return grain_simulation(scene, largest_scale=largest_scale, **self.world(scene, reach_m))
 
     @abstractmethod
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Run once; `interval_s` asks for frames, `progress` is called with the simulated time [s]."""
 
-    @abstractmethod
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
+    def faults(self, ending: Any, settings: SceneSettings) -> Faults:
+        """Yield status and reason of each fault that spoils a run before it is measured, the gravest first."""
+        return iter(())
+
+    def status_of(self, ending: Ending, settings: SceneSettings) -> tuple[str, str]:
+        """Judge a run before it is measured; the reason of ``ok`` is empty."""
+        if ending.unstable:
+            return "unstable", ending.unstable
+        return next(self.faults(ending, settings), ("ok", ""))
+
+    def ended(
+        self, scene: Scene, ending: Ending, arrays: dict[str, np.ndarray], frames: Any = None, **numbers: float
+    ) -> Run:
+        """Judge a run and make its record; a number that is not finite becomes None."""
+        status, reason = self.status_of(ending, scene.settings)
+        known = {key: value if math.isfinite(value) else None for key, value in numbers.items()}
+        return Run({"seed": int(scene.seed), "status": status, "reason": reason, **known}, arrays, frames)
+
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure an ``ok`` run: its responses and `numbers`, None where one cannot be measured; see `assess`."""
+        raise NotImplementedError
+
+    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure a run: its record with every response that is a target; None where it cannot be measured."""
+        if record["status"] == "ok":
+            return {**record, **self.values(arrays, scene)}
+        return {**record, **dict.fromkeys((*self.response_names, *self.numbers))}
 
     @abstractmethod
     def duration_s(self, settings: SceneSettings) -> float:
@@ -175,34 +219,35 @@ class BenchTest(ABC, Generic[S]):
         """Return the section of the bench test."""
         return settings.section(self.name, self.settings)
 
+    @property
+    def response_names(self) -> tuple[str, ...]:
+        """Names of its responses."""
+        return tuple(response.name for response in self.responses)
+
     def target_responses(self, config: Config) -> tuple[Response, ...]:
         """Return its responses that are targets of a configuration, in the order of the targets."""
         targets = SceneSettings(config).targets_of(self.name)
         return tuple(core.response(target["response"]) for target in targets)
 
     def assess(
-        self,
-        measured: Mapping[str, Any],
-        settings: SceneSettings,
-        reasons: Mapping[str, str],
-        statuses: Mapping[str, str] = {},
+        self, measured: Mapping[str, Any], settings: SceneSettings, reasons: Mapping[str, str]
     ) -> dict[str, str]:
         """Return ``status`` and ``reason`` by the first target that a measured run lacks; empty if it lacks none.
 
-        `reasons` says why responses could not be measured, `statuses` the status for it where it is not ``no_flank``.
+        `reasons` says why responses could not be measured.
         """
         for target in self.target_responses(settings.config):
             name = target.name
             if measured[name] is None:
                 reason = reasons.get(name, f"{name} cannot be measured")
-                return {"status": statuses.get(name, "no_flank"), "reason": reason}
+                return {"status": self.lacking.get(name, "no_flank"), "reason": reason}
         return {}
 
     def recorded_for(self, config: Config) -> Recorded:
         """Return the columns of its runs in the tables of a study, the targets first."""
         return self.recorded.beginning_with(tuple(response.name for response in self.target_responses(config)))
 
-    def result(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
+    def result(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure a run; a response outside its bounds is no result, and its run is not ``ok``."""
         measured = self.measure(record, arrays, scene)
         if measured["status"] != "ok":
@@ -245,6 +290,8 @@ def register(name: str) -> Callable[[T], T]:
             raise ValueError(f"bench test {name!r} is registered already")
         kind.name, kind.statuses = name, (*kind.statuses, OUT_OF_BOUNDS)
         test = kind()
+        if not hasattr(kind, "recorded"):
+            kind.recorded = Recorded(test.response_names, single=(*test.response_names, *test.numbers))
         family = None if kind.further_response is BenchTest.further_response else test.further_response
         core.register(*test.responses, family=family)
         _REGISTRY[name] = test
@@ -253,8 +300,13 @@ def register(name: str) -> Callable[[T], T]:
     return known
 
 
+def bench_of(job: Mapping[str, Any], source: object = "apparatus") -> BenchTest[Any]:
+    """Find the bench test of a job by its description; that of the first bench test carries no name."""
+    return bench(job.get("apparatus", UNNAMED), source)
+
+
 def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
-    """The bench test of a name.
+    """Find the bench test of a name.
 
     Parameters
     ----------
@@ -278,7 +330,7 @@ def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
 
 
 def names() -> tuple[str, ...]:
-    """Names of all bench tests.
+    """List the names of all bench tests.
 
     Returns
     -------
@@ -289,7 +341,7 @@ def names() -> tuple[str, ...]:
 
 
 def bench_tests() -> tuple[BenchTest[Any], ...]:
-    """All bench tests.
+    """List all bench tests.
 
     Returns
     -------

@@ -1,14 +1,14 @@
-"""Bounds that no pour breaks while its time step is short enough and its berries are stiff enough.
+"""Bounds that no pour breaks while its time step is short enough and its grains are stiff enough.
 
-A step that is too long feeds energy into contacts, and berries fly off; berries that are too soft pass through each
-other and through walls. Either may end in a pile that looks like one. So a run looks at its berries now and then, and
+A step that is too long feeds energy into contacts, and grains fly off; grains that are too soft pass through each
+other and through walls. Either may end in a pile that looks like one. So a run looks at its grains now and then, and
 ends with the status ``unstable`` where one of the bounds is broken:
 
-- speed: `FASTEST` times that of a fall through the whole scene with the speed that berries or walls are given;
-- energy: motion and height of all berries together, which nothing but a moving wall can raise: at most what they have
+- speed: `FASTEST` times that of a fall through the whole scene with the speed that grains or walls are given;
+- energy: motion and height of all grains together, which nothing but a moving wall can raise: at most what they have
   at the top of the scene with the speed that they are given, and `GAIN` of it more;
-- overlap: of two berries at most `DEEPEST` of the smallest extent of the smaller one, of a berry and a wall at most as
-  much of the berry's.
+- overlap: of two grains at most `DEEPEST` of the smallest extent of the smaller one, of a grain and a wall at most as
+  much of the grain's.
 
 Looking changes nothing in the simulation.
 """
@@ -23,7 +23,7 @@ import numpy as np
 if TYPE_CHECKING:
     from repose import dem
 
-FASTEST = 3.0  # a small berry between large ones leaves faster than they came
+FASTEST = 3.0  # a small grain between large ones leaves faster than they came
 GAIN = 0.1  # hits of smooth bodies without friction may return more than they took, see docs/verification.md
 DEEPEST = 0.5
 EVERY = 2000  # time steps between two looks at the speeds
@@ -35,13 +35,13 @@ CURE = {
 
 
 class Unstable(Exception):
-    """A run that broke a bound. The text is its reason: berry, time and remedy."""
+    """A run that broke a bound. The text is its reason: grain, time and remedy."""
 
 
 class Bounded:
-    """Advances a simulation and looks at its berries on the way.
+    """Advances a simulation and looks at its grains on the way.
 
-    `top_m` is the largest height, along gravity, that a berry is brought to, `speed_m_s` the largest speed that a berry
+    `top_m` is the largest height, along gravity, that a grain is brought to, `speed_m_s` the largest speed that a grain
     or a wall is given; the scene is its box up to `top_m`.
     """
 
@@ -63,7 +63,7 @@ class Bounded:
 
     @contextmanager
     def guard(self) -> Iterator[None]:
-        """Look at the berries at the end of a block; end it where a bound is broken, with the reason in `broken`."""
+        """Look at the grains at the end of a block; end it where a bound is broken, with the reason in `broken`."""
         try:
             yield
             self.look()
@@ -82,7 +82,7 @@ class Bounded:
                 self.look(everywhere=simulation.steps % (SELDOM * EVERY) == 0)
 
     def look(self, everywhere: bool = True) -> None:
-        """Look at the berries: at speeds, and `everywhere` at energy and overlaps, which takes ten times as long."""
+        """Look at the grains: at speeds, and `everywhere` at energy and overlaps, which takes ten times as long."""
         self.looked = self.simulation.steps
         if not self.simulation.n_bodies:
             return
@@ -104,7 +104,7 @@ class Bounded:
             raise Unstable(f"berry {fastest} {motion}, {self._when('time step')}; {bound}")
 
     def _look_at_energy(self) -> None:
-        """Refuse more energy than the berries were given."""
+        """Refuse more energy than the grains were given."""
         simulation, there = self.simulation, self.simulation.present
         energies = simulation.kinetic_energies()[there]
         masses = simulation.masses_kg[there]
@@ -117,7 +117,7 @@ class Bounded:
             raise Unstable(f"berry {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}")
 
     def _look_at_overlaps(self) -> None:
-        """Refuse berries that pass through each other or through walls."""
+        """Refuse grains that pass through each other or through walls."""
         simulation = self.simulation
         pairs, overlaps = simulation.overlaps()
         self._refuse_deepest(
@@ -130,7 +130,7 @@ class Bounded:
         )
 
     def _refuse_deepest(self, overlaps: np.ndarray, scales: np.ndarray, which: Callable[[int], str]) -> None:
-        """Refuse overlaps too deep for berries of these scales; which(k): names of the overlapping bodies."""
+        """Refuse overlaps too deep for grains of these scales; which(k): names of the overlapping bodies."""
         if not len(overlaps):
             return
         share = overlaps / scales / self.thickness_m

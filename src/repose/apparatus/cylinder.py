@@ -1,14 +1,14 @@
-"""The measuring cylinder: its bulk density is the mass of the berries struck off at the rim over its volume.
+"""The measuring cylinder: its bulk density is the mass of the grains struck off at the rim over its volume.
 
 Vessel and pouring follow the small container of ISO 17828 (5 litres: 167 mm wide, 228 mm high; poured from 200 to 300
-mm above the rim, struck off level). The wall goes on above the rim as a collar, so that no berry falls beside the
-cylinder; what lies above the rim is struck off when the berries rest. Then the cylinder may be tapped: it falls from a
-height, so that its berries leave the floor with the speed of that fall.
+mm above the rim, struck off level). The wall goes on above the rim as a collar, so that no grain falls beside the
+cylinder; what lies above the rim is struck off when the grains rest. Then the cylinder may be tapped: it falls from a
+height, so that its grains leave the floor with the speed of that fall.
 
-A berry belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
+A grain belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
 average, for what is missing below it, and the density depends on no shape. The core lies `core_margin_mm` away from
-wall, floor and rim, where berries pack more loosely than in the middle. Near them berries lie in layers, so where a
-layer's centres lie just inside the core their count is too high: the core has the share of each berry's volume that
+wall, floor and rim, where grains pack more loosely than in the middle. Near them grains lie in layers, so where a
+layer's centres lie just inside the core their count is too high: the core has the share of each grain's volume that
 lies in it.
 """
 
@@ -21,34 +21,35 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, Pouring, fill, last_berry_s
-from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+    stated,
+)
+from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import Poured, SceneSettings, SimulationSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 NAME = "cylinder"
 TAP_MM, TAP_RESTS_S = 3.0, 0.4  # height of a tap, and time after it
-POINTS = 1000  # of a berry, over which its share in the core is counted
-STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
+POINTS = 1000  # of a grain, over which its share in the core is counted
 
 # --- responses ------------------------------------------------------------------------------------
 
 VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
 CORE = (*VESSEL, "cylinder.core_margin_mm")
 TAPPED = (*VESSEL, "cylinder.taps", "cylinder.tap_mm")
-RESPONSES = (
-    Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
-    Response("core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE),
-    Response("tapped_density_kg_m3", "kg/m3", "tapped density", "tapped density", NAME, 0.0, 25000.0, TAPPED),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -79,19 +80,19 @@ class Vessel:
 
     @classmethod
     def of(cls, section: CylinderSettings) -> "Vessel":
-        """The vessel of a section of the configuration."""
+        """Make the vessel of a section of the configuration."""
         lengths = 0.5 * section.diameter_mm, section.height_mm, section.collar_mm
         return cls(*(1e-3 * length for length in lengths))
 
     @property
     def top_m(self) -> float:
-        """Upper end of the collar, where berries appear [m]."""
+        """Upper end of the collar, where grains appear [m]."""
         return self.height_m + self.collar_m
 
     def density_kg_m3(
         self, masses_kg: np.ndarray, shares: np.ndarray | Sequence[float], margin_m: float = 0.0
     ) -> float:
-        """Mass of the shares (N,) of berries in the cylinder, `margin_m` off wall, floor and rim, over its volume."""
+        """Mass of the shares (N,) of grains in the cylinder, `margin_m` off wall, floor and rim, over its volume."""
         radius, height = self.radius_m - margin_m, self.height_m - 2.0 * margin_m
         return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
 
@@ -102,9 +103,9 @@ class Vessel:
         return between & (np.hypot(x, y) < self.radius_m - margin_m)
 
     def shares_inside(self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float) -> np.ndarray:
-        """Share of each berry's volume that lies in the cylinder, `margin_m` away from wall, floor and rim.
+        """Share of each grain's volume that lies in the cylinder, `margin_m` away from wall, floor and rim.
 
-        Counted over `POINTS` points of the body: the share of a berry that is cut is off by 0.003 (rms), the
+        Counted over `POINTS` points of the body: the share of a grain that is cut is off by 0.003 (rms), the
         density of a core by less than 1e-3 of itself. `arrays` holds ``position``, ``quaternion`` and ``scale`` of
         a run.
         """
@@ -136,7 +137,7 @@ def points_of(particle: "Particle") -> np.ndarray:
 def tap(
     simulation: "dem.Simulation", settings: SimulationSettings, height_m: float, run_to: Callable[[int], object]
 ) -> None:
-    """Let the cylinder fall from a height, and its berries rest: seen from it they jump up by that height."""
+    """Let the cylinder fall from a height, and its grains rest: seen from it they jump up by that height."""
     gravity, kept = simulation.physics.gravity, simulation.physics.gravity.copy()
     speed, lasts_s = _of_a_tap(settings.gravity_m_s2, height_m)
     gravity[2] += speed / settings.time_step_s  # in one step the speed of the fall, to all at once
@@ -146,9 +147,18 @@ def tap(
 
 
 def _of_a_tap(gravity_m_s2: float, height_m: float) -> tuple[float, float]:
-    """Speed of the fall [m/s], and the time until the berries rest [s]."""
+    """Speed of the fall [m/s], and the time until the grains rest [s]."""
     speed = math.sqrt(2.0 * gravity_m_s2 * height_m)
     return speed, 2.0 * speed / gravity_m_s2 + TAP_RESTS_S
+
+
+@dataclass(frozen=True)
+class Filling(Ending):
+    """A filled cylinder."""
+
+    centres_m: np.ndarray  # (N, 3)
+    energy_j: float  # mean of a grain
+    length_m: float  # of a grain
 
 
 @register(NAME)
@@ -156,9 +166,13 @@ class CylinderTest(BenchTest[CylinderSettings]):
     """A measuring cylinder that is filled, struck off at the rim, and may be tapped."""
 
     settings = CylinderSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
+        Response("core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE),
+        Response("tapped_density_kg_m3", "kg/m3", "tapped density", "tapped density", NAME, 0.0, 25000.0, TAPPED),
+    )
+    numbers = ("berries_in_cylinder",)
+    statuses = ("ok", "unstable", "lost", "not_at_rest", "not_full")
     measured_by = ("core_margin_mm",)
     required_arrays = ("position", "quaternion", "scale")
     summary = (
@@ -166,23 +180,18 @@ class CylinderTest(BenchTest[CylinderSettings]):
         "{berries_in_cylinder} berries in the cylinder"
     )
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the cylinder with its collar."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the cylinder with its collar."""
         section = self.section(scene.settings)
-        vessel, reach = Vessel.of(section), largest_scale * scene.particle.bounding_radius_m
-        wall_m = vessel.top_m + 2.0 * reach
-        floor, up = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls={
-                "floor": dem.Plane(floor, up, "wall"),
-                "shell": dem.Cylinder(floor, up, wall_m, vessel.radius_m, "wall"),
-            },
-            lower=(-vessel.radius_m, -vessel.radius_m, 0.0),
-            upper=(vessel.radius_m, vessel.radius_m, wall_m),
-            largest_scale=largest_scale,
-        )
+        vessel, floor, up = Vessel.of(section), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+        wall_m, shell_m = vessel.top_m + 2.0 * reach_m, vessel.radius_m
+        shell = dem.Cylinder(floor, up, wall_m, shell_m, "wall")
+        return {
+            "capacity": section.berries,
+            "walls": {"floor": dem.Plane(floor, up, "wall"), "shell": shell},
+            "lower": (-shell_m, -shell_m, 0.0),
+            "upper": (shell_m, shell_m, wall_m),
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the cylinder, let the grains rest, and tap it.
@@ -190,85 +199,58 @@ class CylinderTest(BenchTest[CylinderSettings]):
         The arrays are ``position``, ``quaternion`` and ``scale``, and with taps the positions after them, ``tapped``.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        vessel = Vessel.of(section)
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
-        bounded = Bounded(simulation, vessel.top_m, section.speed_m_s)
-        filmed, last_step = Filmed(bounded, interval_s, progress), settings.steps(section.duration_s)
-        factory = Disc(vessel.radius_m - reach, vessel.top_m)
+        vessel, last_step = Vessel.of(section), settings.steps(section.duration_s)
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
         length_m = float(scene.particle.axes_m.max())
-        with bounded.guard():
-            pouring = Pouring.of(section, section.berries)
-            fill(simulation, factory, pouring, scene.seed, last_step, filmed.run_to, scales)
-            filmed.run_to(last_step)
-        centres, turns = simulation.positions.copy(), simulation.quaternions.copy()
-        energy = float(simulation.kinetic_energies().mean())
-        status, reason = self.status_of(centres, energy, scene.settings, length_m, bounded.broken)
-        tapped = section.taps if status == "ok" else 0
-        if tapped:
-            with bounded.guard():
-                for _ in range(tapped):
-                    tap(simulation, settings, 1e-3 * section.tap_mm, filmed.run_to)
-            moving = float(simulation.kinetic_energies().mean())
-            places = simulation.positions
-            status, reason = self.status_of(places, moving, scene.settings, length_m, bounded.broken)
-        record = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
-            "berries_poured": len(centres),
-            "kinetic_energy_J": energy if math.isfinite(energy) else None,
-        }
-        arrays = {
-            "position": centres.astype(np.float32),
-            "quaternion": turns.astype(np.float32),
-            "scale": simulation.scales.astype(np.float32),
-        }
-        if tapped:
-            arrays["tapped"] = simulation.positions.astype(np.float32)
-        return Run(record, arrays, filmed.frames())
 
-    def status_of(
-        self, centres_m: np.ndarray, energy_j: float, settings: SceneSettings, length_m: float, unstable: str = ""
-    ) -> tuple[str, str]:
-        """Judge a filling; length_m: of a grain; unstable: the bound that it broke, if any.
+        def filling() -> Filling:
+            return Filling(trial.simulation.positions.copy(), trial.energy_j(), length_m, unstable=trial.broken)
+
+        with trial.bound(vessel.top_m, section.speed_m_s).guard():
+            fill(trial, Disc(vessel.radius_m - trial.reach_m, vessel.top_m), section, last_step)
+            trial.run_to(last_step)
+        filled = ending = filling()
+        arrays = trial.grains()
+        if section.taps and self.status_of(filled, scene.settings)[0] == "ok":
+            with trial.bounded.guard():
+                for _ in range(section.taps):
+                    tap(trial.simulation, settings, 1e-3 * section.tap_mm, trial.run_to)
+            ending = filling()
+            arrays["tapped"] = ending.centres_m.astype(np.float32)
+        numbers = {"berries_poured": len(filled.centres_m), "kinetic_energy_J": filled.energy_j}
+        return self.ended(scene, ending, arrays, trial.frames(), **numbers)
+
+    def faults(self, ending: Filling, settings: SceneSettings) -> Faults:
+        """Judge a filling.
 
         The cylinder is full when the grains above the rim would make a layer of a grain's length there: the heap in
         the collar is nearly level, so the rim is covered everywhere.
         """
-        section = self.section(settings)
+        section, centres, simulation = self.section(settings), ending.centres_m, settings.simulation
         vessel = Vessel.of(section)
-        if unstable:
-            return "unstable", unstable
-        if np.any(np.hypot(*centres_m.T[:2]) >= vessel.radius_m) or np.any(centres_m[:, 2] <= 0.0):
-            return "lost", "a berry lies outside the cylinder"
-        if energy_j > settings.simulation.rest_energy_j:
-            return settings.simulation.not_at_rest(energy_j)
-        below = int(np.count_nonzero(centres_m[:, 2] < vessel.height_m))
-        layer = math.ceil(below * length_m / vessel.height_m)
-        if len(centres_m) - below < layer:
-            return "not_full", (
-                f"{len(centres_m)} of {section.berries} berries poured, {below} of them below the rim; "
-                f"a full cylinder has at least {layer} above it"
-            )
-        return "ok", ""
+        below = int(np.count_nonzero(centres[:, 2] < vessel.height_m))
+        layer = math.ceil(below * ending.length_m / vessel.height_m)
+        poured = f"{len(centres)} of {section.berries} berries poured, {below} of them below the rim"
+        outside = np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(centres[:, 2] <= 0.0)
+        return stated(
+            (outside, "lost", "a berry lies outside the cylinder"),
+            (ending.energy_j > simulation.rest_energy_j, *simulation.not_at_rest(ending.energy_j)),
+            (len(centres) - below < layer, "not_full", f"{poured}; a full cylinder has at least {layer} above it"),
+        )
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with the densities; None where the cylinder was not filled."""
-        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_in_cylinder"))
-        if record["status"] == "ok":
-            section, centres = self.section(scene.settings), np.asarray(arrays["position"], float)
-            vessel, margin = Vessel.of(section), 1e-3 * section.core_margin_mm
-            masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-            shares, inside = vessel.shares_inside(arrays, scene.particle, margin), vessel.inside(centres)
-            measured = {
-                "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
-                "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
-                "berries_in_cylinder": int(inside.sum()),
-                "tapped_density_kg_m3": vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"]))
-                if "tapped" in arrays
-                else None,
-            }
-        return {**record, **measured}
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure the densities."""
+        section, centres = self.section(scene.settings), np.asarray(arrays["position"], float)
+        vessel, margin = Vessel.of(section), 1e-3 * section.core_margin_mm
+        masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
+        shares, inside = vessel.shares_inside(arrays, scene.particle, margin), vessel.inside(centres)
+        tapped = vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"])) if "tapped" in arrays else None
+        return {
+            "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
+            "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
+            "berries_in_cylinder": int(inside.sum()),
+            "tapped_density_kg_m3": tapped,
+        }
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -278,19 +260,18 @@ class CylinderTest(BenchTest[CylinderSettings]):
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a cylinder that cannot be filled or has no core, with what is allowed."""
-        section = self.section(settings)
-        last = last_berry_s(section)
-        if last >= section.duration_s:
-            yield f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"
-        smallest = min(section.diameter_mm, section.height_mm)
-        if section.core_margin_mm >= smallest / 2:
-            yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
-        targets = settings.targets_of(NAME)
-        if not section.taps and any(one.get("response") == "tapped_density_kg_m3" for one in targets):
-            yield f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"
+        section, last = self.section(settings), last_berry_s(self.section(settings))
+        half = min(section.diameter_mm, section.height_mm) / 2
+        is_tapped = any(one.get("response") == "tapped_density_kg_m3" for one in settings.targets_of(NAME))
+        missing = is_tapped and not section.taps
+        return stated(
+            (last >= section.duration_s, f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"),
+            (section.core_margin_mm >= half, f"{NAME}.core_margin_mm", f"below {half:g}, or there is no core"),
+            (missing, f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"),
+        )
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
         """Refuse a cylinder into which the mean grain does not fall in any orientation."""
         longest = max(axes_mm)
-        if self.section(settings).diameter_mm <= longest:
-            yield f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"
+        narrow = self.section(settings).diameter_mm <= longest
+        return stated((narrow, f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"))

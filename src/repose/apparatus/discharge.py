@@ -1,36 +1,43 @@
-"""The funnel with a lid: it is filled, the berries rest, the lid is taken away, and they flow out.
+"""The funnel with a lid: it is filled, the grains rest, the lid is taken away, and they flow out.
 
 A stopwatch gives the time until the funnel is empty, a balance below it the rate. The rate is taken over the middle of
-the discharge, where the flow has begun and the funnel still holds berries: it hardly depends on how high the berries
-stand (Beverloo et al. 1961, Chem. Eng. Sci. 15, 260). An outlet of fewer than about five berries across jams.
+the discharge, where the flow has begun and the funnel still holds grains: it hardly depends on how high the grains
+stand (Beverloo et al. 1961, Chem. Eng. Sci. 15, 260). An outlet of fewer than about five grains across jams.
 
 The funnel is that of `repose.apparatus.funnel`, its outlet at z = 0, with a cylinder above its inlet. The lid
-is a disc in the outlet. It is taken away downwards, faster than the berries fall, so that it drags none of them along.
+is a disc in the outlet. It is taken away downwards, faster than the grains fall, so that it drags none of them along.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+    stated,
+)
 from repose.apparatus.factory import Disc, fill_and_rest, too_early
 from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
-from repose.apparatus.scene import Filmed, at_rest, grain_simulation, sized_simulation
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import Hopper, SceneSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 NAME = "discharge"
-STATUSES = ("ok", "unstable", "lost", "not_filled", "not_at_rest", "jammed")
 LID_M_S = 3.0  # of the lid when it is taken away
-FLOOR_M = -0.1  # a berry below this height is gone
+FLOOR_M = -0.1  # a grain below this height is gone
 LOOK_S = 0.05  # simulated time between two looks whether the funnel is empty
 # The rate is that between these shares of the mass.
 FROM_SHARE, TO_SHARE = 0.2, 0.8
@@ -41,12 +48,6 @@ VESSEL = tuple(
     f"{NAME}.{key}"
     for key in ("berries", "inlet_diameter_mm", "outlet_diameter_mm", "cone_angle_deg", "tube_length_mm")
 )
-RESPONSES = (
-    Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
-    Response("flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -64,14 +65,13 @@ class DischargeSettings(Hopper):
 
 
 @dataclass(frozen=True)
-class Discharge:
-    """Numbers by which a run is judged."""
+class Discharge(Ending):
+    """A funnel that was opened."""
 
-    filled: int  # berries that found room in the funnel
-    rest_energy_j: float  # mean of a berry when the lid was taken away
-    early: int  # berries that were below the outlet before that
-    late: int  # berries that have left after that
-    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+    filled: int  # grains that found room in the funnel
+    rest_energy_j: float  # mean of a grain when the lid was taken away
+    early: int  # grains that were below the outlet before that
+    late: int  # grains that have left after that
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -91,33 +91,30 @@ class DischargeTest(BenchTest[DischargeSettings]):
     """A funnel that is filled, opened and runs empty."""
 
     settings = DischargeSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
+        Response("flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL),
+    )
+    statuses = ("ok", "unstable", "lost", "not_filled", "not_at_rest", "jammed")
     required_arrays = ("exit_s", "scale")
     summary = "empty {emptying_s:.2f} s after the opening; rate {flow_g_s:.0f} g/s"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the closed funnel."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the closed funnel."""
         section = self.section(scene.settings)
         funnel, top = _funnel(section)
-        radius, reach = 0.5 * funnel.inlet_diameter_m, largest_scale * scene.particle.bounding_radius_m
-        inlet, up = (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls={
-                "lid": dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m),
-                **funnel.walls("wall"),
-                "collar": dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach, radius, "wall"),
-            },
-            lower=(-radius, -radius, FLOOR_M),
-            upper=(radius, radius, top + 2.0 * reach),
-            largest_scale=largest_scale,
-            exit_height_m=0.0,
-            curved_walls_above_m=-funnel.rim_radius_m,
-            floor_height_m=FLOOR_M,
-        )
+        radius, inlet, up = 0.5 * funnel.inlet_diameter_m, (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
+        lid = dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m)
+        collar = dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach_m, radius, "wall")
+        return {
+            "capacity": section.berries,
+            "walls": {"lid": lid, **funnel.walls("wall"), "collar": collar},
+            "lower": (-radius, -radius, FLOOR_M),
+            "upper": (radius, radius, top + 2.0 * reach_m),
+            "exit_height_m": 0.0,
+            "curved_walls_above_m": -funnel.rim_radius_m,
+            "floor_height_m": FLOOR_M,
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the closed funnel, let the grains rest, open it, and wait until it is empty.
@@ -126,68 +123,44 @@ class DischargeTest(BenchTest[DischargeSettings]):
         (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        simulation, every = trial.simulation, max(1, settings.steps(LOOK_S))
         funnel, top = _funnel(section)
-        factory = Disc(0.5 * funnel.inlet_diameter_m - reach, top)
-        bounded = Bounded(simulation, top, max(LID_M_S, section.speed_m_s))
-        filmed, opened_s = Filmed(bounded, interval_s, progress), math.nan
-        rests, every = partial(at_rest, simulation, settings.rest_energy_j), max(1, settings.steps(LOOK_S))
-        with bounded.guard():
-            fill_and_rest(filmed, factory, section, scene.seed, scales, section.open_from_s, rests, every)
-            opened_s = simulation.time_s
-            closed = simulation.positions.copy(), simulation.quaternions.copy()
-            energy = float(simulation.kinetic_energies().mean())
+        factory = Disc(0.5 * funnel.inlet_diameter_m - trial.reach_m, top)
+        opened_s, energy, early, closed = math.nan, math.nan, 0, None
+        with trial.bound(top, max(LID_M_S, section.speed_m_s)).guard():
+            fill_and_rest(trial, factory, section, section.open_from_s, every)
+            opened_s, energy, closed = simulation.time_s, trial.energy_j(), trial.grains()
             early = int(np.isfinite(simulation.exit_times_s).sum())
             simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
             last = simulation.steps + settings.steps(section.longest_s)
-            filmed.wait(lambda: bool(np.isfinite(simulation.exit_times_s).all()), last, every)
-        if math.isnan(opened_s):
-            closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
+            trial.wait(lambda: bool(np.isfinite(simulation.exit_times_s).all()), last, every)
+        grains = closed or trial.grains()
         exits = simulation.exit_times_s - opened_s
         late = int(np.isfinite(exits).sum()) - early
-        discharge = Discharge(simulation.n_bodies, energy, early, late, bounded.broken)
-        status, reason = self.status_of(discharge, scene.settings)
-        record = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
-            "opened_s": None if math.isnan(opened_s) else opened_s,
-            "berries_out": late,
-        }
-        arrays = {
-            "exit_s": np.where(np.isfinite(exits), exits, np.nan),
-            "scale": simulation.scales.astype(np.float32),
-            "position": closed[0].astype(np.float32),
-            "quaternion": closed[1].astype(np.float32),
-        }
-        return Run(record, arrays, filmed.frames())
+        discharge = Discharge(simulation.n_bodies, energy, early, late, unstable=trial.broken)
+        exit_s = np.where(np.isfinite(exits), exits, np.nan)
+        arrays = {"exit_s": exit_s, "scale": grains["scale"], **grains}
+        return self.ended(scene, discharge, arrays, trial.frames(), opened_s=opened_s, berries_out=late)
 
-    def status_of(self, discharge: Discharge, settings: SceneSettings) -> tuple[str, str]:
-        """Judge a run."""
+    def faults(self, ending: Discharge, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
         section, simulation = self.section(settings), settings.simulation
-        if discharge.unstable:
-            return "unstable", discharge.unstable
-        if discharge.filled < section.berries:
-            reason = f"only {discharge.filled} of {section.berries} berries find room in the funnel"
-            return "not_filled", reason
-        if discharge.early:
-            return "lost", f"{discharge.early} berries left the closed funnel"
-        if discharge.rest_energy_j > simulation.rest_energy_j:
-            return simulation.not_at_rest(discharge.rest_energy_j, " when the lid was taken away")
-        if discharge.late < section.berries:
-            left = section.berries - discharge.late
-            return ("jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening")
-        return "ok", ""
+        few = f"only {ending.filled} of {section.berries} berries find room in the funnel"
+        moving = simulation.not_at_rest(ending.rest_energy_j, " when the lid was taken away")
+        left = section.berries - ending.late
+        return stated(
+            (ending.filled < section.berries, "not_filled", few),
+            (ending.early, "lost", f"{ending.early} berries left the closed funnel"),
+            (ending.rest_energy_j > simulation.rest_energy_j, *moving),
+            (left > 0, "jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening"),
+        )
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with time and rate; None where the funnel was not emptied."""
-        measured: dict[str, Any] = dict.fromkeys(MEASURED)
-        if record["status"] == "ok":
-            exits = np.asarray(arrays["exit_s"], float)
-            rate = rate_kg_s(exits, scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3)
-            measured["emptying_s"] = float(exits.max())
-            measured["flow_g_s"] = None if math.isnan(rate) else 1e3 * rate
-        return {**record, **measured}
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure time and rate."""
+        exits = np.asarray(arrays["exit_s"], float)
+        rate = rate_kg_s(exits, scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3)
+        return {"emptying_s": float(exits.max()), "flow_g_s": None if math.isnan(rate) else 1e3 * rate}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""

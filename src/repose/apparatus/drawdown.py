@@ -1,37 +1,44 @@
 """The drawdown box: a chamber with a slot in its floor is filled and drained into the chamber below.
 
-One filling gives two angles. Above, the berries that stay lean against both walls and fall off towards the slot: the
+One filling gives two angles. Above, the grains that stay lean against both walls and fall off towards the slot: the
 angle at which a bed drains. Below, those that fell lie as a pile of the box's depth: the angle at which a poured heap
 comes to rest, flatter for the fall. Mass and rate of what drains come with them.
 
 The two wedges above, put back to back, have the shape of a pile. So both angles are measured by the code and the
 definition (`measure.response`) of every pile, in the view along the slot. The gate is taken away downwards, faster than
-the berries fall, so that it drags none of them along.
+the grains fall, so that it drags none of them along.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+    stated,
+)
 from repose.apparatus.discharge import LID_M_S, rate_kg_s
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
 from repose.apparatus.funnel import CALIBRATED, narrow_openings
-from repose.apparatus.scene import Filmed, at_rest, grain_simulation, largest_cluster, sized_simulation
+from repose.apparatus.scene import Trial, largest_cluster
 from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.errors import NoFlankError
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 NAME = "drawdown"
-STATUSES = ("ok", "unstable", "not_filled", "lost", "not_at_rest", "jammed", "no_flank")
-LOOK_S = 0.05  # simulated time between two looks whether the berries rest
+LOOK_S = 0.05  # simulated time between two looks whether the grains rest
 HALVES = ("width", "depth", "slot", "lower_width")  # keys whose halves a `Box` has
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # of a block
 
@@ -39,14 +46,6 @@ FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 
 BOX = tuple(f"{NAME}.{key}" for key in ("berries", "width_mm", "depth_mm", "slot_mm", "lower_width_mm", "drop_mm"))
 SEEN = (*BOX, "measure.mm_per_pixel", *CALIBRATED)
-RESPONSES = (
-    Response("drawdown_above_deg", "deg", "drawdown, angle above", "above", NAME, 1.0, 89.0, SEEN),
-    Response("drawdown_below_deg", "deg", "drawdown, angle below", "below", NAME, 1.0, 89.0, SEEN),
-    Response("drawdown_mass_g", "g", "drawdown, mass below", "mass below", NAME, 0.0, 1e7, BOX),
-    Response("drawdown_flow_g_s", "g/s", "drawdown, rate", "rate", NAME, 0.0, 1e6, BOX),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_below"))
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -83,7 +82,7 @@ class Box:
 
     @classmethod
     def of(cls, section: DrawdownSettings) -> "Box":
-        """The box of a section of the configuration."""
+        """Make the box of a section of the configuration."""
         width, depth, slot, lower = (0.5e-3 * getattr(section, f"{key}_mm") for key in HALVES)
         drop, thickness = 1e-3 * section.drop_mm, 1e-3 * section.floor_mm
         return cls(width, depth, slot, lower, drop, thickness, drop + 1e-3 * section.height_mm)
@@ -112,32 +111,31 @@ class Box:
         return walls
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Mask (N,) of the berries whose centres lie inside the box."""
+        """Mask (N,) of the grains whose centres lie inside the box."""
         x, y, z = centres_m.T
         return (np.abs(x) < self.half_lower) & (np.abs(y) < self.half_depth) & (z > 0.0)
 
 
 def _block(x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radius_m: float) -> "dem.Mesh":
-    """A rectangular block as a wall of triangles, between two places along each axis."""
+    """Make a rectangular block as a wall of triangles, between two places along each axis."""
     corners = np.array([(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)])
     faces = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
     return dem.Mesh(corners, np.array(faces), "wall", edge_radius_m)
 
 
 @dataclass(frozen=True)
-class Drained:
-    """Numbers by which a run is judged."""
+class Drained(Ending):
+    """A box that was drained."""
 
-    filled: int  # berries that found room in the upper chamber
-    early: int  # berries that were below the gate before it was opened
-    held: bool  # whether all berries are inside the box
-    over_slot: int  # berries that rest above the middle of the slot
-    energy_j: float  # mean of a berry at the end
-    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+    filled: int  # grains that found room in the upper chamber
+    early: int  # grains that were below the gate before it was opened
+    held: bool  # whether all grains are inside the box
+    over_slot: int  # grains that rest above the middle of the slot
+    energy_j: float  # mean of a grain at the end
 
 
 def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
-    """The berries of both wedges with their outer walls at x = 0 and the floor at z = 0: the shape of a pile."""
+    """Move the grains of both wedges, their outer walls at x = 0 and the floor at z = 0: the shape of a pile."""
     moved = centres_m - (0.0, 0.0, box.floor)
     moved[:, 0] -= np.sign(moved[:, 0]) * box.half_width
     return moved
@@ -148,28 +146,31 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     """A box that is filled and drained through a slot."""
 
     settings = DrawdownSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("drawdown_above_deg", "deg", "drawdown, angle above", "above", NAME, 1.0, 89.0, SEEN),
+        Response("drawdown_below_deg", "deg", "drawdown, angle below", "below", NAME, 1.0, 89.0, SEEN),
+        Response("drawdown_mass_g", "g", "drawdown, mass below", "mass below", NAME, 0.0, 1e7, BOX),
+        Response("drawdown_flow_g_s", "g/s", "drawdown, rate", "rate", NAME, 0.0, 1e6, BOX),
+    )
+    numbers = ("berries_below",)
+    statuses = ("ok", "unstable", "not_filled", "lost", "not_at_rest", "jammed", "no_flank")
     required_arrays = ("position", "quaternion", "scale", "exit_s", "in_pile")
     summary = (
         "{drawdown_above_deg:.1f} deg above, {drawdown_below_deg:.1f} deg below, "
         "{drawdown_mass_g:.0f} g at {drawdown_flow_g_s:.0f} g/s"
     )
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the box, its gate closed."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the box, its gate closed."""
         section = self.section(scene.settings)
-        box, reach = Box.of(section), largest_scale * scene.particle.bounding_radius_m
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls=box.walls(1e-3 * section.edge_radius_mm, 4.0 * reach),
-            lower=(-box.half_lower, -box.half_depth, 0.0),
-            upper=(box.half_lower, box.half_depth, box.top + 4.0 * reach),
-            largest_scale=largest_scale,
-            exit_height_m=box.gate,
-        )
+        box = Box.of(section)
+        return {
+            "capacity": section.berries,
+            "walls": box.walls(1e-3 * section.edge_radius_mm, 4.0 * reach_m),
+            "lower": (-box.half_lower, -box.half_depth, 0.0),
+            "upper": (box.half_lower, box.half_depth, box.top + 4.0 * reach_m),
+            "exit_height_m": box.gate,
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the upper chamber, let the grains rest, open the gate, and let what stays and what fell rest.
@@ -179,74 +180,63 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         below.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        box = Box.of(section)
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        box, every = Box.of(section), max(1, settings.steps(LOOK_S))
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        simulation, reach = trial.simulation, trial.reach_m
         factory = Strip(box.half_width - reach, box.half_depth - reach, box.top + reach)
-        bounded = Bounded(simulation, factory.height_m, LID_M_S)
-        filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
         filled, early, opened_s = 0, 0, np.nan
-        rests = partial(at_rest, simulation, settings.rest_energy_j)
-        with bounded.guard():
-            fill_and_rest(filmed, factory, section, scene.seed, scales, section.open_from_s, rests, every)
+        with trial.bound(factory.height_m, LID_M_S).guard():
+            fill_and_rest(trial, factory, section, section.open_from_s, every)
             filled, opened_s = simulation.n_bodies, simulation.time_s
             early = int(np.isfinite(simulation.exit_times_s).sum())
             simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
             # until it lies below the lower floor
-            filmed.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
+            trial.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
             simulation.set_motion("gate", dem.Motion())
-            filmed.run_to(simulation.steps + every)
-            filmed.wait(rests, simulation.steps + settings.steps(section.longest_s), every)
-        centres = simulation.positions.copy()
+            trial.run_to(simulation.steps + every)
+            trial.wait(trial.rests, simulation.steps + settings.steps(section.longest_s), every)
+        centres, exits = simulation.positions, simulation.exit_times_s
         over = (centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
         drained = Drained(
             filled=filled,
             early=early,
             held=bool(simulation.present.all() and box.holds(centres).all()),
             over_slot=int(over.sum()),
-            energy_j=float(simulation.kinetic_energies().mean()),
-            unstable=bounded.broken,
+            energy_j=trial.energy_j(),
+            unstable=trial.broken,
         )
-        status, reason = self.status_of(drained, scene.settings)
-        arrays: dict[str, np.ndarray] = {
-            "position": centres.astype(np.float32),
-            "quaternion": simulation.quaternions.astype(np.float32),
-            "scale": simulation.scales.astype(np.float32),
-            "exit_s": simulation.exit_times_s - opened_s,
-            "in_pile": largest_cluster(simulation.contacts(), np.isfinite(simulation.exit_times_s)),
-        }
-        record = {"seed": int(scene.seed), "status": status, "reason": reason}
-        return Run(record, arrays, filmed.frames(walls=True))
+        in_pile = largest_cluster(simulation.contacts(), np.isfinite(exits))
+        arrays = trial.grains() | {"exit_s": exits - opened_s, "in_pile": in_pile}
+        return self.ended(scene, drained, arrays, trial.frames(walls=True))
 
-    def status_of(self, drained: Drained, settings: SceneSettings) -> tuple[str, str]:
+    def faults(self, ending: Drained, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section, simulation = self.section(settings), settings.simulation
-        if drained.unstable:
-            return "unstable", drained.unstable
-        if drained.filled < section.berries:
-            return ("not_filled", f"only {drained.filled} of {section.berries} berries find room above the gate")
-        if drained.early or not drained.held:
-            return "lost", "a berry lies outside the box, or left the closed chamber"
-        if not drained.energy_j <= simulation.rest_energy_j:
-            return simulation.not_at_rest(drained.energy_j, f" {section.longest_s:g} s after the opening")
-        if drained.over_slot:
-            return "jammed", f"{drained.over_slot} berries rest above the middle of the slot"
-        return "ok", ""
+        few = f"only {ending.filled} of {section.berries} berries find room above the gate"
+        out = "a berry lies outside the box, or left the closed chamber"
+        moving = simulation.not_at_rest(ending.energy_j, f" {section.longest_s:g} s after the opening")
+        return stated(
+            (ending.filled < section.berries, "not_filled", few),
+            (ending.early or not ending.held, "lost", out),
+            (not ending.energy_j <= simulation.rest_energy_j, *moving),
+            (ending.over_slot, "jammed", f"{ending.over_slot} berries rest above the middle of the slot"),
+        )
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with angles, mass and rate."""
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure angles, mass and rate."""
         from repose.measure.pile import measure_pile
 
-        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_below"))
-        if record["status"] != "ok":
-            return {**record, **measured}
         box, particle = Box.of(self.section(scene.settings)), scene.particle
         settings = replace(scene.measure, views=1)
         centres, scales = (np.asarray(arrays[key], float) for key in ("position", "scale"))
         exits, masses = np.asarray(arrays["exit_s"], float), particle.mass_kg * scales**3
         left = np.isfinite(exits)
-        measured |= {"berries_below": int(left.sum()), "drawdown_mass_g": 1e3 * float(masses[left].sum())}
         rate = rate_kg_s(exits[left], masses[left]) if left.any() else np.nan
-        measured["drawdown_flow_g_s"] = 1e3 * rate if np.isfinite(rate) else None
+        measured: dict[str, Any] = dict.fromkeys((*self.response_names, *self.numbers)) | {
+            "berries_below": int(left.sum()),
+            "drawdown_mass_g": 1e3 * float(masses[left].sum()),
+            "drawdown_flow_g_s": 1e3 * rate if np.isfinite(rate) else None,
+        }
         pile = np.asarray(arrays["in_pile"], bool) if settings.largest_pile_only else left
         # both wedges, though they need not touch
         apart = replace(settings, largest_pile_only=False)
@@ -261,7 +251,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
                 measured[name] = measure_pile(*bodies, how, scales=scales[these]).record()["aor_deg"]
             except NoFlankError as error:
                 reasons[name] = error.reason
-        return {**record, **self.assess(measured, scene.settings, reasons), **measured}
+        return {**self.assess(measured, scene.settings, reasons), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -271,16 +261,15 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a box that cannot be built or filled, with what is allowed."""
         section = self.section(settings)
+        width, floor, edge = section.width_mm, section.floor_mm, section.edge_radius_mm
+        wide, drop, lower = width + 2 * floor, section.drop_mm, section.lower_width_mm
         yield from too_early(section, NAME, "open_from_s")
-        if section.slot_mm >= section.width_mm:
-            yield f"{NAME}.slot_mm", f"below {NAME}.width_mm, {section.width_mm:g}"
-        if 4 * section.edge_radius_mm > section.floor_mm:
-            yield f"{NAME}.edge_radius_mm", f"at most a quarter of {NAME}.floor_mm, {section.floor_mm / 4:g}"
-        if section.drop_mm <= section.floor_mm:
-            yield f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {section.floor_mm:g}"
-        wide = section.width_mm + 2 * section.floor_mm
-        if section.lower_width_mm < wide:
-            yield f"{NAME}.lower_width_mm", f"at least {wide:g}, the upper chamber with its walls"
+        yield from stated(
+            (section.slot_mm >= width, f"{NAME}.slot_mm", f"below {NAME}.width_mm, {width:g}"),
+            (4 * edge > floor, f"{NAME}.edge_radius_mm", f"at most a quarter of {NAME}.floor_mm, {floor / 4:g}"),
+            (drop <= floor, f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {floor:g}"),
+            (lower < wide, f"{NAME}.lower_width_mm", f"at least {wide:g}, the upper chamber with its walls"),
+        )
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
         """Yield keys of a box that is too narrow for the mean grain, with what is allowed."""

@@ -1,46 +1,48 @@
-"""The drop test: one berry falls on a plate; height and duration of its rebound give the coefficient of restitution.
+"""The drop test: one grain falls on a plate; height and duration of its rebound give the coefficient of restitution.
 
-A camera sees how high the berry rebounds: its centre leaves the plate with sqrt(2 g h). A microphone hears it touch the
+A camera sees how high the grain rebounds: its centre leaves the plate with sqrt(2 g h). A microphone hears it touch the
 plate twice: between the two sounds it flies for T, so it left with g T / 2. Either speed over that of the fall is a
-restitution. Both are of the centre of mass: a berry that is no sphere turns after the hit, which takes some of the
+restitution. Both are of the centre of mass: a grain that is no sphere turns after the hit, which takes some of the
 energy, and touches again in another orientation. So do real ones, and both responses scatter with the orientation in
-which the berry falls.
+which the grain falls.
 
-Real hits last microseconds. Here, where berries may be softened, T is the time of flight, without the hits themselves.
+Real hits last microseconds. Here, where grains may be softened, T is the time of flight, without the hits themselves.
 """
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+    stated,
+)
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
-from repose.apparatus.settings import SceneSettings, SimulationSettings
+from repose.apparatus.scene import Trial
+from repose.apparatus.settings import SceneSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 from repose.core.section import Section, Seeds
 
 NAME = "drop_test"
-STATUSES = ("ok", "unstable", "no_rebound")
-LOOK_S = 1e-3  # longest simulated time between two looks at the berry
+LOOK_S = 1e-3  # longest simulated time between two looks at the grain
 HIT_S = 1.0  # longest duration of a hit
 EACH = 10_000  # first time steps of a hit that are all looked at; then looks are 1 / EACH of the hit so far apart
 
 # --- responses ------------------------------------------------------------------------------------
 
 FALL = tuple(f"{NAME}.{key}" for key in ("surface", "height_mm", "orientation"))
-RESPONSES = (
-    Response("height_restitution", "", "restitution, by height", "e, height", NAME, 0.0, 1.0, FALL),
-    Response("sound_restitution", "", "restitution, by sound", "e, sound", NAME, 0.0, 1.0, FALL),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "rebound_height_mm", "flight_s"))
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -58,30 +60,30 @@ class DropTestSettings(Section):
 
 
 class _Follow:
-    """Follows a berry above a plate: step by step where it may touch, in longer strides while it flies."""
+    """Follows a grain above a plate: step by step where it may touch, in longer strides while it flies."""
 
-    def __init__(self, filmed: Filmed, reach_m: float, settings: SimulationSettings) -> None:
-        self.filmed, self.simulation = filmed, filmed.simulation
-        self.reach_m, self.settings = reach_m, settings
+    def __init__(self, trial: Trial) -> None:
+        self.trial, self.simulation, self.settings = trial, trial.simulation, trial.scene.simulation
+        self.reach_m = float(trial.scales[0]) * trial.scene.particle.bounding_radius_m
 
     def touches(self) -> bool:
         """Return whether the grain touches the plate."""
         return len(self.simulation.wall_overlaps()[0]) > 0
 
     def fly(self) -> list[tuple[float, float]]:
-        """Fly until the berry touches the plate; time and height of its centre on the way."""
+        """Fly until the grain touches the plate; time and height of its centre on the way."""
         rows = [self._row()]
         while not self.touches():
-            self.filmed.run_to(self.simulation.steps + self._stride())
+            self.trial.run_to(self.simulation.steps + self._stride())
             rows.append(self._row())
         return rows
 
     def hit(self) -> bool:
-        """Go on until the berry has left the plate; False where it does not."""
+        """Go on until the grain has left the plate; False where it does not."""
         began = now = self.simulation.steps
         last = began + self.settings.steps(HIT_S)
         while (touches := self.touches()) and now < last:
-            self.filmed.run_to(min(last, now + 1 + (now - began) // EACH))
+            self.trial.run_to(min(last, now + 1 + (now - began) // EACH))
             now = self.simulation.steps
         return not touches
 
@@ -89,11 +91,18 @@ class _Follow:
         return self.simulation.time_s, self.simulation.positions[0, 2]
 
     def _stride(self) -> int:
-        """Time steps in half of the time until the ball around the berry reaches the plate."""
+        """Time steps in half of the time until the ball around the grain reaches the plate."""
         gravity, up = self.settings.gravity_m_s2, self.simulation.velocities[0, 2]
         above = max(self.simulation.positions[0, 2] - self.reach_m, 0.0)
         until_s = (up + math.sqrt(up**2 + 2.0 * gravity * above)) / gravity if above > 0.0 else 0.0
         return max(1, self.settings.steps(min(LOOK_S, 0.5 * until_s)))
+
+
+@dataclass(frozen=True)
+class Rebound(Ending):
+    """A hit."""
+
+    left: bool  # whether the grain left the plate again
 
 
 @register(NAME)
@@ -101,25 +110,24 @@ class DropTest(BenchTest[DropTestSettings]):
     """A grain that falls on a plate and rebounds."""
 
     settings = DropTestSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("height_restitution", "", "restitution, by height", "e, height", NAME, 0.0, 1.0, FALL),
+        Response("sound_restitution", "", "restitution, by sound", "e, sound", NAME, 0.0, 1.0, FALL),
+    )
+    numbers = ("rebound_height_mm", "flight_s")
+    statuses = ("ok", "unstable", "no_rebound")
     required_arrays = ("time_s", "height_m", "drop_m")
     summary = "restitution {height_restitution:.3f} by height, {sound_restitution:.3f} by sound"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the plate, and room for one grain above it."""
-        section = self.section(scene.settings)
-        reach = largest_scale * scene.particle.bounding_radius_m
-        top = 1e-3 * section.height_mm + 2.0 * reach
-        return grain_simulation(
-            scene,
-            capacity=1,
-            walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)},
-            lower=(-4.0 * reach, -4.0 * reach, 0.0),
-            upper=(4.0 * reach, 4.0 * reach, top),
-            largest_scale=largest_scale,
-        )
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the plate, and room for one grain above it."""
+        section, half = self.section(scene.settings), 4.0 * reach_m
+        return {
+            "capacity": 1,
+            "walls": {"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)},
+            "lower": (-half, -half, 0.0),
+            "upper": (half, half, 1e-3 * section.height_mm + 2.0 * reach_m),
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Drop one grain and follow it until it touches the plate for the second time.
@@ -127,42 +135,34 @@ class DropTest(BenchTest[DropTestSettings]):
         The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the grain leaves the plate until
         it touches it again, and ``drop_m``, the height of its fall.
         """
-        section, particle = self.section(scene.settings), scene.particle
-        simulation, scales, reach = sized_simulation(self.build, scene, 1)
-        height, scale = 1e-3 * section.height_mm, float(scales[0])
-        add_above(simulation, particle, section.orientation, scene.seed, scale, height)
-        bounded = Bounded(simulation, height + 2.0 * reach)
-        filmed = Filmed(bounded, interval_s, progress)
-        follow = _Follow(filmed, scale * particle.bounding_radius_m, scene.simulation)
+        section, trial = self.section(scene.settings), Trial(self.build, scene, 1, interval_s, progress)
+        height, follow = 1e-3 * section.height_mm, _Follow(trial)
+        add_above(trial, section.orientation, height)
         rows: list[tuple[float, float]] = []
-        with bounded.guard():
+        with trial.bound(height + 2.0 * trial.reach_m).guard():
             follow.fly()
             if follow.hit():
                 rows = follow.fly()
-        status, reason = "ok", ""
-        if bounded.broken:
-            status, reason = "unstable", bounded.broken
-        elif not rows:
-            status, reason = ("no_rebound", f"the berry still touches the plate {HIT_S:g} s after it fell on it")
         times, heights = np.array(rows).reshape(-1, 2).T
         arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
-        record = {"seed": int(scene.seed), "status": status, "reason": reason}
-        return Run(record, arrays, filmed.frames(walls=True))
+        return self.ended(scene, Rebound(bool(rows), unstable=trial.broken), arrays, trial.frames(walls=True))
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with both restitutions; None where the grain did not rebound."""
-        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "rebound_height_mm", "flight_s"))
-        if record["status"] == "ok":
-            time_s, height_m = np.asarray(arrays["time_s"], float), np.asarray(arrays["height_m"], float)
-            drop, gravity = float(arrays["drop_m"][0]), scene.simulation.gravity_m_s2
-            rebound, flight = float(height_m.max() - height_m[0]), float(time_s[-1] - time_s[0])
-            measured = {
-                "height_restitution": math.sqrt(rebound / drop),
-                "sound_restitution": 0.5 * gravity * flight / math.sqrt(2.0 * gravity * drop),
-                "rebound_height_mm": 1e3 * rebound,
-                "flight_s": flight,
-            }
-        return {**record, **measured}
+    def faults(self, ending: Rebound, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
+        stays = f"the berry still touches the plate {HIT_S:g} s after it fell on it"
+        return stated((not ending.left, "no_rebound", stays))
+
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure both restitutions."""
+        time_s, height_m = np.asarray(arrays["time_s"], float), np.asarray(arrays["height_m"], float)
+        drop, gravity = float(arrays["drop_m"][0]), scene.simulation.gravity_m_s2
+        rebound, flight = float(height_m.max() - height_m[0]), float(time_s[-1] - time_s[0])
+        return {
+            "height_restitution": math.sqrt(rebound / drop),
+            "sound_restitution": 0.5 * gravity * flight / math.sqrt(2.0 * gravity * drop),
+            "rebound_height_mm": 1e3 * rebound,
+            "flight_s": flight,
+        }
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time: the fall, the hit, and a rebound to the height of the fall."""

@@ -1,4 +1,4 @@
-"""The rotating drum (paper, section 4.2.2): berries rest in a cylinder that then turns until its bed slips.
+"""The rotating drum (paper, section 4.2.2): grains rest in a cylinder that then turns until its bed slips.
 
 The axis is y, the origin lies on it half-way along. The drum turns about -y, which carries the bed towards +x. When a
 slip is judged the drum stops, as in the experiment, and the bed comes to rest.
@@ -7,7 +7,6 @@ slip is judged the drum stops, as in the experiment, and the bed comes to rest.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from operator import methodcaller
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -15,21 +14,28 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+    stated,
+)
 from repose.apparatus.factory import Strip, fill_and_rest, too_early
-from repose.apparatus.scene import Filmed, at_rest, grain_simulation, sized_simulation
+from repose.apparatus.scene import Trial
 from repose.apparatus.settings import Rotating, SceneSettings
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 if TYPE_CHECKING:
     from repose.dem import Cone, Plane
     from repose.measure import bed
-    from repose.particle.particle import Particle
 
 NAME = "drum"
-STATUSES = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
 WALLS = ("shell", "near_cap", "far_cap")
 STATES = ("start", "report", "before", "after")
 
@@ -38,12 +44,6 @@ STATES = ("start", "report", "before", "after")
 # Keys that define the surface of the bed, and a slip.
 SEEN = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
 BEFORE, AFTER = (methodcaller("get", f"{when}_surface_deg") for when in ("before", "after"))
-RESPONSES = (
-    Response("drum_slip_deg", "deg", "drum, slip", "slip", NAME, -90.0, 90.0, SEEN, BEFORE),
-    Response("drum_rest_deg", "deg", "drum, after the slip", "rest", NAME, -90.0, 90.0, SEEN, AFTER),
-)
-NAMES = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=NAMES, single=NAMES)
 
 # --- the vessel ---------------------------------------------------------------------------------
 
@@ -57,7 +57,7 @@ class Drum:
 
     @classmethod
     def of(cls, section: Rotating) -> "Drum":
-        """The drum of a section of the configuration."""
+        """Make the drum of a section of the configuration."""
         radius_mm = 0.5 * section.outer_diameter_mm - section.wall_thickness_mm
         return cls(1e-3 * radius_mm, 1e-3 * section.length_mm)
 
@@ -72,7 +72,7 @@ class Drum:
         }
 
     def factory(self, height_m: float, berry_radius_m: float) -> Strip:
-        """The widest `Strip` at a height above the axis in which a berry touches no wall; else ValueError."""
+        """Make the widest `Strip` at a height above the axis in which a grain touches no wall; else ValueError."""
         room = self.radius_m - berry_radius_m
         half_y = 0.5 * self.length_m - berry_radius_m
         if not (abs(height_m) < room and half_y > 0.0):
@@ -80,7 +80,7 @@ class Drum:
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Mask (N,) of the berries whose centres lie inside the drum."""
+        """Mask (N,) of the grains whose centres lie inside the drum."""
         inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
         return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)
 
@@ -101,19 +101,11 @@ class DrumSettings(Rotating):
 # --- build and run ------------------------------------------------------------------------------
 
 
-class EmptyDrum(NamedTuple):
-    """A drum before it is filled, with the sizes of the berries to come."""
+@dataclass(frozen=True)
+class Turned(Ending):
+    """A drum that has turned."""
 
-    drum: Drum
-    simulation: "dem.Simulation"
-    bounded: Bounded
-    factory: Strip
-    scales: np.ndarray
-
-    def holds_all(self) -> bool:
-        """Whether all berries are there, and inside the drum."""
-        there = self.simulation.n_bodies == self.simulation.capacity
-        return bool(there and self.drum.holds(self.simulation.positions).all())
+    held: bool  # whether all grains are there, and inside the drum
 
 
 R = TypeVar("R", bound=Rotating)
@@ -122,28 +114,39 @@ R = TypeVar("R", bound=Rotating)
 class RotatingDrum(BenchTest[R]):
     """What bench tests with a drum share: vessel, filling and the line through the surface of the bed."""
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the drum; tilted, it is low at positive y."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the drum."""
         section = self.section(scene.settings)
         drum = Drum.of(section)
         half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
-        simulation = grain_simulation(
-            scene, section.berries, walls=drum.walls("wall"), lower=-half, upper=half, largest_scale=largest_scale
-        )
-        tilt = math.radians(getattr(section, "tilt_deg", 0.0))
+        return {"capacity": section.berries, "walls": drum.walls("wall"), "lower": -half, "upper": half}
+
+    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
+        """Make the empty drum; tilted, it is low at positive y."""
+        simulation = super().build(scene, largest_scale)
+        tilt = math.radians(getattr(self.section(scene.settings), "tilt_deg", 0.0))
         gravity = simulation.physics.gravity
         gravity[1:] = -gravity[2] * math.sin(tilt), gravity[2] * math.cos(tilt)
         return simulation
 
-    def empty_drum(self, scene: Scene) -> EmptyDrum:
-        """Make the drum for the grains of a seed."""
+    def empty_drum(
+        self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None
+    ) -> tuple[Trial, Strip]:
+        """Make the drum for the grains of a seed within its bounds, and the place where they appear."""
         section = self.section(scene.settings)
-        drum = Drum.of(section)
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
+        drum, trial = Drum.of(section), Trial(self.build, scene, section.berries, interval_s, progress)
         fastest = float(np.max(section.angular_velocity_rad_s))
-        bounded = Bounded(simulation, drum.radius_m, fastest * drum.radius_m)
-        factory = drum.factory(1e-3 * section.factory_height_mm, reach)
-        return EmptyDrum(drum, simulation, bounded, factory, scales)
+        trial.bound(drum.radius_m, fastest * drum.radius_m)
+        return trial, drum.factory(1e-3 * section.factory_height_mm, trial.reach_m)
+
+    def holds_all(self, trial: Trial) -> bool:
+        """Whether all grains are there, and inside the drum."""
+        simulation, drum = trial.simulation, Drum.of(self.section(trial.scene.settings))
+        return simulation.n_bodies == simulation.capacity and bool(drum.holds(simulation.positions).all())
+
+    def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
+        return stated((not ending.held, "lost", "a berry is missing, or outside the drum"))
 
     def surface_of(
         self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
@@ -152,7 +155,7 @@ class RotatingDrum(BenchTest[R]):
         from repose.measure import bed
 
         section = self.section(scene.settings)
-        radius, pixel = Drum.of(section).radius_m, scene.mm_per_pixel
+        radius, pixel = Drum.of(section).radius_m, scene.settings.mm_per_pixel
         return bed.measure_surface(position, quaternion, scene.particle, radius, pixel, section.fit_share, scale)
 
     def surface_angles(
@@ -169,31 +172,32 @@ class RotatingDrum(BenchTest[R]):
 
     def impossible_filling(self, settings: SceneSettings) -> Contradictions:
         """Refuse a drum that has no room, turns too early or is recorded too finely."""
-        drum, step_s = self.section(settings), settings.simulation.time_step_s
-        radius = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm
-        if radius <= 0:
-            allowed = f"below half of {self.name}.outer_diameter_mm, {drum.outer_diameter_mm:g}"
-            yield f"{self.name}.wall_thickness_mm", allowed
-        elif abs(drum.factory_height_mm) >= radius:
-            yield f"{self.name}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
-        yield from too_early(drum, self.name, "rotate_from_s")
-        if drum.record_s < step_s:
-            yield f"{self.name}.record_s", f"at least simulation.time_step_s, {step_s:g}"
+        drum, step_s, key = self.section(settings), settings.simulation.time_step_s, self.name
+        wide, radius = drum.outer_diameter_mm, drum.outer_diameter_mm / 2 - drum.wall_thickness_mm
+        outside = abs(drum.factory_height_mm) >= radius > 0
+        yield from stated(
+            (radius <= 0, f"{key}.wall_thickness_mm", f"below half of {key}.outer_diameter_mm, {wide:g}"),
+            (outside, f"{key}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"),
+        )
+        yield from too_early(drum, key, "rotate_from_s")
+        fine = drum.record_s < step_s
+        yield from stated((fine, f"{key}.record_s", f"at least simulation.time_step_s, {step_s:g}"))
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
         """Refuse a drum in which a mean grain cannot lie across the axis at the factory's height."""
-        drum, long_mm = self.section(settings), max(axes_mm)
+        drum, long_mm, fits = self.section(settings), max(axes_mm), "so that a mean berry fits"
         highest = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm - long_mm / 2
-        if drum.length_mm <= long_mm:
-            yield f"{self.name}.length_mm", f"above {long_mm:.4g}, so that a mean berry fits"
-        if abs(drum.factory_height_mm) >= highest:
-            room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
-            yield f"{self.name}.factory_height_mm", f"{room}, so that a mean berry fits"
+        room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
+        high = abs(drum.factory_height_mm) >= highest
+        return stated(
+            (drum.length_mm <= long_mm, f"{self.name}.length_mm", f"above {long_mm:.4g}, {fits}"),
+            (high, f"{self.name}.factory_height_mm", f"{room}, {fits}"),
+        )
 
 
 def no_surface(scene: Scene) -> str:
     """Say why a bed has no surface."""
-    scale = scene.mm_per_pixel
+    scale = scene.settings.mm_per_pixel
     return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
 
 
@@ -211,15 +215,15 @@ class _Row(NamedTuple):
     time_s: float  # since the rotation began
     turned_deg: float  # by which the drum has turned
     bed_deg: float  # angle of the bed's centre of mass
-    energy_j: float  # mean of a berry in the drum's frame
+    energy_j: float  # mean of a grain in the drum's frame
 
 
 RECORD = _Row._fields
 
 
 @dataclass(frozen=True)
-class Rotation:
-    """One run: its record over T times, the frames of N berries at these times, and numbers by which it is judged."""
+class Rotation(Turned):
+    """One run: its record over T times, the frames of N grains at these times, and numbers by which it is judged."""
 
     record: dict  # columns (T,) of `RECORD`
     centres_m: np.ndarray  # (T, N, 3)
@@ -228,9 +232,7 @@ class Rotation:
     slip: "bed.Slip | None"  # the first one
     report: int  # row of the record at the configured time of the report
     rotation_from_s: float  # when the rotation began
-    rest_energy_j: float  # mean energy of a berry when the rotation began
-    held: bool  # whether all berries are inside the drum
-    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+    rest_energy_j: float  # mean energy of a grain when the rotation began
 
     def rows(self) -> dict[str, int]:
         """Rows of the record of each state: start, report, and before and after the slip where there is one."""
@@ -243,9 +245,8 @@ class Rotation:
 class _Watch:
     """Keeps the record of a drum that turns."""
 
-    def __init__(self, bounded: Bounded, particle: "Particle") -> None:
-        self.bounded, self.particle = bounded, particle
-        self.simulation = bounded.simulation
+    def __init__(self, trial: Trial) -> None:
+        self.trial, self.simulation, self.particle = trial, trial.simulation, trial.scene.particle
         self.began_s = self.turned_rad = 0.0
         self.rows: list[_Row] = []
         self.centres: list[np.ndarray] = []
@@ -258,22 +259,15 @@ class _Watch:
         s = self.simulation
         self.centres.append(s.positions.copy())
         self.quaternions.append(s.quaternions)
-        energy = bed.relative_energy(
-            s.positions,
-            s.quaternions,
-            s.velocities,
-            s.angular_velocities,
-            self.particle,
-            s.rolling_frame_rad_s,
-            s.scales,
-        )
+        state = s.positions, s.quaternions, s.velocities, s.angular_velocities
+        energy = bed.relative_energy(*state, self.particle, s.rolling_frame_rad_s, s.scales)
         time_s = s.time_s - self.began_s
         turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
         self.rows.append(_Row(time_s, turned_deg, bed_deg, energy))
 
     def advance(self, steps: int) -> None:
         """Run, turn and keep."""
-        self.bounded.run_to(self.simulation.steps + steps)
+        self.trial.run_to(self.simulation.steps + steps)
         self.turned_rad -= steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
         self.keep()
 
@@ -322,9 +316,11 @@ class DrumTest(RotatingDrum[DrumSettings]):
     """A drum that turns slowly until its bed slips once."""
 
     settings = DrumSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("drum_slip_deg", "deg", "drum, slip", "slip", NAME, -90.0, 90.0, SEEN, BEFORE),
+        Response("drum_rest_deg", "deg", "drum, after the slip", "rest", NAME, -90.0, 90.0, SEEN, AFTER),
+    )
+    statuses = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
     measured_by = ("fit_share", "depth_bin_mm")
     summary = (
         "first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
@@ -338,46 +334,39 @@ class DrumTest(RotatingDrum[DrumSettings]):
         when the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        empty = self.empty_drum(scene)
-        simulation, bounded = empty.simulation, empty.bounded
+        trial, factory = self.empty_drum(scene)
         every = max(1, settings.steps(section.record_s))
-        calm, rest_energy, slip = settings.rest_energy_j, math.nan, None
-        watch = _Watch(bounded, scene.particle)
-        with bounded.guard():
-            begin_s, rests = section.rotate_from_s, partial(at_rest, simulation, calm)
-            filmed = Filmed(bounded)
-            fill_and_rest(filmed, empty.factory, section, scene.seed, empty.scales, begin_s, rests, every)
-            bounded.look()
-            rest_energy = float(simulation.kinetic_energies().mean())
-            slip = _until_slip(watch, section, calm, every, progress)
+        watch, rest_energy, slip = _Watch(trial), math.nan, None
+        with trial.bounded.guard():
+            fill_and_rest(trial, factory, section, section.rotate_from_s, every)
+            trial.bounded.look()
+            rest_energy = trial.energy_j()
+            slip = _until_slip(watch, section, settings.rest_energy_j, every, progress)
         record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
         late = np.abs(watch.began_s + record["time_s"] - section.report_s)
         return Rotation(
             record=record,
             centres_m=np.array(watch.centres),
             quaternions=np.array(watch.quaternions),
-            scales=simulation.scales.copy(),
+            scales=trial.simulation.scales.copy(),
             slip=slip,
             report=int(np.argmin(late)) if len(late) else 0,
             rotation_from_s=watch.began_s,
             rest_energy_j=rest_energy,
-            held=empty.holds_all(),
-            unstable=bounded.broken,
+            held=self.holds_all(trial),
+            unstable=trial.broken,
         )
 
-    def status_of(self, rotation: Rotation, settings: SceneSettings) -> tuple[str, str]:
+    def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        if rotation.unstable:
-            return "unstable", rotation.unstable
-        if not rotation.held:
-            return "lost", "a berry is missing, or outside the drum"
-        if rotation.rest_energy_j > settings.simulation.rest_energy_j:
-            reason = f"kinetic energy {rotation.rest_energy_j:.2e} J a berry when the rotation began"
-            return "not_at_rest", reason
-        if rotation.slip is None:
-            fall, last = self.section(settings).slip_drop_deg, rotation.record["time_s"][-1]
-            return "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
-        return "ok", ""
+        assert isinstance(ending, Rotation)
+        yield from super().faults(ending, settings)
+        if ending.rest_energy_j > settings.simulation.rest_energy_j:
+            reason = f"kinetic energy {ending.rest_energy_j:.2e} J a berry when the rotation began"
+            yield "not_at_rest", reason
+        if ending.slip is None:
+            fall, last = self.section(settings).slip_drop_deg, ending.record["time_s"][-1]
+            yield "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill and turn once; with `interval_s` the frames are at the times of the record.
@@ -386,34 +375,28 @@ class DrumTest(RotatingDrum[DrumSettings]):
         (N, 4) and ``turned_STATE_deg`` for start, report, before and after.
         """
         rotation = self.rotate(scene, progress)
-        status, reason = self.status_of(rotation, scene.settings)
-        record: dict[str, Any] = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
-            "rotation_from_s": rotation.rotation_from_s,
-        }
-        if status in ("ok", "no_slip"):
+        position, quaternion = rotation.centres_m, rotation.quaternions
+        arrays = {"scale": rotation.scales, **rotation.record}
+        for state, row in rotation.rows().items() if len(position) else ():
+            arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
+            arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
+        frames = None if interval_s is None else {"position": position, "quaternion": quaternion, **arrays}
+        run = self.ended(scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s)
+        record = run.record
+        if record["status"] in ("ok", "no_slip"):
             for state, row in rotation.rows().items():
                 record |= {f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD}
-        if status == "ok" and rotation.slip is not None:
+        if record["status"] == "ok" and rotation.slip is not None:
             energy = rotation.record["energy_j"][rotation.slip.begins : rotation.slip.ends + 1]
             record |= {
                 "bed_drop_deg": record["before_bed_deg"] - record["after_bed_deg"],
                 "slip_duration_s": record["after_time_s"] - record["before_time_s"],
                 "largest_energy_j": float(energy.max()),
             }
-        position, quaternion = rotation.centres_m, rotation.quaternions
-        arrays = {"scale": rotation.scales, **rotation.record}
-        for state, row in rotation.rows().items() if len(position) else ():
-            arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
-            arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
-        if interval_s is None:
-            return Run(record, arrays)
-        return Run(record, arrays, {"position": position, "quaternion": quaternion, **arrays})
+        return run
 
     def measured_run(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, Any], np.ndarray]:
         """Measure a run, and the motion by depth (bins, 4) in its slip, lengths in mm.
 
@@ -425,12 +408,9 @@ class DrumTest(RotatingDrum[DrumSettings]):
         if record["status"] not in ("ok", "no_slip"):
             return measured, profile
         states = STATES if record["status"] == "ok" else STATES[:2]
-        angles = self.surface_angles(
-            np.array([arrays[f"position_{state}"] for state in states]),
-            np.array([arrays[f"quaternion_{state}"] for state in states]),
-            arrays["scale"],
-            scene,
-        )
+        kinds = ("position", "quaternion")
+        position, quaternion = (np.array([arrays[f"{kind}_{state}"] for state in states]) for kind in kinds)
+        angles = self.surface_angles(position, quaternion, arrays["scale"], scene)
         for state, angle in zip(states, angles, strict=True):
             measured[f"{state}_surface_deg"] = float(angle) if math.isfinite(angle) else None
         if record["status"] == "no_slip":
@@ -441,9 +421,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         numbers, profile = self._of_slip(record, arrays, scene)
         return measured | {"surface_drop_deg": float(angles[2] - angles[3])} | numbers, profile
 
-    def _of_slip(
-        self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene
-    ) -> tuple[dict[str, Any], np.ndarray]:
+    def _of_slip(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> tuple[dict[str, Any], np.ndarray]:
         """Measure the motion in the slip; None where no grain lies under the part of the surface that is fitted."""
         from repose.measure import bed
 
@@ -460,11 +438,11 @@ class DrumTest(RotatingDrum[DrumSettings]):
         }
         return numbers, profile
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Return the result of `measured_run`, with the responses under their public names."""
         measured, _ = self.measured_run(record, arrays, scene)
         ok = measured["status"] == "ok"
-        return measured | {response.name: response.of(measured) if ok else None for response in RESPONSES}
+        return measured | {response.name: response.of(measured) if ok else None for response in self.responses}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -475,5 +453,5 @@ class DrumTest(RotatingDrum[DrumSettings]):
         """Refuse a drum that cannot be filled, or a report before it turns."""
         yield from self.impossible_filling(settings)
         section = self.section(settings)
-        if section.report_s < section.rotate_from_s:
-            yield f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {section.rotate_from_s:g}"
+        begin, early = section.rotate_from_s, section.report_s < section.rotate_from_s
+        yield from stated((early, f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {begin:g}"))

@@ -37,8 +37,8 @@ SUMMARY = {
     "surface_moved_mm": "motion of the uppermost layer against the drum",
     "wall_moved_mm": "motion of the lowest layer against the drum",
 }
-RECORD = ["seed", "time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
-PROFILE = ["seed", "depth_mm", "moved_mm", "moved_sd_mm", "berries"]
+RECORD = ["time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
+PROFILE = ["depth_mm", "moved_mm", "moved_sd_mm", "berries"]
 WHAT = "a JSON file of `repose stage drum`, its .npz beside it"
 
 
@@ -57,7 +57,7 @@ def run_job(scene: Scene, seeds: Iterable[int], out_dir: str | PathLike) -> list
         about = about_job(test, scene, seed)
         result = {key: about[key] for key in ("parameters", "time_step_s")}
         write_json(out / f"drum_{seed}.json", result | {"run": run.record})
-        results.append(result | {"run": test.measure(run.record, run.arrays, scene)})
+        results.append(result | {"run": test.result(run.record, run.arrays, scene)})
     return results
 
 
@@ -88,52 +88,39 @@ def _needed(run: Mapping[str, Any]) -> tuple[str, ...]:
     """Name the arrays that the file of a run must have."""
     states = {"ok": STATES, "no_slip": STATES[:2]}.get(run.get("status", ""), ())
     of_states = (f"{kind}_{state}" for state in states for kind in ("position", "quaternion"))
-    kept = (key for key in RECORD[1:] if key != "surface_deg")
+    kept = (key for key in RECORD if key != "surface_deg")
     return (*kept, "position", "quaternion", "scale", *of_states)
 
 
 def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -> "dict[str, pd.DataFrame]":
-    """The tables of measured runs, given as (record, arrays with the columns of the record and ``profile``).
+    """Make the tables of measured runs, given as (record, arrays with the columns of the record and ``profile``).
 
     runs: one row per run. summary: quantity, key, mean, standard_error (none of one run), lowest, highest, runs.
     record: the record of all runs over time. profile: motion by depth of all runs, lengths in mm.
     """
     import pandas as pd
 
-    records = [pd.DataFrame({key: arrays[key] for key in RECORD[1:]}) for _, arrays in runs]
-    profiles = [pd.DataFrame(arrays["profile"], columns=PROFILE[1:]) for _, arrays in runs]
-    seeds = [run["seed"] for run, _ in runs]
+    def of_all(frames: Iterable["pd.DataFrame"]) -> "pd.DataFrame":
+        by_seed = {run["seed"]: frame for (run, _), frame in zip(runs, frames, strict=True)}
+        return pd.concat(by_seed, names=["seed"]).reset_index("seed").reset_index(drop=True)
+
     table = pd.DataFrame([run for run, _ in runs])
     return {
         "runs": table,
         "summary": summarise(table),
-        "record": pd.concat(
-            [record.assign(seed=seed)[RECORD] for record, seed in zip(records, seeds, strict=True)], ignore_index=True
-        ),
-        "profile": pd.concat(
-            [profile.assign(seed=seed)[PROFILE] for profile, seed in zip(profiles, seeds, strict=True)],
-            ignore_index=True,
-        ),
+        "record": of_all(pd.DataFrame({key: arrays[key] for key in RECORD}) for _, arrays in runs),
+        "profile": of_all(pd.DataFrame(arrays["profile"], columns=PROFILE) for _, arrays in runs),
     }
 
 
 def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
-    """Mean and standard error of every quantity of SUMMARY over the runs that have it."""
+    """Compute mean and standard error of every quantity of SUMMARY over the runs that have it."""
     import pandas as pd
 
     rows = []
     for key, quantity in SUMMARY.items():
         values = runs[key].dropna().to_numpy(float) if key in runs else np.zeros(0)
-        n = len(values)
-        rows.append(
-            {
-                "quantity": quantity,
-                "key": key,
-                "mean": values.mean() if n else np.nan,
-                "standard_error": values.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan,
-                "lowest": values.min() if n else np.nan,
-                "highest": values.max() if n else np.nan,
-                "runs": n,
-            }
-        )
-    return pd.DataFrame(rows)
+        n, known = len(values), values if len(values) else np.full(1, np.nan)
+        error = values.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
+        rows.append((quantity, key, known.mean(), error, known.min(), known.max(), n))
+    return pd.DataFrame(rows, columns=["quantity", "key", "mean", "standard_error", "lowest", "highest", "runs"])

@@ -1,4 +1,4 @@
-"""The funnel: berries are poured onto a plate and come to rest as a pile (paper, section 3.1).
+"""The funnel: grains are poured onto a plate and come to rest as a pile (paper, section 3.1).
 
 A pour that gives no pile to measure has a status and a reason instead of numbers.
 """
@@ -14,10 +14,20 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
-from repose.apparatus.factory import Disc, Pouring, fill, last_berry_s
-from repose.apparatus.scene import Filmed, grain_simulation, largest_cluster, sized_simulation
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+    stated,
+)
+from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.scene import Trial, kept_grains, largest_cluster
 from repose.apparatus.settings import Hopper, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -28,19 +38,18 @@ if TYPE_CHECKING:
     from repose.dem import Cone, RingEdge
 
 NAME = "funnel"
-STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
-# A pile that has lost more than this share of its berries over the edge of the plate is not the pile poured.
+# A pile that has lost more than this share of its grains over the edge of the plate is not the pile poured.
 LARGEST_LOSS = 0.1
-# Of the berries on the plate, those that touch each other; in 2810 pours of the article's study and ours at least 86 %.
+# Of the grains on the plate, those that touch each other; in 2810 pours of the article's study and ours at least 86 %.
 SMALLEST_PILE = 0.5
 FEWEST_IN_PILE = 10
 # Share of a pile's volume that grains fill, as poured.
 PACKING = 0.6
-# Below this height a berry has left the plate and is gone.
+# Below this height a grain has left the plate and is gone.
 FLOOR_M = -0.05
 # A pour ends before its time when its pile rests. That is looked at so often in a `rest_window_s`.
 LOOKS = 4
-# At its speed a berry at rest would move by this share of `rest_motion_mm` in a window.
+# At its speed a grain at rest would move by this share of `rest_motion_mm` in a window.
 STANDSTILL = 0.01
 
 # --- responses ------------------------------------------------------------------------------------
@@ -56,7 +65,7 @@ PLATE = ("funnel.plate_diameter_mm",)
 
 
 def _angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
-    """The angle by one definition, whichever of them is the angle of repose."""
+    """Make the response of the angle by one definition, whichever is the angle of repose."""
     return Response(f"aor_{definition}_deg", "deg", label, definition, NAME, 0.0, 89.0, (*SEEN, *keys))
 
 
@@ -119,15 +128,10 @@ class Funnel:
 
     @classmethod
     def of(cls, hopper: Hopper, outlet_height_mm: float) -> "Funnel":
-        """The funnel of a section, its outlet at a height above the plate."""
-        return cls(
-            inlet_diameter_m=1e-3 * hopper.inlet_diameter_mm,
-            outlet_diameter_m=1e-3 * hopper.outlet_diameter_mm,
-            cone_angle_deg=hopper.cone_angle_deg,
-            tube_length_m=1e-3 * hopper.tube_length_mm,
-            rim_radius_m=1e-3 * hopper.rim_radius_mm,
-            outlet_height_m=1e-3 * outlet_height_mm,
-        )
+        """Make the funnel of a section, its outlet at a height above the plate."""
+        inlet, outlet = 1e-3 * hopper.inlet_diameter_mm, 1e-3 * hopper.outlet_diameter_mm
+        tube, rim = 1e-3 * hopper.tube_length_mm, 1e-3 * hopper.rim_radius_mm
+        return cls(inlet, outlet, hopper.cone_angle_deg, tube, rim, 1e-3 * outlet_height_mm)
 
     @property
     def inlet_height_m(self) -> float:
@@ -160,7 +164,7 @@ class Funnel:
         return self._offset * math.sin(self._slope), -self._offset * math.cos(self._slope)
 
     def cone_line(self) -> ConeLine:
-        """The cone's line, from the rounded edge up to the inlet."""
+        """Compute the cone's line, from the rounded edge up to the inlet."""
         sin, cos = math.sin(self._slope), math.cos(self._slope)
         foot_r, foot_z = self._foot
         last = (0.5 * self.inlet_diameter_m - foot_r) / cos
@@ -206,46 +210,49 @@ class FunnelSettings(Hopper):
 
 def narrow_openings(section: Section, name: str, sizes_mm: Mapping[str, float]) -> Contradictions:
     """Yield keys of openings that are at most as wide as a mean grain, whose size is given for each key."""
-    for key, smallest in sizes_mm.items():
-        if getattr(section, key) <= smallest:
-            yield f"{name}.{key}", f"above {smallest:.4g}, the size of a mean berry"
+    return stated(
+        *(
+            (getattr(section, key) <= size, f"{name}.{key}", f"above {size:.4g}, the size of a mean berry")
+            for key, size in sizes_mm.items()
+        )
+    )
 
 
 def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
     """Yield keys of a funnel that cannot be built, with the allowed values."""
     inlet, outlet = hopper.inlet_diameter_mm, hopper.outlet_diameter_mm
-    if outlet >= inlet:
-        yield f"{name}.outlet_diameter_mm", f"below {name}.inlet_diameter_mm, {inlet:g}"
     wall = (inlet - outlet) / 4
-    if hopper.rim_radius_mm > wall:
-        yield f"{name}.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
+    thick = f"at most {wall:g}, or no cone is left between inlet and outlet"
+    return stated(
+        (outlet >= inlet, f"{name}.outlet_diameter_mm", f"below {name}.inlet_diameter_mm, {inlet:g}"),
+        (hopper.rim_radius_mm > wall, f"{name}.rim_radius_mm", thick),
+    )
 
 
 # --- run ----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Pour:
-    """The final state of a pour of N berries, and the numbers by which it is judged."""
+class Pour(Ending):
+    """The final state of a pour of N grains, and the numbers by which it is judged."""
 
     centres_m: np.ndarray  # (N, 3)
     quaternions: np.ndarray  # (N, 4)
     scales: np.ndarray  # (N,)
-    on_plate: np.ndarray  # (N,), which berries lie there
+    on_plate: np.ndarray  # (N,), which grains lie there
     in_pile: np.ndarray  # (N,), which of them lie in the largest cluster
-    in_funnel: int  # berries that are still there
-    off_plate: int  # berries that have left the plate
-    unstable: str  # the bound that the pour broke (`repose.apparatus.bounds`); empty where it broke none
+    in_funnel: int  # grains that are still there
+    off_plate: int  # grains that have left the plate
     kinetic_energy_j: float  # of the pile
-    largest_motion_m: float  # farthest way of a berry on the plate in the last `rest_window_s`
-    discharge_s: float  # from the first to the last berry that left the outlet; NaN where none did
+    largest_motion_m: float  # farthest way of a grain on the plate in the last `rest_window_s`
+    discharge_s: float  # from the first to the last grain that left the outlet; NaN where none did
     wall_s: float  # wall time of the pour
-    us_per_step: float  # wall time of a time step in the last second of `duration_s`, or since the last berry
+    us_per_step: float  # wall time of a time step in the last second of `duration_s`, or since the last grain
     frames: dict[str, np.ndarray] | None  # see `repose.apparatus.scene.Filmed.frames`
 
 
 def _rests(simulation: "dem.Simulation", section: FunnelSettings, funnel: Funnel, seen: Sequence[np.ndarray]) -> bool:
-    """Whether all berries lie outside the funnel, have hardly moved in the last window and nearly stand still."""
+    """Whether all grains lie outside the funnel, have hardly moved in the last window and nearly stand still."""
     there = simulation.present
     if len(seen) <= LOOKS or simulation.n_bodies < section.berries or not there.any():
         return False
@@ -268,10 +275,10 @@ def _judge(
     wall_s: float,
     us_per_step: float,
 ) -> Pour:
-    """Sort the berries into pile, plate, funnel and lost, and measure their motion."""
+    """Sort the grains into pile, plate, funnel and lost, and measure their motion."""
     centres = simulation.positions.copy()
     present = simulation.present
-    # a berry hanging in the outlet has its centre a little below the rim
+    # a grain hanging in the outlet has its centre a little below the rim
     in_funnel = present & (centres[:, 2] > funnel.outlet_height_m - simulation.radius)
     on_plate = present & (centres[:, 2] > 0.0) & ~in_funnel
     in_pile = largest_cluster(simulation.contacts(), on_plate)
@@ -304,28 +311,26 @@ class FunnelTest(BenchTest[FunnelSettings]):
     settings = FunnelSettings
     responses = RESPONSES
     recorded = RECORDED
-    statuses = STATUSES
+    statuses = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
     required_arrays = ("position", "quaternion", "in_pile")
     photographed: ClassVar = {"aor_deg": "aor_deg", "height_mm": "height_mm"}
     summary = "angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, {berries_on_plate} berries on the plate"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of funnel and plate."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe funnel and plate."""
         section = self.section(scene.settings)
         funnel, plate_radius = section.funnel, 0.5e-3 * section.plate_diameter_mm
-        reach = largest_scale * scene.particle.bounding_radius_m
-        half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * reach
-        return grain_simulation(
-            scene,
-            section.berries,
-            walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius), **funnel.walls("wall")},
-            lower=(-half, -half, 0.0),
-            upper=(half, half, funnel.inlet_height_m + 4.0 * reach),
-            largest_scale=largest_scale,
-            exit_height_m=funnel.outlet_height_m,
-            curved_walls_above_m=funnel.outlet_height_m - funnel.rim_radius_m,
-            floor_height_m=FLOOR_M,
-        )
+        half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * reach_m
+        plate = dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius)
+        return {
+            "capacity": section.berries,
+            "walls": {"plate": plate, **funnel.walls("wall")},
+            "lower": (-half, -half, 0.0),
+            "upper": (half, half, funnel.inlet_height_m + 4.0 * reach_m),
+            "exit_height_m": funnel.outlet_height_m,
+            "curved_walls_above_m": funnel.outlet_height_m - funnel.rim_radius_m,
+            "floor_height_m": FLOOR_M,
+        }
 
     def pour(
         self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None, until_rest: bool = True
@@ -333,23 +338,19 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """Pour the grains until they rest, for `duration_s` at most (section 3.1 of the paper), or for all of it."""
         section, settings = self.section(scene.settings), scene.simulation
         began = time.perf_counter()
-        simulation, scales, reach = sized_simulation(self.build, scene, section.berries)
-        funnel = section.funnel
-        height = funnel.inlet_height_m + 1e-3 * section.factory_height_mm
-        factory = Disc(0.5e-3 * section.factory_diameter_mm - reach, height)
+        trial, funnel = Trial(self.build, scene, section.berries, interval_s, progress), section.funnel
+        simulation, height = trial.simulation, funnel.inlet_height_m + 1e-3 * section.factory_height_mm
+        factory = Disc(0.5e-3 * section.factory_diameter_mm - trial.reach_m, height)
         last_step = settings.steps(section.duration_s)
         window = settings.steps(section.rest_window_s)
-        bounded = Bounded(simulation, height)
-        filmed = Filmed(bounded, interval_s, progress)
         clock, timed = began, 0
         seen: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
-        with bounded.guard():
-            pouring = Pouring.of(section, section.berries)
-            fill(simulation, factory, pouring, scene.seed, last_step - window, filmed.run_to, scales)
+        with trial.bound(height).guard():
+            fill(trial, factory, section, last_step - window)
             clock, timed = time.perf_counter(), simulation.steps
             every = max(1, window // LOOKS)
             for step in range(last_step - (last_step - timed) // every * every, last_step + 1, every):
-                filmed.run_to(step)
+                trial.run_to(step)
                 if step <= last_step - settings.steps(1.0):
                     clock, timed = time.perf_counter(), step
                 seen.append(simulation.positions.copy())
@@ -358,59 +359,41 @@ class FunnelTest(BenchTest[FunnelSettings]):
         us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - timed)
         took_s = time.perf_counter() - began
         before = seen[0] if seen else None
-        return _judge(simulation, funnel, before, bounded.broken, filmed.frames(), took_s, us_per_step)
+        return _judge(simulation, funnel, before, trial.broken, trial.frames(), took_s, us_per_step)
 
-    def status_of(self, poured: Pour, settings: SceneSettings) -> tuple[str, str]:
-        """Status and reason of a pour before it is measured; the reason of ``ok`` is empty."""
-        section = self.section(settings)
-        n = section.berries
-        if poured.unstable:
-            return "unstable", poured.unstable
-        if poured.in_funnel or len(poured.centres_m) < n:
-            waiting = n - len(poured.centres_m)
-            return ("jammed", f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end")
-        if poured.off_plate > LARGEST_LOSS * n:
-            return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
-        energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
-        if energy > settings.simulation.rest_energy_j:
-            return settings.simulation.not_at_rest(energy)
-        if 1e3 * poured.largest_motion_m > section.rest_motion_mm:
-            return "not_at_rest", (
-                f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {section.rest_window_s:g} s, "
-                f"more than {section.rest_motion_mm:g}"
-            )
-        in_pile, there = int(poured.in_pile.sum()), int(poured.on_plate.sum())
-        if in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there):
-            return "no_flank", (
-                f"{in_pile} of {there} berries touch each other in the largest pile; "
-                f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them"
-            )
-        return "ok", ""
+    def faults(self, ending: Pour, settings: SceneSettings) -> Faults:
+        """Judge a pour before it is measured."""
+        section, simulation = self.section(settings), settings.simulation
+        n, off, waiting = section.berries, ending.off_plate, section.berries - len(ending.centres_m)
+        hanging = f"{ending.in_funnel} berries in the funnel and {waiting} not yet poured at the end"
+        in_pile, there = int(ending.in_pile.sum()), int(ending.on_plate.sum())
+        energy, most_mm = ending.kinetic_energy_j / max(1, in_pile), section.rest_motion_mm
+        moved_mm, window = 1e3 * ending.largest_motion_m, f"the last {section.rest_window_s:g} s"
+        least = f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them"
+        apart = f"{in_pile} of {there} berries touch each other in the largest pile; {least}"
+        moved = f"a berry moved {moved_mm:.2f} mm in {window}, more than {most_mm:g}"
+        return stated(
+            (ending.in_funnel or waiting > 0, "jammed", hanging),
+            (off > LARGEST_LOSS * n, "left_plate", f"{off} of {n} berries left the plate"),
+            (energy > simulation.rest_energy_j, *simulation.not_at_rest(energy)),
+            (moved_mm > most_mm, "not_at_rest", moved),
+            (in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there), "no_flank", apart),
+        )
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Pour once and judge the pour; status ``no_flank`` comes with the measurement."""
         poured = self.pour(scene, interval_s, progress)
-        status, reason = self.status_of(poured, scene.settings)
-        record = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
-            "discharge_s": poured.discharge_s if np.isfinite(poured.discharge_s) else None,
+        numbers = {
+            "discharge_s": poured.discharge_s,
             "berries_on_plate": int(poured.on_plate.sum()),
             "berries_in_pile": int(poured.in_pile.sum()),
             "berries_off_plate": poured.off_plate,
-            "kinetic_energy_J": poured.kinetic_energy_j if np.isfinite(poured.kinetic_energy_j) else None,
+            "kinetic_energy_J": poured.kinetic_energy_j,
         }
-        # in single precision: 0.03 um at the edge of the plate
-        arrays = {
-            "position": poured.centres_m.astype(np.float32),
-            "quaternion": poured.quaternions.astype(np.float32),
-            "in_pile": poured.in_pile,
-            "scale": np.asarray(poured.scales, np.float32),
-        }
-        return Run(record, arrays, poured.frames)
+        arrays = kept_grains(poured.centres_m, poured.quaternions, poured.scales, in_pile=poured.in_pile)
+        return self.ended(scene, poured, arrays, poured.frames, **numbers)
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Return the record of a pour with `ALWAYS` and the other responses that are targets."""
         from repose.measure.saved_piles import pile_responses
 
@@ -433,19 +416,18 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """Yield keys of a funnel that cannot be built, or of a pour that cannot end, with the allowed values."""
         section = self.section(settings)
         inlet, outlet = section.inlet_diameter_mm, section.outlet_diameter_mm
-        duration, window = section.duration_s, section.rest_window_s
-        if settings.simulation.time_step_s > window / 2:
-            yield "simulation.time_step_s", f"at most half of funnel.rest_window_s, {window:g}"
+        duration, window, last = section.duration_s, section.rest_window_s, last_berry_s(section)
+        coarse, end = settings.simulation.time_step_s > window / 2, f"above {last + window:g}"
+        wide, small = section.factory_diameter_mm > inlet, section.plate_diameter_mm < outlet
+        step = f"at most half of funnel.rest_window_s, {window:g}"
+        yield from stated((coarse, "simulation.time_step_s", step))
         yield from impossible_surfaces(section, NAME)
-        if section.factory_diameter_mm > inlet:
-            yield "funnel.factory_diameter_mm", f"at most funnel.inlet_diameter_mm, {inlet:g}"
-        if section.plate_diameter_mm < outlet:
-            yield "funnel.plate_diameter_mm", f"at least funnel.outlet_diameter_mm, {outlet:g}"
-        if window >= duration:
-            yield "funnel.rest_window_s", f"below funnel.duration_s, {duration:g}"
-        last = last_berry_s(section)
-        if last >= duration - window:
-            yield "funnel.duration_s", f"above {last + window:g}: the last berry appears at {last:g} s"
+        yield from stated(
+            (wide, "funnel.factory_diameter_mm", f"at most funnel.inlet_diameter_mm, {inlet:g}"),
+            (small, "funnel.plate_diameter_mm", f"at least funnel.outlet_diameter_mm, {outlet:g}"),
+            (window >= duration, "funnel.rest_window_s", f"below funnel.duration_s, {duration:g}"),
+            (last >= duration - window, "funnel.duration_s", f"{end}: the last berry appears at {last:g} s"),
+        )
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
         """Yield keys of openings that are too narrow for the mean grain, with the allowed values."""

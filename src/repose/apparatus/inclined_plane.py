@@ -1,22 +1,22 @@
-"""The inclined plane: a plane tilts slowly until a sled slides, and until a single berry rolls.
+"""The inclined plane: a plane tilts slowly until a sled slides, and until a single grain rolls.
 
-A sled, berries glued side by side, cannot roll: it slides where the slope is the coefficient of friction, at
-atan(mu_s). Here it is one berry whose rolling friction is so high that it cannot roll, for Coulomb's limit is the same
+A sled, grains glued side by side, cannot roll: it slides where the slope is the coefficient of friction, at
+atan(mu_s). Here it is one grain whose rolling friction is so high that it cannot roll, for Coulomb's limit is the same
 for any load. A sphere rolls where the slope exceeds its coefficient of rolling friction, unless it slides before. A
-berry of another shape tips over, or rolls about the axis on which it happens to lie.
+grain of another shape tips over, or rolls about the axis on which it happens to lie.
 
 Gravity turns and the plane stays. In the frame of the plane this is exact but for the forces of a turning frame: at 1
 degree per second and 100 mm from the axis they are 3e-6 of the weight. So nothing turns against space, and every law of
 rolling resistance, relative to space or to the other body, resists the rotation on the plane. A plane that turns would
 need `rolling_frame_rad_s`.
 
-The berry begins to move with an acceleration that grows evenly with the angle, so its speed goes with the square of the
+The grain begins to move with an acceleration that grows evenly with the angle, so its speed goes with the square of the
 angle beyond the limit. The angle of the beginning is where the line of the root of the speed over the angle meets zero.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,11 +24,21 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+    stated,
+)
 from repose.apparatus.factory import add_above
-from repose.apparatus.scene import Filmed, grain_simulation, sized_simulation
-from repose.apparatus.settings import CREEPING_LAWS, SceneSettings, SimulationSettings
+from repose.apparatus.scene import Trial
+from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 from repose.core.section import Section, Seeds
@@ -37,26 +47,19 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 NAME = "inclined_plane"
-STATUSES = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
 SLED, SINGLE = "sled", "berry"  # what lies on the plane
-LOOK_S = 0.005  # simulated time between two looks at the berry
-FAR = 0.25  # the berry has moved when it is this share of its shortest axis away
+LOOK_S = 0.005  # simulated time between two looks at the grain
+FAR = 0.25  # the grain has moved when it is this share of its shortest axis away
 FROM_SHARE = 0.3  # the line goes through speeds above this share of the last one
-APART = 1.0001  # of the berries of a glued layer, over their touching
+APART = 1.0001  # of the grains of a glued layer, over their touching
 REACHES = 3.5  # radius of a glued layer in bounding radii
 COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
-SLIDING = 0.5  # of the speed: a berry whose lowest point is faster than this slides, and does not roll
+SLIDING = 0.5  # of the speed: a grain whose lowest point is faster than this slides, and does not roll
 
 # --- responses ------------------------------------------------------------------------------------
 
 SURFACE = (f"{NAME}.surface",)
-RESPONSES = (
-    Response("slip_deg", "deg", "angle of slip", "slip", NAME, 0.0, 89.0, SURFACE),
-    Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
 LACKING = {"slip_deg": "no_slip", "roll_deg": "no_roll"}  # status of a run that lacks a target
-RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -75,9 +78,9 @@ class InclinedPlaneSettings(Section):
 
 
 def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
-    """A close layer of berries that lie flat: centres (N, 3) about a pocket, their orientation, half their height.
+    """Lay grains flat in a close layer: centres (N, 3) about a pocket, their orientation, half their height.
 
-    It is the close layer of spheres, stretched as the berry is, and as far apart as a shape needs that is no ellipsoid.
+    It is the close layer of spheres, stretched as the grain is, and as far apart as a shape needs that is no ellipsoid.
     """
     from scipy.spatial.transform import Rotation
 
@@ -89,7 +92,7 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
     i, j = (part.ravel() for part in np.meshgrid(*2 * [np.arange(-2 * n, 2 * n + 1)]))
     unit = np.column_stack([2.0 * i + j - 1.0, math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0), 0.0 * i])
     stretched = np.array([*half[axes][:2], 0.0])
-    # planes between a berry and its neighbours, by which ellipsoids touch
+    # planes between a grain and its neighbours, by which ellipsoids touch
     ways = np.array([[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]])
     normals = np.column_stack([ways[:, :2] / stretched[:2], np.zeros(3)])
     width = particle.support(normals @ rows) + particle.support(-normals @ rows)
@@ -102,39 +105,36 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
 
 
 def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
-    """The parameters of a sled: it would roll at twice the slope at which it slides."""
+    """Make the parameters of a sled: it would roll at twice the slope at which it slides."""
     pair = "gp" if surface == "wall" else "gg"
     rolling = max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])
     return {**parameters, f"mur_{pair}": rolling}
 
 
-def _lay_down(
-    simulation: "dem.Simulation", section: InclinedPlaneSettings, scene: Scene, scale: float, filmed: Filmed
-) -> None:
+def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
     """Lay a grain on the level plane, its long axis level in a random direction, and let it rest."""
-    settings, particle = scene.simulation, scene.particle
+    settings, particle = trial.scene.simulation, trial.scene.particle
     height = float(min(particle.dem_shape("berry").half_extents_m)) if section.surface == "glued" else 0.0
-    add_above(simulation, particle, "lying", scene.seed, scale, height)
-    every, last = settings.steps(0.01), settings.steps(section.settle_s)
-    filmed.run_to(every)
-    filmed.wait(partial(_rests, simulation, settings.rest_energy_j), last, every)
+    add_above(trial, "lying", height)
+    every = settings.steps(0.01)
+    trial.run_to(every)
+    trial.wait(partial(_rests, trial), settings.steps(section.settle_s), every)
 
 
-def _rests(simulation: "dem.Simulation", energy_j: float) -> bool:
-    """Whether the free berry, the last one, rests."""
-    return not simulation.kinetic_energies()[-1] > energy_j
+def _rests(trial: Trial) -> bool:
+    """Whether the free grain, the last one, rests."""
+    return not trial.simulation.kinetic_energies()[-1] > trial.scene.simulation.rest_energy_j
 
 
 def azimuth_of(seed: int) -> float:
-    """Random azimuth of a glued layer [rad]."""
+    """Draw the azimuth of a glued layer [rad]."""
     return float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * math.pi))
 
 
-def _tilt(
-    simulation: "dem.Simulation", section: InclinedPlaneSettings, settings: SimulationSettings, filmed: Filmed
-) -> list[tuple[float, float, float]]:
-    """Turn gravity until the berry has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
-    if not _rests(simulation, settings.rest_energy_j):
+def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[tuple[float, float, float]]:
+    """Turn gravity until the grain has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
+    simulation, settings = trial.simulation, trial.scene.simulation
+    if not _rests(trial):
         return []
     rows, began = [], simulation.positions[-1].copy()
     far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[-1]
@@ -148,16 +148,13 @@ def _tilt(
         rows.append((angle_deg, float(np.linalg.norm(speed)), slide))
         if np.hypot(*(place - began)[:2]) > far or angle_deg >= section.steepest_deg:
             return rows
-        simulation.physics.gravity[:] = (
-            settings.gravity_m_s2 * math.sin(angle),
-            0.0,
-            -settings.gravity_m_s2 * math.cos(angle),
-        )
-        filmed.run_to(simulation.steps + every)
+        g = settings.gravity_m_s2
+        simulation.physics.gravity[:] = g * math.sin(angle), 0.0, -g * math.cos(angle)
+        trial.run_to(simulation.steps + every)
 
 
 def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float) -> dict[str, np.ndarray]:
-    """Frames as the laboratory sees them, where the plane tilts; ``tilt_deg`` (T,) comes with them."""
+    """Turn frames into the laboratory's, where the plane tilts; add ``tilt_deg`` (T,)."""
     times = np.asarray(frames["time_s"])
     tilt = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
     tilt = np.maximum(tilt, 0.0)
@@ -180,7 +177,7 @@ def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, las
 
 
 def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
-    """Angle at which a motion began, by the line of the root of its speed; None if it does not grow at the end."""
+    """Find the angle at which a motion began, by the line of the root of its speed; None if it stops growing."""
     root = np.sqrt(speed_m_s)
     slower = np.flatnonzero(root < FROM_SHARE * root[-1])
     if slower.size == 0 or len(root) - slower[-1] < 3:
@@ -189,36 +186,52 @@ def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
     return float(-shift / slope) if slope > 0.0 else None
 
 
+@dataclass(frozen=True)
+class Tilted(Ending):
+    """Both tiltings."""
+
+    moving: str = ""  # sled or grain, if it did not rest before
+
+
 @register(NAME)
 class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     """A plane that tilts until a sled slides, and until a single grain rolls."""
 
     settings = InclinedPlaneSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("slip_deg", "deg", "angle of slip", "slip", NAME, 0.0, 89.0, SURFACE),
+        Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
+    )
+    numbers = ("motion",)
+    lacking = LACKING
+    recorded = Recorded(means=tuple(LACKING), single=tuple(LACKING))
+    statuses = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
     required_arrays = tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS)
     summary = "{motion}"
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the plane without a grain, level; a glued layer of grains on it has its centres at height 0."""
-        return self._plane(scene, largest_scale)
-
-    def _plane(self, scene: Scene, largest_scale: float, azimuth: float = 0.0) -> "dem.Simulation":
-        """Make the plane; `azimuth` [rad] turns its layer."""
-        section, particle = self.section(scene.settings), scene.particle
-        reach, glued = largest_scale * particle.bounding_radius_m, section.surface == "glued"
-        places, turn, depth = layer(particle, azimuth) if glued else (np.empty((0, 3)), np.array([1.0, 0, 0, 0]), 0.0)
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the level plane; a glued layer of grains on it has its centres at height 0."""
+        section, half = self.section(scene.settings), 4.0 * reach_m
+        places, _, depth = self.glued(scene)
         material = "berry" if section.surface == "berry" else "wall"
-        simulation = grain_simulation(
-            scene,
-            capacity=len(places) + 1,
-            walls={"plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)},
+        return {
+            "capacity": len(places) + 1,
+            "walls": {"plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)},
             # pictures draw the plane as far as the box reaches, also when it is tilted
-            lower=(-4.0 * reach, -4.0 * reach, -4.0 * reach),
-            upper=(4.0 * reach, 4.0 * reach, 4.0 * reach),
-            largest_scale=largest_scale,
-        )
+            "lower": (-half, -half, -half),
+            "upper": (half, half, half),
+        }
+
+    def glued(self, scene: Scene, azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the `layer` on the plane; no grain where nothing is glued."""
+        if self.section(scene.settings).surface == "glued":
+            return layer(scene.particle, azimuth)
+        return np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0
+
+    def build(self, scene: Scene, largest_scale: float = 1.0, azimuth: float = 0.0) -> "dem.Simulation":
+        """Make the plane without a free grain, level; `azimuth` [rad] turns its layer."""
+        simulation = super().build(scene, largest_scale)
+        places, turn, _ = self.glued(scene, azimuth)
         for place in places:
             simulation.glue(simulation.add("berry", place, turn))
         return simulation
@@ -229,40 +242,39 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         The arrays are, for each of them, ``WHAT_angle_deg`` (T,), ``WHAT_speed_m_s`` (T,) and ``WHAT_slide_m_s`` (T,),
         the speed of the lowest point. Frames are of the grain that can roll, with gravity down.
         """
-        section = self.section(scene.settings)
-        record: dict[str, Any] = {"seed": int(scene.seed), "status": "ok", "reason": ""}
+        section, ending = self.section(scene.settings), Tilted()
         arrays: dict[str, np.ndarray] = {}
         frames = None
-        turned = partial(self._plane, azimuth=azimuth_of(scene.seed))
+        turned = partial(self.build, azimuth=azimuth_of(scene.seed))
         for what in (SLED, SINGLE):
             values = held(scene.parameters, section.surface) if what == SLED else scene.parameters
-            simulation, scales, reach = sized_simulation(turned, replace(scene, parameters=values), 1)
-            bounded = Bounded(simulation, 4.0 * reach)
-            filmed = Filmed(bounded, interval_s if what == SINGLE else None, progress)
+            film_s = interval_s if what == SINGLE else None
+            trial = Trial(turned, replace(scene, parameters=values), 1, film_s, progress)
             rows: list[tuple[float, float, float]] = []
-            with bounded.guard():
-                _lay_down(simulation, section, scene, float(scales[0]), filmed)
-                rows = _tilt(simulation, section, scene.simulation, filmed)
-            if bounded.broken:
-                record |= {"status": "unstable", "reason": f"{what}: {bounded.broken}"}
-            elif not rows:
-                reason = f"the {what} still moves {section.settle_s:g} s after it was laid down"
-                record |= {"status": "not_at_rest", "reason": reason}
+            with trial.bound(4.0 * trial.reach_m).guard():
+                _lay_down(trial, section)
+                rows = _tilt(trial, section)
+            if trial.broken or not rows:
+                ending = Tilted(what, unstable=trial.broken and f"{what}: {trial.broken}")
             columns = np.array(rows).reshape(-1, 3).T
             arrays |= {f"{what}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)}
-            frames = filmed.frames(walls=True)
+            frames = trial.frames(walls=True)
         if frames is not None:
             frames = tilted(frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0)))
-        return Run(record, arrays, frames)
+        return self.ended(scene, ending, arrays, frames)
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with both angles; None where sled or grain stays or stops, or the grain slides."""
-        measured: dict[str, Any] = dict.fromkeys((*MEASURED, "motion"))
-        if record["status"] != "ok":
-            return {**record, **measured}
+    def faults(self, ending: Tilted, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
+        settle_s = self.section(settings).settle_s
+        moves = f"the {ending.moving} still moves {settle_s:g} s after it was laid down"
+        return stated((ending.moving, "not_at_rest", moves))
+
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure both angles; None where sled or grain stays or stops, or the grain slides."""
+        measured: dict[str, Any] = dict.fromkeys((*LACKING, *self.numbers))
         steepest = self.section(scene.settings).steepest_deg
         why = {}
-        for name, what in zip(MEASURED, (SLED, SINGLE), strict=True):
+        for name, what in zip(LACKING, (SLED, SINGLE), strict=True):
             angle, speed, slide = (np.asarray(arrays[f"{what}_{column}"], float) for column in COLUMNS)
             if angle[-1] >= steepest:
                 why[name] = f"the {what} stays up to {steepest:g} degrees"
@@ -274,7 +286,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
                 if measured[name] is not None:
                     why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
         measured["motion"] = "; ".join(why.values())
-        return {**record, **self.assess(measured, scene.settings, why, LACKING), **measured}
+        return {**self.assess(measured, scene.settings, why), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of both tiltings [s]."""
@@ -284,8 +296,9 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Refuse a law under which a sled creeps, and a tilting with fewer than 100 looks at the grain."""
         section, law = self.section(settings), settings.simulation.rolling_law
-        if law in CREEPING_LAWS:
-            yield ("simulation.rolling_law", f"a law that can hold a sled, for inclined_plane: {law} lets it creep")
-        fastest = section.steepest_deg / (100 * LOOK_S)
-        if section.tilting_deg_s > fastest:
-            yield f"{NAME}.tilting_deg_s", f"at most {fastest:g}, or the angle has too few steps"
+        holding = f"a law that can hold a sled, for inclined_plane: {law} lets it creep"
+        fastest, key = section.steepest_deg / (100 * LOOK_S), f"{NAME}.tilting_deg_s"
+        return stated(
+            (law in CREEPING_LAWS, "simulation.rolling_law", holding),
+            (section.tilting_deg_s > fastest, key, f"at most {fastest:g}, or the angle has too few steps"),
+        )

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.apparatus.bench_test import BenchTest, Run, Scene, bench
+from repose.apparatus.bench_test import BenchTest, Run, Scene, bench_of
 from repose.apparatus.kept_runs import KeptRuns, read_measurement, write_measurement
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_npz
@@ -28,13 +28,13 @@ Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | No
 
 
 def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
-    """Run and measure once, without files; the measured run, and the run."""
+    """Run and measure once, without files; return the measured run, and the run."""
     run = test.run(scene)
     return test.result(run.record, run.arrays, scene), run
 
 
 def about_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
-    """The description of a job in each of its files."""
+    """Describe a job, as each of its files does."""
     of_test = {} if test.name == UNNAMED else {"apparatus": test.name}
     return of_test | {
         "sample": int(str(name)) if str(name).isdigit() else name,
@@ -116,9 +116,9 @@ def measure_job(
 
 
 def measured(scene: Scene, path: Path) -> dict[str, Any]:
-    """The description of a saved job, its measured runs, and their summary."""
+    """Measure a saved job: its description, its measured runs, and their summary."""
     job = read_pours(path)
-    test = bench(job.get("apparatus", UNNAMED), path)
+    test = bench_of(job, path)
     pours = job.pop("pours")
     for pour in pours:
         if pour["status"] not in test.statuses:

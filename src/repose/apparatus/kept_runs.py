@@ -2,7 +2,7 @@
 
 Snakemake removes outputs before it makes them anew, and knows nothing of this folder. While a job runs, each of its
 runs is a file there; once it is complete, its own files have a second name there instead, so a pile lies once on the
-disk. A kept run is taken again only if it is the same: of the same parameters, settings, berry, particle and engine, by
+disk. A kept run is taken again only if it is the same: of the same parameters, settings, grain, particle and engine, by
 its record of provenance, and unchanged, by the ledger of its folder. A kept measurement also is of the same file, code
 and versions.
 """
@@ -34,7 +34,7 @@ def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
 
 
 def read(path: Path, about: Mapping[str, Any]) -> Run | None:
-    """A kept run if it equals the run that the stage would make; `about` is the description in each file of its job."""
+    """Read a kept run if it equals the run that the stage would make; `about` describes the job in its files."""
     if not _is_current(path):
         return None
     try:
@@ -56,7 +56,7 @@ class KeptRuns:
         return self.job.parent / FOLDER / f"{self.job.name}{ending}"
 
     def read(self, seed: int) -> Run | None:
-        """The run of a seed as `read`, from its own file or the files of a complete job."""
+        """Read the run of a seed as `read`, from its own file or the files of a complete job."""
         run = read(self._kept(f"_{seed}.npz"), self.about)
         return self._complete.get(seed) if run is None else run
 
@@ -94,14 +94,14 @@ def _is_current(path: Path) -> bool:
 
 
 def _measurement_of(pours: Path) -> tuple[Path, dict[str, str]]:
-    """Where the measurement of a job is kept, and hashes of what it depends on besides its record."""
+    """Say where the measurement of a job is kept, and hash what it depends on besides its record."""
     files = {path.name: provenance.hash_of_file(path) for path in (pours, positions_file(pours))}
     kept = pours.parent / FOLDER / f"{pours.name.removesuffix(POURS)}.json"
     return kept, files | {"code": provenance.room_hash(*MEASURING)}
 
 
 def read_measurement(pours: Path) -> dict[str, Any] | None:
-    """The kept measurement of a saved job if it equals what the stage would measure."""
+    """Read the kept measurement of a saved job if it equals what the stage would measure."""
     path, of = _measurement_of(pours)
     if not is_own_file(path) or attached.read(path) != provenance.current():
         return None

@@ -1,19 +1,19 @@
-"""The lifted cylinder: an open tube stands on a plate, is filled, and is lifted; the berries flow out and form a pile.
+"""The lifted cylinder: an open tube stands on a plate, is filled, and is lifted; the grains flow out and form a pile.
 
-The commonest test of the field's papers. Fast lifting takes the support away at once and the berries run wide, so the
+The commonest test of the field's papers. Fast lifting takes the support away at once and the grains run wide, so the
 angle falls with the speed: one simulated set of wheat gave 18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s (the
 project JoshuaMayo-vectr/DEM-calibration). The pile is measured as the funnel's, by the same code.
 
-How much is filled in is a number of berries or, as the papers state it, the filling height: the level of the bed in the
-tube, twice the height of its centre of mass. Berries are poured in steps, each as many as the packing of those that
+How much is filled in is a number of grains or, as the papers state it, the filling height: the level of the bed in the
+tube, twice the height of its centre of mass. Grains are poured in steps, each as many as the packing of those that
 rest says, until the nearest whole number is in.
 
-The tube's wall has no thickness but for its rounded lower edge, which berries also touch from outside. The rising wall
-drags berries along by friction. Nothing turns, so rolling is resisted against space.
+The tube's wall has no thickness but for its rounded lower edge, which grains also touch from outside. The rising wall
+drags grains along by friction. Nothing turns, so rolling is resisted against space.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -21,11 +21,21 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Contradictions, Progress, Run, Scene, register
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bench_test import (
+    Arrays,
+    BenchTest,
+    Contradictions,
+    Ending,
+    Faults,
+    Progress,
+    Run,
+    Scene,
+    register,
+    stated,
+)
 from repose.apparatus.factory import LIKELY_PACKING, Disc, fill_and_rest, level_m, too_early
 from repose.apparatus.funnel import BERRY, CALIBRATED, LARGEST_LOSS, SEEN, SMALLEST_PILE, narrow_openings
-from repose.apparatus.scene import Filmed, grain_simulation, largest_cluster, sized_simulation
+from repose.apparatus.scene import Trial, largest_cluster
 from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -35,26 +45,18 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 NAME = "lifted_cylinder"
-STATUSES = ("ok", "unstable", "not_filled", "jammed", "left_plate", "not_at_rest", "no_flank")
 TUBE = ("tube", "rim")  # the walls that are lifted
-FLOOR_M = -0.05  # a berry below this height has left the plate and is gone
-LOOK_S = 0.05  # simulated time between two looks whether the berries rest, or have left the tube
+FLOOR_M = -0.05  # a grain below this height has left the plate and is gone
+LOOK_S = 0.05  # simulated time between two looks whether the grains rest, or have left the tube
 
 # --- responses ------------------------------------------------------------------------------------
 
 LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "filling_height_mm", "diameter_mm", "lifting_mm_s"))
 OUTLINE, LOOSE = (*LIFT, *SEEN), (*LIFT, f"{NAME}.plate_diameter_mm")
 ANGLE, FOOT = (*OUTLINE, *CALIBRATED), (*OUTLINE, BERRY)
-RESPONSES = (
-    Response("lifted_aor_deg", "deg", "angle of repose, lifted cylinder", "AoR, lifted", NAME, 1.0, 89.0, ANGLE),
-    Response("lifted_height_mm", "mm", "Height, lifted cylinder", "Height, lifted", NAME, 1.0, 2000.0, OUTLINE),
-    Response("lifted_foot_mm", "mm", "foot radius, lifted cylinder", "foot, lifted", NAME, 0.0, 1e4, FOOT),
-    Response("lifted_loose_percent", "%", "loose berries, lifted cylinder", "loose, lifted", NAME, 0.0, 1e2, LOOSE),
-)
-MEASURED = tuple(response.name for response in RESPONSES)
-RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries", "filling_height_mm", "lifted_mm", "berries_in_pile"))
 # Names of the same numbers in the measurement of a pile.
-OF_PILE = dict(zip(MEASURED, ("aor_deg", "height_mm", "base_radius_mm", "loose_percent"), strict=True))
+OF_PILE = {"lifted_aor_deg": "aor_deg", "lifted_height_mm": "height_mm"}
+OF_PILE |= {"lifted_foot_mm": "base_radius_mm", "lifted_loose_percent": "loose_percent"}
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -84,16 +86,16 @@ class LiftedCylinderSettings(Poured):
 
 
 @dataclass(frozen=True)
-class Lifting:
-    """Numbers by which a run is judged."""
+class Lifting(Ending):
+    """A pile below a tube that was lifted."""
 
-    filled: int  # berries that found room in the tube
+    filled: int  # grains that found room in the tube
     filling_height_mm: float  # level of the bed before the lifting
-    in_tube: int  # berries above the tube's lower edge at the end
+    in_tube: int  # grains above the tube's lower edge at the end
     off_plate: int
     in_pile: int
-    energy_j: float  # mean of a berry on the plate at the end
-    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+    energy_j: float  # mean of a grain on the plate at the end
+    grain_mm: float  # length of a mean grain
 
 
 def _move(simulation: "dem.Simulation", speed_m_s: float) -> None:
@@ -118,9 +120,16 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     """A pile of what flows out of a tube that is lifted."""
 
     settings = LiftedCylinderSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (
+        Response("lifted_aor_deg", "deg", "angle of repose, lifted cylinder", "AoR, lifted", NAME, 1.0, 89.0, ANGLE),
+        Response("lifted_height_mm", "mm", "Height, lifted cylinder", "Height, lifted", NAME, 1.0, 2000.0, OUTLINE),
+        Response("lifted_foot_mm", "mm", "foot radius, lifted cylinder", "foot, lifted", NAME, 0.0, 1e4, FOOT),
+        Response("lifted_loose_percent", "%", "loose berries, lifted cylinder", "loose, lifted", NAME, 0.0, 1e2, LOOSE),
+    )
+    recorded = Recorded(
+        tuple(OF_PILE), single=(*OF_PILE, "berries", "filling_height_mm", "lifted_mm", "berries_in_pile")
+    )
+    statuses = ("ok", "unstable", "not_filled", "jammed", "left_plate", "not_at_rest", "no_flank")
     required_arrays = ("position", "quaternion", "in_pile")
     photographed: ClassVar = {"aor_deg": "lifted_aor_deg", "height_mm": "lifted_height_mm"}
     summary = (
@@ -128,27 +137,24 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         "foot radius {lifted_foot_mm:.1f} mm, {lifted_loose_percent:.1f} % loose"
     )
 
-    def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation of the tube on its plate."""
+    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+        """Describe the tube on its plate."""
         section = self.section(scene.settings)
         radius, length = 1e-3 * (0.5 * section.diameter_mm), 1e-3 * section.length_mm
         edge, plate = 1e-3 * section.rim_radius_mm, 1e-3 * (0.5 * section.plate_diameter_mm)
-        reach, up = largest_scale * scene.particle.bounding_radius_m, (0.0, 0.0, 1.0)
-        half = plate + 2.0 * reach
-        return grain_simulation(
-            scene,
-            room_for(section, scene.particle),
-            walls={
+        half, up = plate + 2.0 * reach_m, (0.0, 0.0, 1.0)
+        return {
+            "capacity": room_for(section, scene.particle),
+            "walls": {
                 "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate),
-                "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach, radius, "wall"),
-                # its lowest point touches the plate; what is beside the tube's wall is the wall's
+                "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach_m, radius, "wall"),
+                # its lowest point touches the plate; what is outside the tube's wall is the wall's
                 "rim": dem.RingEdge(radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge),
             },
-            lower=(-half, -half, 0.0),
-            upper=(half, half, length + 4.0 * reach),
-            largest_scale=largest_scale,
-            floor_height_m=FLOOR_M,
-        )
+            "lower": (-half, -half, 0.0),
+            "upper": (half, half, length + 4.0 * reach_m),
+            "floor_height_m": FLOOR_M,
+        }
 
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Fill the tube, let the grains rest, lift it until none is left in it, and let the pile rest.
@@ -157,13 +163,10 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         lifted by at most its own length.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        room = room_for(section, scene.particle)
-        simulation, scales, reach = sized_simulation(self.build, scene, room)
+        trial = Trial(self.build, scene, room_for(section, scene.particle), interval_s, progress)
+        simulation, every = trial.simulation, max(1, settings.steps(LOOK_S))
         length, speed = 1e-3 * section.length_mm, 1e-3 * section.lifting_mm_s
-        factory = Disc(0.5e-3 * section.diameter_mm - reach, length + reach)
-        # grains that hang in the tube are lifted with it
-        bounded = Bounded(simulation, factory.height_m + length, speed)
-        filmed, every = Filmed(bounded, interval_s, progress), max(1, settings.steps(LOOK_S))
+        factory = Disc(0.5e-3 * section.diameter_mm - trial.reach_m, length + trial.reach_m)
         filled, filling_mm, lifted_m = 0, math.nan, 0.0
 
         def in_tube() -> np.ndarray:
@@ -173,85 +176,68 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             energies = simulation.kinetic_energies()[simulation.present]
             return bool(energies.mean() <= settings.rest_energy_j)
 
-        with bounded.guard():
-            fill_and_rest(filmed, factory, section, scene.seed, scales, section.lift_from_s, rests, every)
+        # grains that hang in the tube are lifted with it
+        with trial.bound(factory.height_m + length, speed).guard():
+            fill_and_rest(trial, factory, section, section.lift_from_s, every, rests)
             filled, filling_mm = simulation.n_bodies, 1e3 * level_m(simulation)
             began_s = simulation.time_s
             _move(simulation, speed)
             last = simulation.steps + settings.steps(length / speed)
             while in_tube().any() and simulation.steps < last:
-                filmed.run_to(min(last, simulation.steps + every))
+                trial.run_to(min(last, simulation.steps + every))
                 lifted_m = speed * (simulation.time_s - began_s)
             _move(simulation, 0.0)
-            filmed.wait(rests, simulation.steps + settings.steps(section.settle_s), every)
-        centres, there = simulation.positions.copy(), simulation.present
+            trial.wait(rests, simulation.steps + settings.steps(section.settle_s), every)
         hanging = in_tube()
-        on_plate = there & (centres[:, 2] > 0.0) & ~hanging
+        on_plate = simulation.present & (simulation.positions[:, 2] > 0.0) & ~hanging
         in_pile = largest_cluster(simulation.contacts(), on_plate)
         energies = simulation.kinetic_energies()[on_plate]
         lifting = Lifting(
             filled=filled,
             filling_height_mm=filling_mm,
             in_tube=int(hanging.sum()),
-            off_plate=int(len(centres) - hanging.sum() - on_plate.sum()),
+            off_plate=int(len(on_plate) - hanging.sum() - on_plate.sum()),
             in_pile=int(in_pile.sum()),
             energy_j=float(energies.mean()) if len(energies) else math.nan,
-            unstable=bounded.broken,
+            grain_mm=1e3 * float(scene.particle.axes_m.max()),
+            unstable=trial.broken,
         )
-        status, reason = self.status_of(lifting, scene.settings, 1e3 * float(scene.particle.axes_m.max()))
-        record = {
-            "seed": int(scene.seed),
-            "status": status,
-            "reason": reason,
+        numbers = {
             "berries": filled,
-            "filling_height_mm": None if math.isnan(filling_mm) else filling_mm,
+            "filling_height_mm": filling_mm,
             "lifted_mm": 1e3 * lifted_m,
             "berries_in_pile": lifting.in_pile,
             "berries_off_plate": lifting.off_plate,
         }
-        arrays = {
-            "position": centres.astype(np.float32),
-            "quaternion": simulation.quaternions.astype(np.float32),
-            "in_pile": in_pile,
-            "scale": simulation.scales.astype(np.float32),
-        }
-        return Run(record, arrays, filmed.frames(walls=True))
+        return self.ended(scene, lifting, trial.grains(in_pile=in_pile), trial.frames(walls=True), **numbers)
 
-    def status_of(self, lifting: Lifting, settings: SceneSettings, grain_mm: float) -> tuple[str, str]:
-        """Judge a run before it is measured; grain_mm: length of a mean grain."""
+    def faults(self, ending: Lifting, settings: SceneSettings) -> Faults:
+        """Judge a run before it is measured."""
         section, simulation = self.section(settings), settings.simulation
-        berries = lifting.filled if section.berries is None else section.berries
-        asked = lifting.filling_height_mm if section.filling_height_mm is None else section.filling_height_mm
-        if lifting.unstable:
-            return "unstable", lifting.unstable
-        if lifting.filled < berries:
-            return "not_filled", f"only {lifting.filled} of {berries} berries find room in the tube"
-        if not abs(lifting.filling_height_mm - asked) <= grain_mm:
-            return "not_filled", f"the bed rests at {lifting.filling_height_mm:.4g} mm, not at {asked:g} mm"
-        if lifting.in_tube:
-            return "jammed", f"{lifting.in_tube} berries hang in the tube, which was lifted by its own length"
-        if lifting.off_plate > LARGEST_LOSS * berries:
-            return "left_plate", f"{lifting.off_plate} of {berries} berries left the plate"
-        if not lifting.energy_j <= simulation.rest_energy_j:
-            return simulation.not_at_rest(lifting.energy_j, f" {section.settle_s:g} s after the lifting")
-        there = berries - lifting.off_plate
-        if lifting.in_pile < SMALLEST_PILE * there:
-            reason = f"only {lifting.in_pile} of {there} berries touch each other in the largest pile"
-            return "no_flank", reason
-        return "ok", ""
+        grains, level, in_pile = section.berries or ending.filled, ending.filling_height_mm, ending.in_pile
+        asked = section.filling_height_mm or level
+        there, hanging, lost = grains - ending.off_plate, ending.in_tube, ending.off_plate
+        moving = simulation.not_at_rest(ending.energy_j, f" {section.settle_s:g} s after the lifting")
+        off = not abs(level - asked) <= ending.grain_mm
+        few = in_pile < SMALLEST_PILE * there
+        return stated(
+            (ending.filled < grains, "not_filled", f"only {ending.filled} of {grains} berries find room in the tube"),
+            (off, "not_filled", f"the bed rests at {level:.4g} mm, not at {asked:g} mm"),
+            (hanging, "jammed", f"{hanging} berries hang in the tube, which was lifted by its own length"),
+            (lost > LARGEST_LOSS * grains, "left_plate", f"{lost} of {grains} berries left the plate"),
+            (not ending.energy_j <= simulation.rest_energy_j, *moving),
+            (few, "no_flank", f"only {in_pile} of {there} berries touch each other in the largest pile"),
+        )
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
-        """Return the record with the responses of the pile."""
+    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure the pile."""
         from repose.measure.saved_piles import pile_responses
 
-        measured: dict[str, Any] = dict.fromkeys(MEASURED)
-        if record["status"] != "ok":
-            return {**record, **measured}
         plate_mm, more = self.section(scene.settings).plate_diameter_mm, ("base_radius_mm", "loose_percent")
         of_pile, reasons = pile_responses(arrays, scene.particle, scene.measure, plate_mm, more)
         measured = {name: of_pile.get(other) for name, other in OF_PILE.items()}
         reasons = {name: reasons[other] for name, other in OF_PILE.items() if other in reasons}
-        return {**record, **self.assess(measured, scene.settings, reasons), **measured}
+        return {**self.assess(measured, scene.settings, reasons), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time: filling, lifting by the tube's length, and rest."""

@@ -52,38 +52,28 @@ class Seen:
 
 
 def measure_drum(image: np.ndarray, rim_px: np.ndarray, section: Rotating) -> Seen:
-    """The surface of the bed in a drum, of which three points (3, 2) of the inner rim are given.
+    """Measure the bed surface in a drum located by three points (3, 2) of its inner rim.
 
     The side on which the bed is higher is taken for that to which the drum carries it.
     """
     centre, radius_px = _circle(rim_px)
-    view, mm_per_pixel = _redrawn(
-        image,
-        centre - [radius_px, -radius_px],
-        np.array([1.0, 0.0]),
-        (2 * radius_px, 2 * radius_px),
-        1e3 * Drum.of(section).radius_m / radius_px,
-    )
-    seen = Seen(Path(), [view])
-    mask = _bed(view)
-    radius_m = 0.5e-3 * mm_per_pixel * len(view)
+    corner, scale = centre - [radius_px, -radius_px], 1e3 * Drum.of(section).radius_m / radius_px
+    view, mm_per_pixel = _redrawn(image, corner, np.array([1.0, 0.0]), (2 * radius_px, 2 * radius_px), scale)
+    mask, radius_m = _bed(view), 0.5e-3 * mm_per_pixel * len(view)
     surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section.fit_share)
     if surface.angle_deg < 0:
-        mask, seen.views = mask[:, ::-1], [view[:, ::-1]]
+        mask, view = mask[:, ::-1], view[:, ::-1]
         surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section.fit_share)
-    seen.values, seen.mask = {"turning_deg": surface.angle_deg}, mask
-    picture = np.ascontiguousarray(seen.views[0])
+    picture, thick = np.ascontiguousarray(view), max(1, len(view) // 400)
     per_pixel = np.array([1e3, -1e3]) / mm_per_pixel
     ends, edge = ((line - (-radius_m, radius_m)) * per_pixel for line in (surface.line_m, surface.profile_m))
-    thick = max(1, len(picture) // 400)
     cv2.polylines(picture, [edge.astype(np.int32)], False, drawing.YELLOW, thick)
     drawing.draw_line(picture, tuple(ends[0]), tuple(ends[1]), drawing.RED, thick)
-    seen.views = [picture]
-    return seen
+    return Seen(Path(), [picture], {"turning_deg": surface.angle_deg}, mask=mask)
 
 
 def measure_box(image: np.ndarray, corners_px: np.ndarray, section: DrawdownSettings, how: MeasureSettings) -> Seen:
-    """Both slopes in a drawdown box, of which the lower inner corners (2, 2) are given, the left one first."""
+    """Measure both slopes in a drawdown box located by its lower inner corners (2, 2), the left one first."""
     box = Box.of(section)
     left, right = corners_px
     length = np.hypot(*(right - left))
@@ -123,7 +113,7 @@ def measure_box(image: np.ndarray, corners_px: np.ndarray, section: DrawdownSett
 def measure_all(
     paths: Sequence[Path], points_px: Sequence[float], settings: SceneSettings, bench: str, how: MeasureSettings
 ) -> list[Seen]:
-    """Photographs by one camera on a tripod: the points hold for each."""
+    """Measure photographs by one camera on a tripod: the points hold for each."""
     points = _checked_points(points_px, bench)
     results = []
     for path in paths:
@@ -133,9 +123,7 @@ def measure_all(
                 found = measure_drum(image, points / times, settings.section(bench, TurningSettings))
             else:
                 found = measure_box(image, points / times, settings.section(bench, DrawdownSettings), how)
-        except NoFlankError as error:
-            found = Seen(path, [image], refused=error.reason)
-        except ValueError as error:  # of a bed that is too narrow
+        except ValueError as error:  # no flank, or a bed that is too narrow
             found = Seen(path, [image], refused=str(error))
         found.path = path
         results.append(found)
@@ -159,7 +147,7 @@ def _checked_points(points_px: Sequence[float], bench: str) -> np.ndarray:
 
 
 def tables(results: Sequence[Seen], bench: str) -> Tables:
-    """Tables of photographs, at least one of which was measured."""
+    """Make the tables of photographs; at least one was measured."""
     names = RESPONSES[bench]
     rows = [
         {"photograph": seen.path.name} | {name: seen.values.get(name) for name in names} | {"refused": seen.refused}
@@ -170,7 +158,7 @@ def tables(results: Sequence[Seen], bench: str) -> Tables:
 
 
 def describe(results: Sequence[Seen], made: Tables, out: Path) -> str:
-    """The text that the verb prints."""
+    """Write the text that the verb prints."""
     lines = []
     for seen in results:
         values = ", ".join(f"{name} {value:.2f}" for name, value in seen.values.items())
@@ -184,7 +172,7 @@ def describe(results: Sequence[Seen], made: Tables, out: Path) -> str:
 
 
 def profile(results: Sequence[Seen], section: Rotating) -> pd.DataFrame:
-    """The surface over the axis that half of the photographs of a drum cover, for a target that is a profile."""
+    """Find the surface that half of the photographs of a drum cover, for a target that is a profile."""
     masks = [seen.mask for seen in results if seen.mask is not None and not seen.refused]
     radius_m = Drum.of(section).radius_m
     mm_per_pixel = 2e3 * radius_m / len(masks[0])
@@ -196,7 +184,7 @@ def profile(results: Sequence[Seen], section: Rotating) -> pd.DataFrame:
 
 
 def stacked(views: Sequence[np.ndarray]) -> np.ndarray:
-    """Pictures below each other, on black."""
+    """Put pictures below each other, on black."""
     width = max(view.shape[1] for view in views)
     return np.vstack([cv2.copyMakeBorder(view, 0, 0, 0, width - view.shape[1], cv2.BORDER_CONSTANT) for view in views])
 

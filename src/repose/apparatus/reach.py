@@ -8,6 +8,7 @@ for the samples of the goji berry's design (`python -m research.measurement line
 import contextlib
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,10 +16,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from repose.apparatus import funnel, scene_size
+from repose.apparatus.settings import SceneSettings
 from repose.core.errors import InputError
 from repose.core.files import read_table
+from repose.core.targets import Target, Targets
 from repose.measure.angles import MEAN_KEYS
-from repose.measure.settings import line_of
+from repose.measure.settings import MeasureSettings, line_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,35 +70,39 @@ class Reach(NamedTuple):
 
 
 def of(config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None = None) -> dict[str, Reach]:
-    """The reach of each target that is an angle of the funnel's pile; empty without a target of its Height.
+    """Assess each target that is an angle of the funnel's pile; return nothing without a target of its Height.
 
     `dataset_csv` are samples of the study itself, by the same settings.
     """
-    targets = {target["response"]: target for target in config["targets"]}
+    settings = SceneSettings(config)
+    targets = {target.name: target for target in Targets.of(settings.targets_of(funnel.NAME))}
     if "height_mm" not in targets:
         return {}
-    angles = {"aor_deg": config["measure"]["response"]}
-    angles |= {name: definition for definition, name in MEAN_KEYS.items()}
+    measure = settings.measure_of({})
+    grain_mm = measure.berry_height_mm or 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
+    grains = settings.section(funnel.NAME, funnel.FunnelSettings).berries
+    piles = _Piles(grains, particle, replace(measure, berry_height_mm=grain_mm), targets["height_mm"].value)
+    angles = {"aor_deg": measure.response} | {name: definition for definition, name in MEAN_KEYS.items()}
     return {
-        name: _of(config, particle, targets[name], targets["height_mm"]["value"], definition, dataset_csv)
+        name: piles.reach(targets[name], definition, dataset_csv)
         for name, definition in angles.items()
         if name in targets
     }
 
 
 def said(config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None) -> Iterator[str]:
-    """A line of text for each `Reach`, as the verbs and the workflow print it before the first pour."""
+    """Yield a line of text for each `Reach`, as the verbs and the workflow print it before the first pour."""
     for reach in of(config, particle, dataset_csv).values():
         yield f"reach: {'' if reach.possible else 'WARNING: '}{reach.sentence}"
 
 
 def cone_tan(height_mm: float, volume_m3: float) -> float:
-    """Slope of a cone of a Height and a volume."""
+    """Compute the slope of a cone of a Height and a volume."""
     return math.sqrt(math.pi * (1e-3 * height_mm) ** 3 / (3 * volume_m3))
 
 
 def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float | None:
-    """The steepest pile of a Height by a line [deg] whose grains have this volume; None where mass alone sets no bound.
+    """Compute the steepest angle of a pile of a Height and a volume of grains [deg]; None where mass sets no bound.
 
     A side that falls ever less steeply outwards has, over equal steps of distance, no steeper regression line from foot
     to crest than the cone of its Height and volume. A line that sees less of the toe may be steeper.
@@ -110,39 +117,53 @@ def carried(angle_deg: "pd.Series", height_mm: "pd.Series", to_mm: float) -> "pd
     return np.degrees(np.arctan(np.tan(np.radians(angle_deg)) * (to_mm / height_mm) ** 1.5))
 
 
-def _of(
-    config: Mapping[str, Any],
-    particle: "Particle",
-    target: Mapping[str, Any],
-    height_mm: float,
-    definition: str,
-    dataset_csv: str | PathLike | None,
-) -> Reach:
-    """Assess one target."""
-    grains, line = config["funnel"]["berries"], line_of(config["measure"], definition)
-    bound = steepest_deg(definition, height_mm, grains * particle.volume_m3)
-    own = None if dataset_csv is None else _own_band(dataset_csv, target["response"], height_mm)
-    band = own or _known_band(config, particle, definition, height_mm)
-    angle, error = target["value"], target["sd"] / math.sqrt(target["repetitions"])
-    forbidden = bound is not None and angle - SIGMAS * error > bound
-    away = (angle - band.mean) / math.hypot(band.sd, error)
-    possible = not forbidden and abs(away) <= SIGMAS
-    aim = f"{angle:.1f} deg by the line '{line}'"
-    known = f"{band.mean:.1f} +- {band.sd:.1f} deg (largest {band.largest:.1f}; {band.source})"
-    piles = f"piles of this mass and Height have {known}"
-    if possible:
-        return Reach(line, bound, band, True, f"a pile of {height_mm:.1f} mm with {aim} is possible: {piles}")
-    can, most = "can hardly", ""
-    if forbidden:
-        can, most = "cannot", f"by mass alone at most {bound:.1f} deg; "
-    sentence = (
-        f"{grains} grains of {1e9 * particle.volume_m3:.4g} mm3 {can} make a pile of {height_mm:.1f} mm with {aim}: "
-        f"{most}{piles}. Are line, grain and targets of the same piles?"
-    )
-    return Reach(line, bound, band, False, sentence)
+@dataclass(frozen=True)
+class _Piles:
+    """The poured piles of a study, as high as their target."""
 
+    grains: int
+    particle: "Particle"
+    measure: MeasureSettings  # with the height of a grain
+    height_mm: float
 
-# --- the angles of real piles ---------------------------------------------------------------------
+    def reach(self, target: Target, definition: str, dataset_csv: str | PathLike | None) -> Reach:
+        """Assess one target."""
+        grain_m3, line = self.particle.volume_m3, line_of(vars(self.measure), definition)
+        bound = steepest_deg(definition, self.height_mm, self.grains * grain_m3)
+        own = None if dataset_csv is None else _own_band(dataset_csv, target.name, self.height_mm)
+        band = own or self.known_band(definition)
+        forbidden = bound is not None and target.value - SIGMAS * target.standard_error > bound
+        away = (target.value - band.mean) / math.hypot(band.sd, target.standard_error)
+        possible = not forbidden and abs(away) <= SIGMAS
+        made = f"a pile of {self.height_mm:.1f} mm with {target.value:.1f} deg by the line '{line}'"
+        known = f"{band.mean:.1f} +- {band.sd:.1f} deg (largest {band.largest:.1f}; {band.source})"
+        piles = f"piles of this mass and Height have {known}"
+        sentence = f"{made} is possible: {piles}"
+        if not possible:
+            can, most = ("cannot", f"by mass alone at most {bound:.1f} deg; ") if forbidden else ("can hardly", "")
+            grains = f"{self.grains} grains of {1e9 * grain_m3:.4g} mm3"
+            sentence = f"{grains} {can} make {made}: {most}{piles}. Are line, grain and targets of the same piles?"
+        return Reach(line, bound, band, possible, sentence)
+
+    def known_band(self, definition: str) -> Band:
+        """Look the band up in the table, changed to the study's number of grains as `scene_size` knows it."""
+        assert self.measure.berry_height_mm is not None
+        row, exact = nearest_row(self.measure, definition, self.measure.berry_height_mm / self.height_mm)
+        cone = cone_tan(self.height_mm, self.grains * self.particle.volume_m3 / funnel.PACKING)
+        change = scene_size.change(GRAINS, self.grains, scene_size.TABULATED.get(definition, definition))
+
+        def angle(ratio: float) -> float:
+            before = math.degrees(math.atan(ratio * cone)) + change.angle_deg
+            return math.degrees(math.atan(math.tan(math.radians(before)) / change.height**1.5))
+
+        ends = [angle(row["mean"] + sign * row["sd"]) for sign in (-1, 1)]
+        axes = sorted(self.particle.axes_m, reverse=True)
+        alike = np.allclose(np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=ALIKE)
+        source = f"{row['samples']} samples of the goji berry{'' if alike else ', not of this grain'}"
+        source += "" if self.grains == GRAINS else f", {GRAINS} grains each, changed to {self.grains}"
+        source += "" if exact else f", by the nearest line measured, '{line_of(row, definition)}'"
+        sd = math.hypot((ends[1] - ends[0]) / 2, 0.0 if alike else OTHER_GRAIN_DEG)
+        return Band(angle(row["mean"]), sd, angle(row["largest"]), source)
 
 
 def _own_band(dataset_csv: str | PathLike, angle: str, height_mm: float) -> Band | None:
@@ -157,45 +178,17 @@ def _own_band(dataset_csv: str | PathLike, angle: str, height_mm: float) -> Band
     return None
 
 
-def _known_band(config: Mapping[str, Any], particle: "Particle", definition: str, height_mm: float) -> Band:
-    """Look the band up in the table, changed to the study's number of grains as `scene_size` knows it."""
-    grains = config["funnel"]["berries"]
-    row, exact = nearest_row(config["measure"], definition, _grain_mm(config, particle) / height_mm)
-    cone = cone_tan(height_mm, grains * particle.volume_m3 / funnel.PACKING)
-    change = scene_size.change(GRAINS, grains, scene_size.TABULATED.get(definition, definition))
-
-    def angle(ratio: float) -> float:
-        before = math.degrees(math.atan(ratio * cone)) + change.angle_deg
-        return math.degrees(math.atan(math.tan(math.radians(before)) / change.height**1.5))
-
-    ends = [angle(row["mean"] + sign * row["sd"]) for sign in (-1, 1)]
-    axes = sorted(particle.axes_m, reverse=True)
-    alike = np.allclose(np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=ALIKE)
-    source = f"{row['samples']} samples of the goji berry{'' if alike else ', not of this grain'}"
-    source += "" if grains == GRAINS else f", {GRAINS} grains each, changed to {grains}"
-    source += "" if exact else f", by the nearest line measured, '{line_of(row, definition)}'"
-    sd = math.hypot((ends[1] - ends[0]) / 2, 0.0 if alike else OTHER_GRAIN_DEG)
-    return Band(angle(row["mean"]), sd, angle(row["largest"]), source)
-
-
-def _grain_mm(config: Mapping[str, Any], particle: "Particle") -> float:
-    """Return the height of a grain, the "berry" of `measure.fit_from`."""
-    return config["measure"]["berry_height_mm"] or 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
-
-
-def nearest_row(section: Mapping[str, Any], definition: str, grain: float) -> tuple["pd.Series", bool]:
-    """Row of the table for a line of the section `measure`, and whether it is of this very line.
+def nearest_row(measure: MeasureSettings, definition: str, grain: float) -> tuple["pd.Series", bool]:
+    """Find the row of the table that is nearest to a line, and whether it is of this very line.
 
     `grain` is the height of a grain as a share of the Height.
     """
-    wanted = {key: grain if section[key] == "berry" else section[key] for key in READ[definition]}
+    given = {key: getattr(measure, key) for key in READ[definition]}
+    wanted = {key: grain if value == "berry" else value for key, value in given.items()}
     table = read_table(TABLE, ("definition", "samples", "mean", "sd", "largest", *wanted))
-    table = table[table["definition"] == definition]
-
-    def away(row: "pd.Series") -> float:
-        numbers = (key for key in wanted if key != "flank")
-        other_rule = "flank" in wanted and wanted["flank"] != row["flank"]
-        return sum(abs(wanted[key] - row[key]) for key in numbers) + other_rule
-
-    _, row = min(table.iterrows(), key=lambda item: away(item[1]))
-    return row, away(row) < 0.005
+    table = table[table["definition"] == definition].reset_index(drop=True)
+    away = np.zeros(len(table))
+    for key, value in wanted.items():
+        away += table[key] != value if key == "flank" else (table[key] - value).abs()
+    nearest = int(np.argmin(away))
+    return table.iloc[nearest], bool(away[nearest] < 0.005)

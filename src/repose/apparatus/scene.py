@@ -1,7 +1,7 @@
 """A simulation of grains among walls of one material, frames of it on the way, and its largest cluster."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,10 @@ from repose.dem.constants import TWISTING
 if TYPE_CHECKING:
     from repose.apparatus.bench_test import Scene
     from repose.dem import time_steps
+
+
+Progress = Callable[[float], object] | None
+Build = Callable[["Scene", float], "dem.Simulation"]
 
 
 def grain_simulation(scene: "Scene", capacity: int, **arguments: Any) -> "dem.Simulation":
@@ -37,22 +41,6 @@ def grain_simulation(scene: "Scene", capacity: int, **arguments: Any) -> "dem.Si
         **settings.laws,
         **arguments,
     )
-
-
-class Sized(NamedTuple):
-    """A simulation, the sizes of its berries relative to the particle, and the radius about the largest [m]."""
-
-    simulation: "dem.Simulation"
-    scales: np.ndarray
-    reach_m: float
-
-
-def sized_simulation(build: "Callable[[Scene, float], dem.Simulation]", scene: "Scene", grains: int) -> Sized:
-    """Build the empty simulation of a bench test with room for the largest grain of the scene's seed."""
-    from repose.particle.size_distribution import of_pour
-
-    scales, largest = of_pour(scene.settings.size_distribution, scene.grain, scene.seed, grains)
-    return Sized(build(scene, largest), scales, largest * scene.particle.bounding_radius_m)
 
 
 def longest_time_step(scene: "Scene") -> "time_steps.Limit":
@@ -100,13 +88,24 @@ def _contacts(parameters: Mapping[str, float]) -> "dict[tuple[str, str], dem.Con
 class Filmed:
     """Advances a simulation within bounds, calls `progress` with its time, and records a frame each `interval_s`."""
 
+    bounded: Bounded
+
     def __init__(
-        self, bounded: Bounded, interval_s: float | None = None, progress: Callable[[float], object] | None = None
+        self, simulation: "dem.Simulation", interval_s: float | None = None, progress: Progress = None
     ) -> None:
-        simulation = bounded.simulation
-        self.bounded, self.simulation, self.progress = bounded, simulation, progress
+        self.simulation, self.progress = simulation, progress
         self.every = None if interval_s is None else max(1, round(interval_s / simulation.time_step_s))
         self.recorder = None if interval_s is None else dem.Recorder()
+
+    def bound(self, top_m: float, speed_m_s: float = 0.0) -> Bounded:
+        """Set the bounds within which it runs, see `repose.apparatus.bounds.Bounded`."""
+        self.bounded = Bounded(self.simulation, top_m, speed_m_s)
+        return self.bounded
+
+    @property
+    def broken(self) -> str:
+        """The bound that was broken; empty where none was."""
+        return self.bounded.broken
 
     def run_to(self, step: int) -> None:
         """Advance to a time step, unless it has passed; `Unstable` if a bound is broken."""
@@ -126,7 +125,7 @@ class Filmed:
             self.run_to(min(last_step, self.simulation.steps + every))
 
     def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
-        """The frames; None if none were requested.
+        """Return the frames; None if none were requested.
 
         ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies that
         there is room for; NaN where a body is not there. With `walls` also the positions of the walls, as of
@@ -145,9 +144,39 @@ class Filmed:
         } | ({name: kept[name] for name in ("planes", "wall_frames")} if walls else {})
 
 
-def at_rest(simulation: "dem.Simulation", energy_j: float) -> bool:
-    """Whether the mean kinetic energy of a berry is at most a value, or is not a number."""
-    return not simulation.kinetic_energies().mean() > energy_j
+class Trial(Filmed):
+    """A scene that is simulated: bodies with room for the largest grain of its seed, and the sizes of its grains."""
+
+    def __init__(
+        self, build: Build, scene: "Scene", grains: int, interval_s: float | None = None, progress: Progress = None
+    ) -> None:
+        from repose.particle.size_distribution import of_pour
+
+        self.scene = scene
+        self.scales, largest = of_pour(scene.settings.size_distribution, scene.grain, scene.seed, grains)
+        self.reach_m = largest * scene.particle.bounding_radius_m  # of the largest grain
+        super().__init__(build(scene, largest), interval_s, progress)
+
+    def energy_j(self) -> float:
+        """Compute the mean kinetic energy of a grain."""
+        return float(self.simulation.kinetic_energies().mean())
+
+    def rests(self) -> bool:
+        """Whether the mean kinetic energy of a grain is at most that of a bed at rest, or is not a number."""
+        return not self.energy_j() > self.scene.simulation.rest_energy_j
+
+    def grains(self, **further: np.ndarray) -> dict[str, np.ndarray]:
+        """Keep the grains as they are, see `kept_grains`."""
+        simulation = self.simulation
+        return kept_grains(simulation.positions, simulation.quaternions, simulation.scales, **further)
+
+
+def kept_grains(
+    position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, **further: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Name the arrays of grains, and further ones as they are; in single precision: 0.03 um at the edge of a plate."""
+    bodies = {"position": position.astype(np.float32), "quaternion": quaternion.astype(np.float32)}
+    return {**bodies, **further, "scale": scale.astype(np.float32)}
 
 
 def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:

@@ -12,17 +12,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from repose.apparatus.funnel import NAME, FunnelSettings
+from repose.apparatus.settings import SceneSettings
 from repose.core.section import AUTO
 
 if TYPE_CHECKING:
     import pandas as pd
 
 TABLE = Path(__file__).with_name("number_of_grains.csv")
-LENGTHS = ("inlet_diameter_mm", "outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
+LENGTHS = ("outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
 # What follows from the other keys of a smaller scene.
 COMPUTED = ("factory_diameter_mm", "factory_height_mm", "duration_s")
 # What a smaller scene has to say.
-PASTED = (*LENGTHS, "outlet_diameter_mm", "rim_radius_mm", "cone_angle_deg", "rate_per_s")
+OUTLET = ("outlet_diameter_mm", "rim_radius_mm", "cone_angle_deg")
+PASTED = ("berries", "inlet_diameter_mm", *LENGTHS, *OUTLET, "rate_per_s")
 DISCHARGE = 2.5  # a funnel's flow goes with its lengths to this power (Beverloo et al. 1961)
 OUTLET_GRAINS = 4.0  # narrowest outlet of a smaller scene, in diameters of a grain: one by one they bounce away
 COST = 7 / 6  # time of a pour goes with the number to this power: its bodies, and the time of discharge
@@ -49,14 +52,14 @@ def _table() -> "pd.DataFrame":
 
 
 def numbers() -> list[int]:
-    """Numbers of grains of which the table has piles of every crop."""
+    """List the numbers of grains for which the table has piles of every crop."""
     table = _table()
     counts = table.groupby("grains")["label"].nunique()
     return counts.index[counts == table["label"].nunique()].tolist()
 
 
 def change(before: float, after: float, definition: str) -> Change:
-    """Change of a pile whose scene is scaled to another number of grains; beyond the table as at its end."""
+    """Find the change of a pile whose scene has another number of grains; clamped at the ends of the table."""
     angles, heights = [], []
     for _, own in _table().groupby("label"):
         first, last = (
@@ -68,23 +71,25 @@ def change(before: float, after: float, definition: str) -> Change:
     return Change(float(np.mean(angles)), float(np.mean(heights)))
 
 
-def scaled(funnel: Mapping[str, Any], grains: int, diameter_mm: float, poured: int | None = None) -> dict[str, Any]:
-    """The section `funnel` for another number of grains of the same size, all lengths by the cube root of the number.
+def scaled(funnel: FunnelSettings, grains: int, diameter_mm: float, poured: int | None = None) -> dict[str, Any]:
+    """Write the section `funnel` for another number of grains of the same size.
 
-    The outlet stays as wide as `OUTLET_GRAINS` diameters of a grain, or as it is where it is narrower. `poured` is the
-    number that this funnel poured, if it is not the section's.
+    All lengths go with the cube root of the number. The outlet stays as wide as `OUTLET_GRAINS` diameters of a grain,
+    or as it is where it is narrower. `poured` is the number that this funnel poured, if it is not the section's.
     """
-    scale = (grains / (poured or funnel["berries"])) ** (1 / 3)
-    section = dict(funnel) | {key: scale * funnel[key] for key in LENGTHS} | dict.fromkeys(COMPUTED, AUTO)
-    inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
-    section["outlet_diameter_mm"] = narrow = max(scale * outlet, min(outlet, OUTLET_GRAINS * diameter_mm))
-    section["inlet_diameter_mm"] = wide = max(scale * inlet, min(inlet, 2 * narrow))
-    section["rim_radius_mm"] = min(funnel["rim_radius_mm"], 0.24 * (wide - narrow))  # 0.25: no cone is left
-    return section | {"berries": grains, "rate_per_s": funnel["rate_per_s"] * scale**DISCHARGE}
+    scale = (grains / (poured or funnel.berries)) ** (1 / 3)
+    inlet, outlet = funnel.inlet_diameter_mm, funnel.outlet_diameter_mm
+    narrow = max(scale * outlet, min(outlet, OUTLET_GRAINS * diameter_mm))
+    wide = max(scale * inlet, min(inlet, 2 * narrow))
+    section = funnel.model_dump() | {key: scale * getattr(funnel, key) for key in LENGTHS}
+    section |= {"inlet_diameter_mm": wide, "outlet_diameter_mm": narrow, "berries": grains}
+    section["rim_radius_mm"] = min(funnel.rim_radius_mm, 0.24 * (wide - narrow))  # 0.25: no cone is left
+    section["rate_per_s"] = funnel.rate_per_s * scale**DISCHARGE
+    return section | dict.fromkeys(COMPUTED, AUTO)
 
 
 def enough(grains: int, definition: str) -> int | None:
-    """Smallest number of the table whose angle is within `CLOSE_DEG` of that of more grains; None if there is none."""
+    """Find the smallest number of the table whose angle is within `CLOSE_DEG` of that of more grains; else None."""
     found = None
     for number in sorted((n for n in numbers() if n < grains), reverse=True):
         if abs(change(grains, number, definition).angle_deg) > CLOSE_DEG:
@@ -94,60 +99,49 @@ def enough(grains: int, definition: str) -> int | None:
 
 
 def advice(config: Config, diameter_mm: float, height_mm: float, poured: int | None = None) -> Iterator[str]:
-    """Sentences on the number of grains of a pour, and a smaller scene as keys to paste.
+    """Yield sentences on the number of grains of a pour, and a smaller scene as keys to paste.
 
     `poured` is the number that the targets need, if it is more than the configured one.
     """
-    funnel, definition = config["funnel"], _definition(config)
-    grains, largest = poured or funnel["berries"], max(numbers())
+    settings = SceneSettings(config)
+    funnel, definition = settings.section(NAME, FunnelSettings), settings.measure_of({}).response
+    definition = TABULATED.get(definition, definition)
+    grains, least, largest = poured or funnel.berries, min(numbers()), max(numbers())
     compared = min(grains, largest)
     half = change(compared, compared / 2, definition)
     fewer, steady = enough(compared, definition), enough(compared, STEADY)
     close = f"within {CLOSE_DEG:g} deg of that of {compared}"
-    if fewer:
-        stays = f"from {fewer} grains on it is {close}"
-    else:
-        stays = f"no smaller number is {close}" + (f", but the {STEADY} from {steady} on" if steady else "")
+    stays = f"no smaller number is {close}" + (f", but the {STEADY} from {steady} on" if steady else "")
     yield (
         f"grains: the pile is {height_mm / diameter_mm:.2g} grains high. Simulate as many as were poured: half as "
         f"many, in a funnel of 0.79 of the size, change the angle ({definition}) by {half.angle_deg:+.1f} deg, and the "
-        f"Height by {100 * (half.height - 1):+.0f} % besides its size; {stays}"
+        f"Height by {100 * (half.height - 1):+.0f} % besides its size; "
+        + (f"from {fewer} grains on it is {close}" if fewer else stays)
     )
     if grains < LARGE:
         return
     if fewer is None and grains <= largest:
         yield (
-            f"smaller scene: none of {min(numbers())} to {largest} grains keeps the angle ({definition}) within "
+            f"smaller scene: none of {least} to {largest} grains keeps the angle ({definition}) within "
             f"{CLOSE_DEG:g} deg: pour fewer grains by hand, and simulate those"
         )
         return
-    yield from _smaller(config, grains, fewer, diameter_mm)
-
-
-def _smaller(config: Config, grains: int, enough: int | None, diameter_mm: float) -> Iterator[str]:
-    """Say what a smaller scene costs and changes, and its keys: with `enough` grains, or the most of the table."""
-    largest, definition = max(numbers()), _definition(config)
-    fewer = enough or largest
-    other = change(grains, fewer, definition)
-    high = (fewer / grains) ** (1 / 3) * other.height
-    angle = f"{other.angle_deg:+.1f} deg" if enough else "not known: it grows with the number of grains"
+    number = fewer or largest
+    other = change(grains, number, definition)
+    high = (number / grains) ** (1 / 3) * other.height
+    angle = f"{other.angle_deg:+.1f} deg" if fewer else "not known: it grows with the number of grains"
     beyond = "" if grains <= largest else f"; piles of more than {largest} grains have not been compared"
     yield (
-        f"smaller scene: {fewer} grains take {(fewer / grains) ** COST:.1g} of the time of {grains}; "
+        f"smaller scene: {number} grains take {(number / grains) ** COST:.1g} of the time of {grains}; "
         f"angle ({definition}) {angle}, Height {high:.2g} of the target's{beyond}. Pour such a pile by hand, and give "
         "its targets in place of these:"
     )
-    keys = scaled(config["funnel"], fewer, diameter_mm, grains)
-    pasted = {key: _rounded(keys[key]) for key in ("berries", *PASTED)} | dict.fromkeys(COMPUTED, AUTO)
-    yield _as_yaml("funnel", pasted)
-    if any(target["response"] == "height_mm" for target in config["targets"]):
+    keys = scaled(funnel, number, diameter_mm, grains)
+    pasted = {key: _rounded(keys[key]) for key in PASTED} | dict.fromkeys(COMPUTED, AUTO)
+    yield _as_yaml(NAME, pasted)
+    targets = settings.targets_of(NAME)
+    if any(target["response"] == "height_mm" for target in targets):
         yield _as_yaml("targets", [_lower(target, high) for target in config["targets"]])
-
-
-def _definition(config: Config) -> str:
-    """Return the definition of the table for the calibrated angle."""
-    response = config["measure"]["response"]
-    return TABULATED.get(response, response)
 
 
 def _lower(target: dict[str, Any], share: float) -> dict[str, Any]:

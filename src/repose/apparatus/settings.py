@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import Field
 
 from repose.core.section import OF_OTHERS, Berries, OneOf, OrAuto, Section, Seeds
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+
+if TYPE_CHECKING:
+    from repose.measure.settings import MeasureSettings
 
 S = TypeVar("S", bound=Section)
 CREEPING_LAWS = ("constant_torque",)  # rolling laws that hold no body still where a torque acts on it
@@ -34,12 +37,12 @@ class SimulationSettings(Section):
         return {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
 
     def not_at_rest(self, energy_j: float, when: str = "") -> tuple[str, str]:
-        """Status and reason of a run that ends with this mean energy of a berry; when: further words."""
+        """Make status and reason of a run that ends with this mean energy of a grain; when: further words."""
         moves = f"kinetic energy {energy_j:.2e} J a berry{when}"
         return "not_at_rest", f"{moves}, more than {self.rest_energy_j:.0e}"
 
     def steps(self, seconds: float) -> int:
-        """Number of time steps of a duration, to the nearest one."""
+        """Count the time steps of a duration, to the nearest one."""
         return round(seconds / self.time_step_s)
 
 
@@ -58,7 +61,7 @@ class SceneSettings:
     made: dict[str, Section] = field(default_factory=dict, repr=False, compare=False)
 
     def section(self, name: str, model: type[S]) -> S:
-        """The section of a bench test."""
+        """Return the section of a bench test."""
         if name not in self.made:
             self.made[name] = model.model_validate(self.config[name])
         made: Any = self.made[name]
@@ -77,8 +80,18 @@ class SceneSettings:
     @property
     def size_distribution(self) -> str:
         """Whether grains have the sizes that were measured."""
-        size: str = self.config["berry"]["size_distribution"]
-        return size
+        return str(self.config["berry"]["size_distribution"])
+
+    @property
+    def mm_per_pixel(self) -> float:
+        """Scale of a silhouette; other keys of `measure` are a pile's."""
+        return float(self.config["measure"]["mm_per_pixel"])
+
+    def measure_of(self, grain: Mapping[str, Any]) -> "MeasureSettings":
+        """Make the settings of the measurement of a pile of these grains."""
+        from repose.measure.settings import MeasureSettings
+
+        return MeasureSettings.of(self.config["measure"], grain)
 
     def targets_of(self, bench_test: str) -> list[Mapping[str, Any]]:
         """Targets of a bench test; targets whose form is wrong are left out, for their own check refuses them."""
@@ -88,7 +101,7 @@ class SceneSettings:
 
 
 class Poured(Section):
-    """Keys of a bench test whose berries are poured at a rate."""
+    """Keys of a bench test whose grains are poured at a rate."""
 
     berries: Berries
     rate_per_s: float = Field(ge=0.1, le=10000)

@@ -1,4 +1,4 @@
-"""The drum in steady turning: berries flow down the bed as fast as the drum lifts them; the angle of their surface.
+"""The drum in steady turning: grains flow down the bed as fast as the drum lifts them; the angle of their surface.
 
 Vessel, filling and the line through the surface are those of `repose.apparatus.drum`, which turns slowly until the bed
 slips once. Here the drum turns faster, and the angle is the mean over a time in which the flow is steady. The same
@@ -15,19 +15,14 @@ import numpy as np
 from pydantic import Field
 
 from repose.apparatus import drum
-from repose.apparatus.bench_test import Contradictions, Progress, Run, Scene, register
-from repose.apparatus.factory import Pouring, fill
-from repose.apparatus.scene import Filmed
+from repose.apparatus.bench_test import Arrays, Contradictions, Progress, Run, Scene, register
+from repose.apparatus.factory import fill
 from repose.apparatus.settings import Rotating, SceneSettings
 from repose.core.profiles import Profile
 from repose.core.responses import Response
-from repose.core.runs import Recorded
 
 NAME = "turning"
-STATUSES = ("ok", "unstable", "lost", "no_surface")
 SEEN = ("measure.mm_per_pixel", *(f"{NAME}.{key}" for key in ("angular_velocity_rad_s", "fit_share")))
-RESPONSES = (Response("turning_deg", "deg", "drum, turning", "turning", NAME, -90.0, 90.0, SEEN),)
-RECORDED = Recorded(means=("turning_deg",), single=("turning_deg",))
 MOST_SPEEDS = 9  # a name of a response has one digit for it
 NAMED = re.compile(r"turning(?:_([2-9]))?(?:_deg|_profile(?:_([1-9]))?_mm)")
 
@@ -36,7 +31,7 @@ PER_SPEED = ("angular_velocity_rad_s", "measure_from_s", "measure_until_s")
 
 
 def _one_each(low: float, high: float) -> Any:
-    """The allowed values as text: a number, or a list with a number for each speed."""
+    """Describe the allowed values: a number, or a list with a number for each speed."""
     return Field(description=f"a number from {low:g} to {high:g}, or a list of one for each speed")
 
 
@@ -62,18 +57,9 @@ def speeds(section: TurningSettings) -> list[tuple[float, float, float]]:
 
 
 def speed_of(name: str) -> int:
-    """The speed of a response by its name, from 0."""
+    """Find the speed of a response by its name, from 0."""
     found = NAMED.fullmatch(name)
     return 0 if found is None or found[1] is None else int(found[1]) - 1
-
-
-def status_of(held: bool, unstable: str = "") -> tuple[str, str]:
-    """Status and reason of a run before it is measured; unstable: the bound that it broke, if any."""
-    if unstable:
-        return "unstable", unstable
-    if not held:
-        return "lost", "a berry is missing, or outside the drum"
-    return "ok", ""
 
 
 def further_name(speed: int) -> str:
@@ -86,9 +72,8 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
     """A drum in steady turning."""
 
     settings = TurningSettings
-    responses = RESPONSES
-    recorded = RECORDED
-    statuses = STATUSES
+    responses = (Response("turning_deg", "deg", "drum, turning", "turning", NAME, -90.0, 90.0, SEEN),)
+    statuses = ("ok", "unstable", "lost", "no_surface")
     measured_by = ("fit_share",)
     required_arrays = ("position", "quaternion", "scale")
     summary = "surface at {turning_deg:.1f} deg while the drum turns"
@@ -114,43 +99,31 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         (N,); and with several speeds ``speed`` (T,), from 0.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        empty = self.empty_drum(scene)
-        simulation = empty.simulation
-        filmed = Filmed(empty.bounded, interval_s, progress)
-        time_s: list[float] = []
-        centres: list[np.ndarray] = []
-        turns: list[np.ndarray] = []
-        numbers: list[int] = []
-        with empty.bounded.guard():
+        trial, factory = self.empty_drum(scene, interval_s, progress)
+        simulation = trial.simulation
+        kept: dict[str, list[Any]] = {"time_s": [], "position": [], "quaternion": [], "speed": []}
+        with trial.bounded.guard():
             begin = settings.steps(section.rotate_from_s)
-            pouring = Pouring.of(section, section.berries)
-            fill(simulation, empty.factory, pouring, scene.seed, begin, filmed.run_to, empty.scales)
-            filmed.run_to(begin)
+            fill(trial, factory, section, begin)
+            trial.run_to(begin)
             every = max(1, settings.steps(section.record_s))
             for number, (speed, first_s, last_s) in enumerate(speeds(section)):
                 drum.set_rotation(simulation, speed)
                 for step in range(every, settings.steps(last_s) + 1, every):
-                    filmed.run_to(begin + step)
+                    trial.run_to(begin + step)
                     now = step * settings.time_step_s
                     if now >= first_s:
-                        time_s.append(now)
-                        centres.append(simulation.positions.astype(np.float32))
-                        turns.append(simulation.quaternions.astype(np.float32))
-                        numbers.append(number)
+                        row = trial.grains() | {"time_s": now, "speed": number}
+                        for key, values in kept.items():
+                            values.append(row[key])
                 begin = simulation.steps
-        status, reason = status_of(empty.holds_all(), empty.bounded.broken)
-        arrays = {
-            "time_s": np.array(time_s),
-            "position": np.array(centres),
-            "quaternion": np.array(turns),
-            "scale": simulation.scales.astype(np.float32),
-        }
+        arrays = {key: np.array(kept[key]) for key in ("time_s", "position", "quaternion")}
+        arrays["scale"] = simulation.scales.astype(np.float32)
         if len(speeds(section)) > 1:
-            arrays["speed"] = np.array(numbers)
-        record = {"seed": int(scene.seed), "status": status, "reason": reason}
-        return Run(record, arrays, filmed.frames())
+            arrays["speed"] = np.array(kept["speed"])
+        return self.ended(scene, drum.Turned(self.holds_all(trial), unstable=trial.broken), arrays, trial.frames())
 
-    def measure(self, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray], scene: Scene) -> dict[str, Any]:
+    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Return the record with the mean angle at each speed, and the scores of profiles that are targets."""
         targets = scene.settings.targets_of(NAME)
         of_profiles = {one["response"]: one["profile"] for one in targets if "profile" in one}
@@ -185,7 +158,7 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
 
         if not profiles:
             return {}
-        radius, pixel = drum.Drum.of(self.section(scene.settings)).radius_m, scene.mm_per_pixel
+        radius, pixel = drum.Drum.of(self.section(scene.settings)).radius_m, scene.settings.mm_per_pixel
         occupied = bed.occupied_share(position, quaternion, scene.particle, radius, pixel, scale)
         found = {}
         for name, kept in profiles.items():

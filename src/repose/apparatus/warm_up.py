@@ -8,7 +8,7 @@ from repose.core.targets import Targets
 
 
 def warm_up(scene: Scene, cores: int = 1) -> float:
-    """Make a step with one berry in every bench test of the targets, to compile its kernels; return the seconds.
+    """Make a step with one grain in every bench test of the targets, to compile its kernels; return the seconds.
 
     On a second core another process compiles the contacts with walls, nearly half of the engine.
     """

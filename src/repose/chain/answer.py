@@ -12,9 +12,10 @@ from repose.core.errors import InputError
 from repose.core.files import read_json
 from repose.core.parameters import LABELS, check_value, named
 from repose.core.responses import named as known_response
+from repose.core.studied import Studied
 from repose.core.tables import Column
 from repose.core.tables import read as read_cells
-from repose.core.targets import Target, Targets
+from repose.core.targets import Target
 from repose.measure.settings import line_for
 
 # Remedy by strategy, if only the prediction meets the targets.
@@ -139,8 +140,8 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """The result of a calibration.
+class Result:
+    """The result of a calibration, simulated again.
 
     `within` has the probability, by percent of the aims, that all means lie so near to them; it comes from the runs of
     the check alone, and None means unknown.
@@ -213,40 +214,36 @@ class Answer:
 
 
 def read(
-    config: Mapping[str, Any],
-    summary_json: str | os.PathLike,
-    check_csv: str | os.PathLike,
-    solutions_csv: str | os.PathLike,
-    strategy: str = "published",
-) -> Answer:
-    """Read the answer in the files of the verbs miga and validate, or of the check of another strategy."""
+    study: Studied, summary_json: str | os.PathLike, check_csv: str | os.PathLike, solutions_csv: str | os.PathLike
+) -> Result:
+    """Read the result in the files of the verbs miga and validate, or of the check of another strategy."""
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
     table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
     rows = {row["response"]: row for row in table.rows()}
-    targets = Targets.of(config["targets"])
+    targets, settings = study.targets, study.settings
     for name in targets.names:
         if name not in rows:
             raise InputError(check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration")
     values = summary["representative"]
     for name in named(values):
         check_value(name, values.get(name), summary_json)
-    return Answer(
-        label=config["label"],
+    return Result(
+        label=settings.label,
         parameters={name: float(values[name]) for name in named(values)},
         feasible=summary["feasible"],
         message=summary["message"],
         checks=tuple(
-            replace(_check(target, rows[target.name]), line=line_for(config.get("measure"), target.name))
+            replace(_check(target, rows[target.name]), line=line_for(settings.measure, target.name))
             for target in targets
         ),
-        folder=Path(config["results_dir"]),
+        folder=Path(settings.results_dir),
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
-        advice=ADVICE.get(strategy, MORE_POURS),
+        advice=ADVICE.get(settings.strategy, MORE_POURS),
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
-        small_run=config.get("small_run", False),
+        small_run=settings.small_run,
         within={percent: _number(rows[targets.names[0]], column) for percent, column in WITHIN.items()},
     )
 
@@ -274,7 +271,7 @@ def nearness(checks: Iterable[Check]) -> str:
 
 
 def describe_probability(within: Mapping[float, float | None]) -> str:
-    """Write the probability that all means are near their targets; `within` as in `Answer`."""
+    """Write the probability that all means are near their targets; `within` as in `Result`."""
     if None in within.values():
         return "the distance of the means from their targets is unknown"
     shares = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench, reach
 from repose.apparatus.settings import SimulationSettings
-from repose.chain.answer import Answer, Check
+from repose.chain.answer import Check, Result
 from repose.chain.card_model import POSTERIOR, RANGE, WHAT, check
 from repose.core import provenance
 from repose.core.errors import InputError
@@ -21,6 +21,8 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import LABELS
 from repose.core.responses import Response, derived
 from repose.core.runs import error_of
+from repose.core.section import Section
+from repose.core.studied import Studied
 from repose.core.targets import Target, Targets
 
 if TYPE_CHECKING:
@@ -40,8 +42,8 @@ AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
 
 
 def make(
-    config: Mapping[str, Any],
-    answer: Answer,
+    study: Studied,
+    answer: Result,
     berry: Mapping[str, Any],
     particle: "Particle",
     feasible: "pd.DataFrame",
@@ -54,25 +56,25 @@ def make(
     `dataset_csv` are the samples of the design. `row` is the answer's in table4.csv, which has its piles by every
     definition of the angle.
     """
-    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    settings = study.settings
     about = {
-        "grain": _grain(config, berry, particle),
-        "wall": {key: config["wall"][key] for key in WALL},
-        "laws": laws(config),
+        "grain": _grain(settings.berry.size_distribution == "none", berry, particle),
+        "wall": {key: getattr(settings.wall, key) for key in WALL},
+        "laws": laws(settings.simulation),
     }
     tests = {
-        name: described(config, target.response, berry) | _lines(config, name, row or {})
-        for name, target in zip(targets.names, targets, strict=True)
+        target.name: described(study, target.response, berry) | _lines(settings.measure, target.name, row or {})
+        for target in study.targets
     }
-    for name, found in reach.of(config, particle, dataset_csv).items():
+    for name, found in reach.of(study.config, particle, dataset_csv).items():
         tests[name]["reach"] = found.record()
-    return assembled(about, tests, answer, space, targets, feasible, posterior)
+    return assembled(about, tests, answer, study.parameters, study.targets, feasible, posterior)
 
 
 def assembled(
     about: Mapping[str, Any],
     tests: Mapping[str, Mapping[str, Any]],
-    answer: Answer,
+    answer: Result,
     space: ParameterSpace,
     targets: Targets,
     feasible: "pd.DataFrame",
@@ -110,12 +112,11 @@ def assembled(
     }
 
 
-def laws(config: Mapping[str, Any]) -> dict[str, str]:
-    """Describe the contact laws of a configuration, by direction."""
+def laws(settings: SimulationSettings) -> dict[str, str]:
+    """Describe the contact laws of a study, by direction."""
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
     from repose.dem.laws.law import COULOMB
 
-    settings = SimulationSettings.of(config)
     contact = CONTACT_LAWS[settings.contact_law]
     limit = contact.limits[COULOMB[settings.tension]]
     words = {**contact.words, **ROLLING_LAWS[settings.rolling_law].words}
@@ -123,43 +124,43 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
     return sentences | {"end of an impact": contact.ends[settings.tension]}
 
 
-def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
+def described(study: Studied, response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
     """Describe a response by its definition and its bench test's settings, with the units in the keys."""
     from repose.measure.settings import MeasureSettings
 
-    test = bench(response.apparatus)
-    section, others = config[test.name], ("seeds", *test.measured_by)
+    test, measure = bench(response.apparatus), study.settings.measure
+    section, others = study.config[test.name], ("seeds", *test.measured_by)
+    profiles = (one.profile for one in study.settings.targets if one.response == response.name)
+    profile = next(profiles, None)
     if CHOSEN in response.definition:
         own = {other.name: other for other in test.responses}
-        response = own.get(derived(response.name, config["measure"]["response"]), response)
-    settings = {key.rpartition(".")[2]: value for key, value in response.settings(config).items()}
+        response = own.get(derived(response.name, measure.response), response)
+    settings = {key.rpartition(".")[2]: value for key, value in response.settings(study.config).items()}
     if BERRY_HEIGHT in settings:
-        height = MeasureSettings.of(config["measure"], berry).berry_height_mm
+        height = MeasureSettings.of(dict(measure), berry).berry_height_mm
         settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
-    profiles = (one["profile"] for one in config["targets"] if one["response"] == response.name and "profile" in one)
-    if (profile := next(profiles, None)) is not None:
-        settings["profile"] = {key: profile[key] for key in ("x", "functions", "covered")}
+    if profile is not None:
+        settings["profile"] = {"x": list(profile.x), "functions": profile.functions, "covered": profile.covered}
     return {
         "definition": {"name": response.label, "settings": settings},
         "bench": {key: section[key] for key in test.settings.model_fields if key in section and key not in others},
     }
 
 
-def _lines(config: Mapping[str, Any], name: str, row: Mapping[str, Any]) -> dict[str, Any]:
+def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any]:
     """Describe the line of an angle of a pile, and the piles by every definition; nothing for another response."""
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import line_for, line_of
 
     def number(column: str) -> float | None:
-        value = row.get(column)
-        return None if value is None or math.isnan(value) else float(value)
+        return None if math.isnan(row[column]) else float(row[column])
 
-    line = line_for(config["measure"], name)
+    line = line_for(measure, name)
     if not line or not set(MEAN_KEYS.values()) <= set(row):
         return {"line": line} if line else {}
     of = {
         definition: {
-            "line": line_of(config["measure"], definition),
+            "line": line_of(measure, definition),
             "simulated": number(column),
             "standard_error": number(error_of(column)),
         }
@@ -210,9 +211,8 @@ def _given(name: str, space: ParameterSpace) -> str:
     return "calibrated from a prior" if name in space.prior else "calibrated"
 
 
-def _grain(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
-    """Describe the grain as simulated."""
-    alike = config["berry"]["size_distribution"] == "none"
+def _grain(alike: bool, berry: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
+    """Describe the grain as simulated; `alike` where all have the mean size."""
     return {
         "mean_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
         "measured": int(berry["n"]),
@@ -274,7 +274,7 @@ def _made_by() -> dict[str, Any]:
 
 
 def run(
-    config: Mapping[str, Any], answer: Answer, files: Mapping[str, str | PathLike | None], out: str | PathLike
+    study: Studied, answer: Result, files: Mapping[str, str | PathLike | None], out: str | PathLike
 ) -> dict[str, Any]:
     """Write the card of a finished calibration (`make`) and return it."""
     from repose.particle.berry_files import SIZE_COLUMNS, read_berry
@@ -283,17 +283,17 @@ def run(
     needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
     berry = read_berry(_path(files, "berry"), (*needed, "n"))
     particle = Particle.load(_path(files, "particle"))
-    feasible = read_table(_path(files, "feasible"), ParameterSpace.of(config["parameters"]).names)
+    feasible = read_table(_path(files, "feasible"), study.parameters.names)
     posterior = None
     if files.get("posterior") is not None:
         columns = ("parameter", "credible_low", "credible_high")
-        free = ParameterSpace.of(config["parameters"]).free
-        posterior = (read_table(_path(files, "posterior"), columns), read_table(_path(files, "draws"), free))
+        draws = read_table(_path(files, "draws"), study.parameters.free)
+        posterior = (read_table(_path(files, "posterior"), columns), draws)
     row = None
     if files.get("table4") is not None:
         table4 = read_table(_path(files, "table4"), ("role",))
         row = table4[table4["role"] == "representative"].iloc[0].to_dict()
-    card = make(config, answer, berry, particle, feasible, posterior, files.get("dataset"), row)
+    card = make(study, answer, berry, particle, feasible, posterior, files.get("dataset"), row)
     check(card, out)
     write_json(out, card, indent=1)
     return card
@@ -335,14 +335,10 @@ def configuration_of_card(card_json: str | PathLike) -> Path:
 
 
 def require_one_study(
-    card: Mapping[str, Any],
-    card_json: str | PathLike,
-    config: Mapping[str, Any],
-    source: str | PathLike,
-    berry: Mapping[str, Any],
+    card: Mapping[str, Any], card_json: str | PathLike, study: Studied, source: str | PathLike, berry: Mapping[str, Any]
 ) -> None:
     """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
-    unlike = list(_differences_from(card, config, berry))
+    unlike = list(_differences_from(card, study, berry))
     if unlike:
         key, mine, expected = unlike[0]
         allowed = f"{expected}, as in {source}: card and configuration of one study"
@@ -351,18 +347,20 @@ def require_one_study(
 
 
 def _differences_from(
-    card: Mapping[str, Any], config: Mapping[str, Any], berry: Mapping[str, Any]
+    card: Mapping[str, Any], study: Studied, berry: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any, Any]]:
     """Find the differences, as (key, value of the card, value of the configuration)."""
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
-    expected = {"material": config["label"], "grain.mean_axes_mm": axes}
+    settings = study.settings
+    expected = {"material": settings.label, "grain.mean_axes_mm": axes}
     expected |= {f"grain.{key}": berry[key] for key in GRAIN}
-    expected |= {f"wall.{key}": config["wall"][key] for key in WALL}
-    expected |= {f"laws.{key}": law for key, law in laws(config).items()}
+    expected |= {f"wall.{key}": getattr(settings.wall, key) for key in WALL}
+    expected |= {f"laws.{key}": law for key, law in laws(settings.simulation).items()}
     mine = {"material": card["material"]}
     mine |= {f"{part}.{key}": value for part in ("grain", "wall", "laws") for key, value in card[part].items()}
     for test in card["tests"]:
-        section, name = config.get(test["apparatus"], {}), test["apparatus"]
+        name = test["apparatus"]
+        section = study.config.get(name, {})
         mine |= {f"{name}.{key}": value for key, value in test["bench"].items()}
         expected |= {f"{name}.{key}": section.get(key) for key in test["bench"]}
     for key, value in expected.items():

@@ -137,10 +137,10 @@ def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
     return make(n, d, rng=np.random.default_rng(seed))
 
 
-def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:
-    """Turn points (n, d) of the unit cube into a table: `sample` from 1, and the parameters."""
+def parameter_sets(points: np.ndarray, space: ParameterSpace, first: int = 1) -> pd.DataFrame:
+    """Turn points (n, d) of the unit cube into a table: `sample` from `first`, and the parameters."""
     table = pd.DataFrame(space.values(points), columns=list(space.names))
-    table.insert(0, "sample", np.arange(1, len(table) + 1))
+    table.insert(0, "sample", np.arange(first, first + len(table)))
     return table
 
 

@@ -31,14 +31,14 @@ def berry_and_particle(
         return of_berry, study.particle
     from repose.particle import build  # slow to import: where a particle is made
 
-    return of_berry, build.of_settings(of_berry, study.config["berry"])
+    return of_berry, build.of_settings(of_berry, study.settings.berry)
 
 
 def write_berry(study: "Study", out_dir: str | PathLike) -> None:
     """Write sizes and moduli of the study's berry, with the published values if there are any."""
     from repose.particle import berry
 
-    berry.run(study.config["berry"], study.published("table1.csv"), out_dir)
+    berry.run(study.settings.berry, study.published("table1.csv"), out_dir)
 
 
 def write_particle(config: Mapping[str, Any], berry_json: str | PathLike, out_dir: str | PathLike) -> "Particle":

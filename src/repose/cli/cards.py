@@ -61,7 +61,6 @@ def material_card(args: argparse.Namespace, study: "Study") -> None:
 
     if (args.posterior is None) != (args.draws is None):
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
-    strategy = study.config["strategy"]
-    result = answer.read(study.config, args.summary, args.representative, args.feasible, strategy)
+    result = answer.read(study, args.summary, args.representative, args.feasible)
     files = {name: getattr(args, name) for name in FILES}
-    card.run(study.config, result, files, args.out)
+    card.run(study, result, files, args.out)

@@ -189,12 +189,12 @@ def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
 def plan(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies import plan
 
-    config, targets, folder = study.config, study.targets, study.folder
+    targets, folder = study.targets, study.folder
     own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
     path = args.runs or next(iter(own), None)
     runs = None if path is None else plan.read_runs(path, targets)
     print(*_about(study), sep="\n")
-    result = plan.plan(config, runs, path)
+    result = plan.plan(study, runs, path)
     for name, percent in zip(targets.names, result.noise_percent, strict=True):
         source = f"measured in {path}" if result.measured else "assumed, as there are no runs yet"
         print(f"noise: a pour's {name} scatters by {percent:.2g} % of the target, {source}")
@@ -211,16 +211,16 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
         print(f"{row['pours']:>7} {chances}")
     print("by simulated calibrations with known answers and six free parameters: `repose docs sequential`", flush=True)
     measured = _berry_step_s(study)
-    print(*_costs(config, result.budgets["pours"], measured), sep="\n")
+    print(*_costs(study, result.budgets["pours"], measured), sep="\n")
 
 
-def _costs(config: Mapping[str, Any], budgets: Iterable[int], berry_step_s: float) -> Iterator[str]:
+def _costs(study: "Study", budgets: Iterable[int], berry_step_s: float) -> Iterator[str]:
     """Tabulate the cost of each strategy, the configured one marked."""
     from repose.config import cost
     from repose.strategies import cost as strategies
     from repose.strategies import plan
 
-    section = config["sequential"]
+    config, section = study.config, study.config["sequential"]
     seeds, check = section["seeds"], ("check", 1, section["checks"])
     misfits = {name: strategies.misfit({**config, "strategy": name}) for name in strategies.others()}
     rows: list[tuple[str, cost.Pours | None]] = []
@@ -236,7 +236,7 @@ def _costs(config: Mapping[str, Any], budgets: Iterable[int], berry_step_s: floa
         # the probabilities are for the pours before the plus
         pours = f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
         mark = "*" if name == config["strategy"] else ""
-        disk_mb = plan.disk_mb(config, sum(counts))
+        disk_mb = plan.disk_mb(study, sum(counts))
         yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
     yield from (f"{name}: {why}" for name, why in misfits.items() if why)
     yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"

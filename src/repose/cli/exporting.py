@@ -70,7 +70,7 @@ def export(args: argparse.Namespace) -> None:
     if of_card is None:
         values = parameters(args.set, args.samples, args.sample, config["parameters"])
     else:
-        card.require_one_study(of_card, args.card, config, args.config, berry)
+        card.require_one_study(of_card, args.card, study, args.config, berry)
         values = {name: row["value"] for name, row in of_card["parameters"].items()}
     job = make(config, values, particle, berry, args.seed, one_sphere=spheres == 1)
     for path in write(job, args.to, args.out):

@@ -62,7 +62,7 @@ def _warn(words: str | None) -> None:
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
 def tell(args: argparse.Namespace, study: "Study") -> None:
-    from repose.strategies.runs import add_runs
+    from repose.config.record import add_runs
 
     table = add_runs(study, args.runs, args.out)
     print(f"{args.out}: {len(table)} runs of {table['sample'].nunique()} samples")
@@ -78,13 +78,12 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
 def ask(args: argparse.Namespace, study: "Study") -> None:
     from repose.core.files import write_table
     from repose.strategies.base import Answer
-    from repose.strategies.runs import read_runs
     from repose.strategies.sequential.strategy import noise_from, observed_of
 
-    known = read_runs(args.runs, study)
-    table, found = study.ask(), study.proposal
+    table, found, known = study.ask(), study.proposal, study.runs
     write_table(args.out, table)
-    _warn(noise_from(study, observed_of(known, study.parameters, study.targets)[0]).warning)
+    if found.notes:  # it follows from runs
+        _warn(noise_from(study, observed_of(known, study.parameters, study.targets)[0]).warning)
     if "probability" in found.notes:
         tolerance = study.config["sequential"]["tolerance_percent"]
         print(
@@ -109,8 +108,8 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import calibration
 
     found = calibration.calibrate(study, read_runs(args.runs, study))
-    calibration.write(found, args.out)
-    print(calibration.describe(found))
+    found.save(args.out)
+    print(found)
     _warn(found.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
     from repose.pictures.report import own  # last: an installation without pictures has all but the report

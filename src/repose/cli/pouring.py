@@ -153,16 +153,15 @@ def _flat(result: Mapping[str, Any]) -> dict[str, Any]:
     runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus import Scene, bench
+    from repose.apparatus import Scene, bench_of
     from repose.apparatus.job import measure_job
-    from repose.core.seeds import UNNAMED
     from repose.measure.saved_pours import POURS
 
     berry_of, particle = berry_and_particle(study, args.berry, args.particle)
     scene = Scene.of(study.config, {}, berry_of, particle)
     for path in job_files(args.pours, args.samples, POURS):
         result = measure_job(scene, path, args.out, args.keep_runs)
-        template = bench(result.get("apparatus", UNNAMED)).summary
+        template = bench_of(result).summary
         for run in result["runs"]:
             print(f"{path}: {describe(run, template)}")
 

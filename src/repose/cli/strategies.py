@@ -21,8 +21,7 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
 def propose(args: argparse.Namespace, study: "Study") -> None:
     from repose.strategies import batches
 
-    own = study.definitions, args.config
-    print(batches.run_propose(args.strategy, study, args.batches, args.out, *own)["why"])
+    print(batches.run_propose(args.strategy, study, args.batches, args.out, args.config)["why"])
 
 
 @verb(

@@ -42,12 +42,9 @@ def noise(args: argparse.Namespace, study: "Study") -> None:
 def posterior(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import posterior
 
-    space, targets = study.parameters, study.targets
     files: dict[str, str | Path | None] = {**chosen_files(args, POSTERIOR_FILES)}
     files["table3"] = study.published("table3.csv")
-    defined = (study.definitions, args.config)
-    summary = posterior.run(files, space, targets, study.config["posterior"], args.out, *defined)
-    print(posterior.message(summary))
+    print(posterior.message(posterior.run(files, study, args.out, args.config)))
 
 
 @verb(
@@ -59,10 +56,7 @@ def posterior(args: argparse.Namespace, study: "Study") -> None:
 def sensitivity(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import sensitivity
 
-    space, targets = study.parameters, study.targets
-    defined = (study.definitions, args.config)
-    table = sensitivity.run(args.network, space, targets, study.config["sensitivity"], args.out, *defined)
-    print(sensitivity.message(table))
+    print(sensitivity.message(sensitivity.run(args.network, study, args.out, args.config)))
 
 
 @verb(
@@ -74,7 +68,7 @@ def sensitivity(args: argparse.Namespace, study: "Study") -> None:
 def plausible(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import next_measurement
 
-    next_measurement.plausible_sets(args.draws, study.config["posterior"]["seed"], args.out)
+    next_measurement.plausible_sets(args.draws, study.settings.posterior.seed, args.out)
 
 
 @verb(
@@ -89,6 +83,6 @@ def plausible(args: argparse.Namespace, study: "Study") -> None:
 def next(args: argparse.Namespace, study: "Study") -> None:
     from repose.studies import next_measurement
 
-    berry, particle = berry_and_particle(study, args.berry, args.particle)
-    table = next_measurement.run(args.pours, study.config, study.targets, particle, berry, args.out)
+    grain, particle = berry_and_particle(study, args.berry, args.particle)
+    table = next_measurement.run(args.pours, study, particle, grain, args.out)
     print(next_measurement.message(table))

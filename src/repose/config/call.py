@@ -72,7 +72,7 @@ class Call:
         """
         if not self.is_first:
             return
-        folder, outputs = study.config["results_dir"], list(outputs)
+        folder, outputs = study.settings.results_dir, list(outputs)
         results_folder.check_no_foreign_files(folder, outputs)
         born_s = BORN.stat().st_mtime if BORN.exists() else math.inf
         batches = filter(

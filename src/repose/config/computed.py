@@ -8,6 +8,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from repose.apparatus.funnel import PACKING
+from repose.config import typed
 from repose.core.parameter_space import range_of
 from repose.core.parameters import PARAMETERS, named
 from repose.core.published import published_sets
@@ -71,7 +73,7 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
 
     ranges = {name: range_of(name, entry) for name, entry in config["parameters"].items()}
     sets = [{name: ranges[name][0] for name in PARAMETERS}]
-    sets += published_sets(config["validation"]["published"])
+    sets += published_sets(typed.sections(config).validation.published)
     lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
     # cohesion makes contacts stiffer, restitution alone less damped
     strongest = {name: ranges[name][1] for name in named(ranges)[len(PARAMETERS) :]}
@@ -114,7 +116,7 @@ def _factory_height_mm(_config: Config, berry: Grain, _particle: "Particle") -> 
 
 def _factory_diameter_mm(config: Config, berry: Grain, _particle: "Particle") -> float:
     """Choose the inlet's disc less half a grain all around."""
-    inlet = config["funnel"]["inlet_diameter_mm"]
+    inlet = typed.sections(config).funnel.inlet_diameter_mm
     return float(f"{max(inlet - max(axes_mm(berry)), 0.5 * inlet):.3g}")
 
 
@@ -124,18 +126,15 @@ def _duration_s(config: Config, berry: Grain, particle: "Particle") -> float:
     Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo). A pour that is faster than
     this lasts as long as the discharge. Where the opening is too narrow for this law the rate of pouring counts.
     """
-    from repose.apparatus.funnel import PACKING, FunnelSettings
-    from repose.apparatus.settings import SceneSettings
-
-    funnel, gravity = config["funnel"], config["simulation"]["gravity_m_s2"]
-    opening = 1e-3 * (funnel["outlet_diameter_mm"] - 1.4 * diameter_mm(berry))
+    settings = typed.sections(config)
+    funnel, gravity = settings.funnel, settings.simulation.gravity_m_s2
+    opening = 1e-3 * (funnel.outlet_diameter_mm - 1.4 * diameter_mm(berry))
     bulk = PACKING * berry["density_kg_m3"]
     running = 0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
-    rate = min(funnel["rate_per_s"], running or math.inf)
-    section = SceneSettings({**config, "funnel": {**funnel, "duration_s": AUTO}}).section("funnel", FunnelSettings)
-    height = max(section.funnel.inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
+    rate = min(funnel.rate_per_s, running or math.inf)
+    height = max(funnel.funnel.inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
     fall = math.sqrt(2 * height / gravity)
-    return math.ceil(10 * (funnel["berries"] / rate + fall + REST_S)) / 10
+    return math.ceil(10 * (funnel.berries / rate + fall + REST_S)) / 10
 
 
 def _time_step_s(config: Config, berry: Grain, particle: "Particle") -> float:
@@ -145,7 +144,7 @@ def _time_step_s(config: Config, berry: Grain, particle: "Particle") -> float:
 
 def split(config: Config, _berry: Any = None, _particle: Any = None) -> list[float]:
     """Return the shares for the configured surrogate."""
-    return split_of(config["surrogate"])
+    return split_of(typed.sections(config).surrogate)
 
 
 def split_of(surrogate: str) -> list[float]:

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from repose.apparatus import bench_tests
 from repose.apparatus.bench_test import BenchTest
-from repose.apparatus.settings import SceneSettings, SimulationSettings
+from repose.apparatus.settings import SceneSettings
+from repose.config import typed
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
 
@@ -51,9 +52,9 @@ def _of_the_surrogate(config: Mapping[str, Any]) -> Pairs:
     from repose.surrogate import kind_of
     from repose.surrogate import names as surrogates
 
-    free = ParameterSpace.of(config["parameters"]).dimensions
-    training = int(config["network"]["split"][0] * config["design"]["samples"] + 1e-9)
-    least = kind_of(config["surrogate"]).least_samples(free)
+    settings, free = typed.sections(config), ParameterSpace.of(config["parameters"]).dimensions
+    training = int(settings.network.split[0] * settings.design.samples + 1e-9)
+    least = kind_of(settings.surrogate).least_samples(free)
     if training < least:
         fitting = " or ".join(name for name in surrogates() if kind_of(name).least_samples(free) <= training)
         yield "surrogate", f"{fitting} where design.samples times the first of network.split is below {least}"
@@ -61,23 +62,21 @@ def _of_the_surrogate(config: Mapping[str, Any]) -> Pairs:
 
 def _of_the_validation(config: Mapping[str, Any]) -> Pairs:
     """Refuse fewer validation samples than show the noise of all targets."""
-    network, targets = config["network"], len(config["targets"])
-    if network["validation_noise"] and int(network["split"][1] * config["design"]["samples"] + 1e-9) <= targets:
+    settings = typed.sections(config)
+    network, targets = settings.network, len(settings.targets)
+    if network.validation_noise and int(network.split[1] * settings.design.samples + 1e-9) <= targets:
         more = f"a second share that leaves more than {targets} validation samples"
         yield "network.split", f"{more}, or network.validation_noise: false"
 
 
 def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
     """Refuse force laws that lack parameters, and parameters of another law."""
-    simulation = config["simulation"]
-    fields = SimulationSettings.model_fields
-    law = simulation.get("contact_law", fields["contact_law"].default)
-    needed = of_law(law)
-    rolling = simulation.get("rolling_law", fields["rolling_law"].default)
-    missing = [f"parameters.{name} ({LABELS[name]})" for name in needed if name not in config["parameters"]]
+    simulation, given = typed.sections(config).simulation, config["parameters"]
+    law, rolling = simulation.contact_law, simulation.rolling_law
+    missing = [f"parameters.{name} ({LABELS[name]})" for name in of_law(law) if name not in given]
     if missing:
         yield "simulation.contact_law", f"{law} with {' and '.join(missing)}, each a range or a fixed value"
-    for name in named(config["parameters"])[len(PARAMETERS) :]:
+    for name in named(given)[len(PARAMETERS) :]:
         of = FURTHER[name]
         if not {law, rolling} & set(of.laws):
             key, own = ("contact_law", law) if of.needed else ("rolling_law", rolling)
@@ -87,30 +86,28 @@ def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
 
 def _of_the_strategy(config: Mapping[str, Any]) -> Pairs:
     """Refuse a strategy that cannot run with this configuration."""
-    from repose import strategies
+    from repose.strategies import cost
 
-    return strategies.strategy(config["strategy"]).contradictions(config)
+    return cost.contradictions(config)
 
 
 def _of_seeds(config: Mapping[str, Any]) -> Pairs:
     """Refuse too few runs of a sample to compare them, in a bench test of the targets."""
-    network = config["network"]
-    targets = {target["apparatus"] for target in config["targets"]}
-    for name in (test.name for test in used_tests(config) if test.name in targets):
-        seeds = config[name]["seeds"]
-        if network["replicates"] and seeds < 2:
+    settings = typed.sections(config)
+    for name in dict.fromkeys(target.apparatus for target in settings.targets) if settings.network.replicates else ():
+        if getattr(settings, name).seeds < 2:
             yield f"{name}.seeds", "at least 2, or network.replicates: false, since single runs show no noise"
 
 
 def _of_targets(config: Mapping[str, Any]) -> Pairs:
     """Refuse targets of a bench test that the configuration lacks, and responses that are given twice."""
     seen = set()
-    for k, target in enumerate(config["targets"]):
-        if target["apparatus"] not in config:
+    for k, target in enumerate(typed.sections(config).targets):
+        if target.apparatus not in config:
             yield f"targets.{k}.apparatus", "a bench test that has a section of its name in the configuration"
-        if target["response"] in seen:
+        if target.response in seen:
             yield f"targets.{k}.response", "each response once"
-        seen.add(target["response"])
+        seen.add(target.response)
 
 
 # Rules that are applied before any `auto` is computed, since a time step needs the constants of the contact law.

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench
-from repose.apparatus.settings import SceneSettings, SimulationSettings
+from repose.apparatus.settings import SceneSettings
+from repose.config import typed
 from repose.config.contradictions import used_tests
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
@@ -35,11 +36,13 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
 
     `berry_step_s` is the cost of a step of one grain, from `measured_berry_step_s`.
     """
-    section, duration = config[name], bench(name).duration_s(SceneSettings(config))
-    # a filling height: taken as the funnel's number, as the grain is not known here
-    berries = section.get("berries", config["funnel"]["berries"] if "filling_height_mm" in section else 1)
-    filled = duration - 0.5 * min(duration, berries / section.get("rate_per_s", math.inf))
-    return berry_step_s * berries * filled / SimulationSettings.of(config).time_step_s
+    settings = typed.sections(config)
+    section, duration = getattr(settings, name), bench(name).duration_s(SceneSettings(config))
+    grains = getattr(section, "berries", 1)
+    if grains is None:  # a filling height: taken as the funnel's number, as the grain is not known here
+        grains = settings.funnel.berries
+    filled = duration - 0.5 * min(duration, grains / getattr(section, "rate_per_s", math.inf))
+    return berry_step_s * grains * filled / settings.simulation.time_step_s
 
 
 def longest_job_s(config: Mapping[str, Any]) -> float:
@@ -49,7 +52,7 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
     """
     sections = [section for section in config.values() if isinstance(section, Mapping)]
     seeds = max(section[key] for section in sections for key in section if key.endswith(SEEDS))
-    names = {"funnel", "drum", *Targets.of(config["targets"]).apparatus}
+    names = {"funnel", "drum", *(target.apparatus for target in typed.sections(config).targets)}
     return JOB_START_S + seeds * max(run_s(config, name) for name in names if name in config)
 
 
@@ -62,10 +65,11 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
     from repose.apparatus import Scene
     from repose.apparatus.funnel import FunnelTest
 
-    steps = TIMED_S / SimulationSettings.of(config).time_step_s
-    grains = max(FEWEST_TIMED, min(config["funnel"]["berries"], round(TIMED_STEPS / steps)))
+    settings = typed.sections(config)
+    steps = TIMED_S / settings.simulation.time_step_s
+    grains = max(FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps)))
     pour = {"berries": grains, "rate_per_s": 4 * grains / TIMED_S, "duration_s": TIMED_S + 1.0, "rest_window_s": 0.5}
-    small = {**config, "funnel": {**config["funnel"], **pour}}
+    small = {**config, "funnel": {**settings.funnel.model_dump(), **pour}}
     values = ParameterSpace.of(config["parameters"]).centre
     times_s = []
     for _ in range(REPEATS):
@@ -85,30 +89,29 @@ def work(
     `pours` belong to another strategy than the published one; each set runs as often in every bench test of the
     targets, which `total_s` includes. `berry_step_s` as in `run_s`.
     """
-    targets = Targets.of(config["targets"])
-    pour_s = run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * config["measure"]["views"]
+    settings = typed.sections(config)
+    names = dict.fromkeys(target.apparatus for target in settings.targets)
+    pour_s = run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * settings.measure.views
 
     def runs_s(name: str) -> float:
         return pour_s if name == "funnel" else run_s(config, name, berry_step_s)
 
     if pours is not None:
-        total_s = sum(
-            sets * (JOB_START_S + seeds * runs_s(name)) for name in targets.apparatus for _, sets, seeds in pours
-        )
+        total_s = sum(sets * (JOB_START_S + seeds * runs_s(name)) for name in names for _, sets, seeds in pours)
         return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
-    funnel, validation = config["funnel"], config["validation"]
+    validation = settings.validation
     pours = (
-        ("design", config["design"]["samples"], funnel["seeds"]),
-        ("representative", 1, validation["representative_seeds"]),
-        ("validation", validation["solutions"], validation["seeds"]),
+        ("design", settings.design.samples, settings.funnel.seeds),
+        ("representative", 1, validation.representative_seeds),
+        ("validation", validation.solutions, validation.seeds),
     )
     total_s = REST_S + sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
-    if "drum" in config:
-        total_s += config["drum"]["seeds"] * (JOB_START_S + runs_s("drum"))
+    if (drum := getattr(settings, "drum", None)) is not None:
+        total_s += drum.seeds * (JOB_START_S + runs_s("drum"))
     sets = sum(sets for _, sets, _ in pours)
-    for name in targets.apparatus:
+    for name in names:
         if name != "funnel":
-            total_s += sets * (JOB_START_S + config[name]["seeds"] * runs_s(name))
+            total_s += sets * (JOB_START_S + getattr(settings, name).seeds * runs_s(name))
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
 
 
@@ -139,16 +142,17 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
     def pours(number: int) -> str:
         return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides the calibration"
 
-    refine, validation = config["refine"], config["validation"]
+    settings = typed.sections(config)
+    refine, validation = settings.refine, settings.validation
     responses = Targets.of(config["targets"]).responses
-    published = to_simulate(validation["published"], responses, named(config["parameters"]))
-    a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
+    published = to_simulate(validation.published, responses, named(config["parameters"]))
+    a_round = refine.seeds + refine.neighbours * refine.neighbour_seeds
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
     all_min = of_all["total_s"] / 60
     others = " and the other bench tests" if {test.name for test in used_tests(config)} != {"funnel"} else ""
     texts = dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
         "calibration": f"{of_calibration} pours{others}, about {all_min:.0f} min on one core",
-        "refined": f"at most {pours(refine['rounds'] * a_round)}",
-        "published_sets": pours(len(published) * validation["seeds"]),
+        "refined": f"at most {pours(refine.rounds * a_round)}",
+        "published_sets": pours(len(published) * validation.seeds),
     }
     return texts

@@ -3,17 +3,16 @@
 import difflib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from repose.config.keys import Origin, origin_of, owner_of
 from repose.config.models import settings_type
-from repose.core.errors import InputError, YamlError, raise_together
+from repose.core.errors import InputError, YamlError
 from repose.core.section import AUTO, CONTRADICTION, Section
 
-Settings = TypeVar("Settings", bound=Section)
 UNKNOWN = ("extra_forbidden", "invalid_key")  # types of pydantic's errors
 WORDS = {
     "integer": "an integer",
@@ -50,15 +49,6 @@ def check(config: Any, source: str | Origin = "configuration", model: type[Secti
     faults = list(_faults(errors, config, source, model or settings_type()))
     missing = {".".join(error.path) for error in errors if error.type == "missing"}
     return Checked(faults, missing | {fault.key for fault in faults})
-
-
-def typed(config: Mapping[str, Any], source: str | Origin, model: type[Settings]) -> Settings:
-    """Make a configuration an instance of its model; InputError with all faults."""
-    try:
-        return model.model_validate(config)
-    except ValidationError:
-        raise_together(check(config, source, model).faults)
-        raise
 
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:

@@ -6,10 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from repose.apparatus.settings import SceneSettings, SimulationSettings
-from repose.config import computed, results_folder
+from repose.apparatus.settings import SceneSettings
+from repose.config import computed, results_folder, typed
 from repose.config.contradictions import BEFORE_NUMBERS, Rule, rules, used_tests
 from repose.config.keys import Origin, get, owner_of
+from repose.config.models import StudySettings
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published, read_stored
 from repose.core.tables import OTHER_UNITS
@@ -27,9 +28,10 @@ Result = TypeVar("Result")
 
 def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
-    limit, step_s = computed.longest_step(config, particle, mean), SimulationSettings.of(config).time_step_s
+    limit, sections = computed.longest_step(config, particle, mean), typed.sections(config)
+    step_s = sections.simulation.time_step_s
     if step_s > limit.time_step_s:
-        of_tests = config["berry"]["shear_modulus_pa"] is None
+        of_tests = sections.berry.shear_modulus_pa is None
         if of_tests and step_s < math.sqrt(OTHER_UNITS["N"]["gf"]) * limit.time_step_s:
             stiff = f"a modulus below {mean['elastic_modulus_pa']:.2g} Pa by its column force_n (in gf instead of N?)"
             yield "berry.compression", f"{stiff}; or simulation.time_step_s {limit.allowed}"
@@ -83,6 +85,11 @@ class Making:
             raise_together(self.faults)
             self.inputs_are_checked = True
 
+    @property
+    def settings(self) -> StudySettings:
+        """The typed sections of the configuration so far."""
+        return typed.sections(self.config, self.source)
+
     def _may_read(self, *sections: str) -> bool:
         """Return whether none of these sections, and keys outside sections, has a fault."""
         return {key.partition(".")[0] for key in self.bad}.isdisjoint(sections)
@@ -124,7 +131,7 @@ class Making:
         from repose.studies.discrepancy import of_shape_study
 
         if self._may_read("results_dir"):
-            self._add(results_folder.existing_results(self.config["results_dir"]))
+            self._add(results_folder.existing_results(self.settings.results_dir))
         named = {key: get(self.config, key) for key in named_files() if self._may_use(key)}
         named = {key: path for key, path in named.items() if path is not None}
         missing = [key for key, path in named.items() if not Path(path).is_file()]
@@ -132,8 +139,7 @@ class Making:
         readers: dict[str, Callable[[str], Any]] = {"berry.sizes": read_sizes, "photograph": read_image}
         readers |= {"validation.published": check_published, "validation.published_simulated": read_stored}
         if self._may_read("targets"):
-            targets = Targets.of(self.config["targets"])
-            readers["posterior.shape_study"] = partial(of_shape_study, targets=targets)
+            readers["posterior.shape_study"] = partial(of_shape_study, targets=Targets.of(self.config["targets"]))
         for key in [key for key in readers if key in named and key not in missing]:
             self._result_of(key, readers[key], named[key])
 
@@ -142,9 +148,9 @@ class Making:
         from repose.particle import build
 
         if self.mean is None and self._may_read(*GRAIN):
-            self.mean = self._result_of("berry", _mean_berry, self.config)
+            self.mean = self._result_of("berry", _mean_berry, self.settings)
         if self.mean is not None and self.particle is None:
-            self.particle = self._result_of("berry", build.of_settings, self.mean, self.config["berry"])
+            self.particle = self._result_of("berry", build.of_settings, self.mean, self.settings.berry)
 
     def _compute(self, pending: Iterable[computed.Computed]) -> None:
         """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
@@ -168,8 +174,8 @@ class Making:
             self._add(unstable(self.config, self.particle, self.mean))
 
 
-def _mean_berry(config: Mapping[str, Any]) -> dict[str, Any]:
+def _mean_berry(settings: StudySettings) -> dict[str, Any]:
     """Make the mean berry of the configuration's files."""
     from repose.particle import berry
 
-    return berry.of_settings(config["berry"], beside(config["validation"]["published"], "table1.csv"))[1]
+    return berry.of_settings(settings.berry, beside(settings.validation.published, "table1.csv"))[1]

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator
 
 from repose.apparatus import bench, names
+from repose.apparatus.funnel import FunnelSettings
 from repose.apparatus.settings import SimulationSettings, WallSettings
 from repose.chain.settings import DesignSettings, ValidationSettings
 from repose.config import results_folder
@@ -21,28 +22,15 @@ from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import ALLOWED, FURTHER, PARAMETERS
 from repose.core.profiles import OfProfile
 from repose.core.responses import Response, named, responses_of
-from repose.core.section import (
-    ABSENT,
-    AUTO,
-    FILE,
-    RISING,
-    Auto,
-    Contradictions,
-    OneOf,
-    PathOrNull,
-    Percent,
-    Section,
-    Seed,
-    refuse,
-)
+from repose.core.section import ABSENT, AUTO, FILE, RISING, Auto, Contradictions, OneOf, PathOrNull, Section, refuse
 from repose.core.targets import LARGEST, LEAST_RANGE, range_about
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
 from repose.particle.settings import GrainSettings
 from repose.search.settings import MigaSettings
+from repose.strategies.refined import RefineSettings
+from repose.studies.settings import PosteriorSettings, SensitivitySettings
 from repose.surrogate.settings import NetworkSettings
-
-LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 
 
 def _surrogates() -> Iterable[str]:
@@ -251,48 +239,6 @@ class TargetSettings(Section):
 # --- the chain -------------------------------------------------------------------------------------------------
 
 
-class Posterior(Section):
-    """The posterior of the parameters."""
-
-    shape_study: PathOrNull
-    discrepancy_percent: float = Field(ge=0, le=100)
-    discrepancy_correlation: float = Field(ge=0, le=0.99)
-    measured_correlation: Literal["simulated"] | Annotated[float, Field(ge=-0.99, le=0.99)] = Field(
-        description="simulated or a number from -0.99 to 0.99"
-    )
-    walkers: int = Field(ge=14, le=1000)
-    steps: int = Field(ge=100, le=1000000)
-    seed: Seed
-
-
-class Sensitivity(Section):
-    """Sobol's indices."""
-
-    samples: Literal[64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768, 65536]
-    resamples: int = Field(ge=20, le=10000)
-    seed: Seed
-
-
-class Refine(Section):
-    """More pours near the answer."""
-
-    rounds: int = Field(ge=0, le=90)
-    seeds: int = Field(ge=2, le=1000)
-    block: int = Field(ge=1, le=1000)
-    neighbours: int = Field(ge=0, le=99)
-    neighbour_seeds: int = Field(ge=1, le=1000)
-    reach: float = Field(ge=0.01, le=1)
-    tolerance_percent: Percent
-    standard_error_percent: Percent
-
-    def contradictions(self) -> Contradictions:
-        """Refuse impossible numbers of jobs or neighbours."""
-        if self.seeds > LARGEST_BLOCKS * self.block:
-            yield "block", f"at least refine.seeds / {LARGEST_BLOCKS}"
-        if self.neighbours == 1:
-            yield "neighbours", "0 or at least 2: they fill a Latin hypercube"
-
-
 class FiguresSettings(Section):
     """The files of every figure."""
 
@@ -320,6 +266,7 @@ class StudySettings(Section):
     colour: Colour
     strategy: StrategyName
     berry: GrainSettings
+    funnel: FunnelSettings
     wall: WallSettings
     parameters: ParametersSettings  # type: ignore[valid-type]
     design: DesignSettings
@@ -333,9 +280,9 @@ class StudySettings(Section):
     )
     miga: MigaSettings
     validation: ValidationSettings
-    posterior: Posterior
-    sensitivity: Sensitivity
-    refine: Refine
+    posterior: PosteriorSettings
+    sensitivity: SensitivitySettings
+    refine: RefineSettings
     figures: FiguresSettings = Field(default_factory=FiguresSettings)
 
 
@@ -354,7 +301,7 @@ def _settings_type(apparatus: tuple[str, ...], strategies: tuple[str, ...]) -> t
     sections: dict[str, Any] = {
         name: (strategy(name).settings, ...) for name in strategies if strategy(name).settings is not None
     }
-    sections |= {name: (bench(name).settings, ... if name == "funnel" else ABSENT) for name in apparatus}
+    sections |= {name: (bench(name).settings, ABSENT) for name in apparatus if name not in StudySettings.model_fields}
     return create_model("Configuration", __base__=StudySettings, **sections)
 
 

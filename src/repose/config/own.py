@@ -11,7 +11,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from repose.chain.settings import DesignSettings
 from repose.config.keys import get
-from repose.config.models import Refine, StrategyName, SurrogateName, all_fixed, far_priors, parameter
+from repose.config.models import StrategyName, SurrogateName, all_fixed, far_priors, parameter
 from repose.config.profiles import expanded_own
 from repose.config.reading import read
 from repose.core import places
@@ -21,6 +21,7 @@ from repose.core.responses import Response
 from repose.core.section import ABSENT, AUTO, Contradictions, Section, Seed, refuse
 from repose.core.targets import Target, Targets
 from repose.search.settings import MigaSettings
+from repose.strategies.refined import RefineSettings
 from repose.surrogate.settings import NetworkSettings
 
 RESERVED = ("sample", "run", "status", "turn")  # columns of the table that are neither parameter nor response
@@ -113,7 +114,7 @@ class OwnSettings(Section):
     design: DesignSettings
     network: NetworkSettings
     miga: MigaSettings
-    refine: Refine
+    refine: RefineSettings
 
     @field_validator("parameters")
     @classmethod
@@ -188,7 +189,7 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
     config/method.yaml. InputError with all faults; `source` names the file in it.
     """
     from repose.config import computed, faults
-    from repose.strategies import strategy
+    from repose.strategies import cost
 
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     defaults |= {"sequential": OwnSequential().model_dump(), "posterior": OwnPosterior().model_dump()}
@@ -208,7 +209,7 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
     if config["network"].get("split", AUTO) == AUTO:
         config["network"]["split"] = computed.split(config)
     if config["strategy"] != "sequential":  # its own rule is for pours, whose noise no key gives
-        off = strategy(config["strategy"]).contradictions(config)
+        off = cost.contradictions(config)
         raise_together(YamlError(str(source), key, get(config, key), allowed) for key, allowed in off)
     return config
 

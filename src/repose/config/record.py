@@ -1,5 +1,6 @@
 """The record of a study's runs, the only part of a study that grows, in memory or in a file."""
 
+import itertools
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
@@ -15,9 +16,10 @@ from repose.core.files import write_table
 from repose.core.lock import exclusive
 from repose.core.tables import Column, check, refuse
 from repose.strategies.base import Answer, Batch, Studied, strategy
-from repose.strategies.runs import OK, TURN, TURNS, checked_runs, rows_of, runs_of
+from repose.strategies.runs import OK, TURN, TURNS, checked_runs, next_number, rows_of, runs_of, with_fixed
 
 FAILED = "failed"
+SAME = 1e-6  # relative: a table may have been rounded by a spreadsheet
 SOURCE = "the table of runs"
 
 
@@ -44,21 +46,34 @@ class Record:
         """The samples of the turn, or the answer."""
         return self._turn[0]
 
+    @property
+    def _turns(self) -> np.ndarray:
+        """The number of each run's turn; 0 for a run without one."""
+        return np.nan_to_num(check({TURN: [row.get(TURN) for row in self._rows]}, [TURNS])[0][TURN]).astype(int)
+
+    @property
+    def _last_turn(self) -> int:
+        """The number of the last turn with a run; 0 without any."""
+        return int(self._turns.max(initial=0))
+
     @cached_property
     def _turn(self) -> tuple[Batch | Answer, int]:
         """The proposal and its number: the last one while a run of it is missing."""
-        told = check({TURN: [row.get(TURN) for row in self._rows]}, [TURNS])[0]
-        turns = np.nan_to_num(told[TURN])
-        number = int(turns.max(initial=0))
+        number = self._last_turn
         if number:
-            before = self._proposed(self.data[turns < number])
+            before = self._proposed(self.data[self._turns < number])
             if len(self._missing(before)):
                 return before, number
         return self._proposed(self.data), number + 1
 
     def _proposed(self, data: pd.DataFrame) -> Batch | Answer:
         """Ask the strategy what it proposes after runs."""
-        return strategy(self.study.config["strategy"]).propose(self.study, data.reset_index(drop=True))
+        try:
+            return strategy(self.study.config["strategy"]).propose(self.study, data.reset_index(drop=True))
+        except InputError as error:
+            if self.file is None or error.source != "runs":
+                raise
+            raise InputError(self.file, error.key, error.value, error.allowed) from None
 
     def _asked_by(self, proposal: Batch | Answer) -> pd.DataFrame:
         """List all runs of a proposal: `sample`, `run` and the parameters."""
@@ -87,10 +102,60 @@ class Record:
             if self.file is not None:
                 write_table(self.file, pd.DataFrame(self._rows))
 
+    def add_file(self, path: str | os.PathLike) -> None:
+        """Add the runs of any CSV file; on an InputError the record stays as it was.
+
+        Runs that were not asked for count from the next turn on; those before the first run of a turn count at once.
+        """
+        assert self.file is not None
+        rows = with_fixed(rows_of(path), self.study.parameters)
+        checked = checked_runs(self.study, rows, path, enough=False)
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        with exclusive(self.file):
+            self._read()
+            if "run" not in rows[0] and len(self.data):
+                _refuse_again(checked, self.data, path)
+            numbered = self._numbered(rows, checked[list(self.study.parameters.names)])
+            self._take([*self._rows, *numbered], f"{self.file} with {path}")
+            write_table(self.file, pd.DataFrame(self._rows))
+
+    def _numbered(self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame) -> list[dict[str, Any]]:
+        """Give rows of any table the sample, run and turn that were asked for; number the others on."""
+        names = list(sets)
+        try:
+            asked, turn = self.asked, self._turn[1]
+        except InputError:  # the runs so far are too few for a proposal
+            asked, turn = pd.DataFrame(columns=["sample", "run", *names], dtype=float), self._last_turn + 1
+        fresh = itertools.count(next_number(pd.concat([self.data, asked])) if len(asked) + len(self.data) else 1)
+        samples = dict(zip(_points(asked, names), asked["sample"], strict=True))
+        samples |= dict(zip(_points(self.data, names), (row["sample"] for row in self._rows), strict=True))
+        told, own, numbers = {(row["sample"], row["run"]) for row in self._rows}, [], []
+        for row, point in zip(rows, _points(sets, names), strict=True):
+            given = [asked[key].astype(str) == str(row[key]).strip() for key in ("sample", "run") if key in row]
+            same = np.isclose(asked[names], point, rtol=SAME, atol=0).all(axis=1)
+            found = asked[np.logical_and.reduce([same, *given])]
+            own.append(len(found) > 0)
+            if own[-1]:
+                asked = asked.drop(index=found.index[0])
+                numbers.append((str(found["sample"].iloc[0]), str(found["run"].iloc[0])))
+            else:
+                if point not in samples:
+                    samples[point] = next(fresh)
+                sample = row.get("sample", str(samples[point]))
+                run = next(str(k) for k in itertools.count(1) if (sample, str(k)) not in told)
+                numbers.append((sample, row.get("run", run)))
+            told.add(numbers[-1])
+        others = turn if turn == self._last_turn or any(own) else turn - 1
+        return [
+            {"sample": sample, "run": run, **row, TURN: str(turn if is_asked else others)}
+            for (sample, run), row, is_asked in zip(numbers, rows, own, strict=True)
+        ]
+
     def _take(self, rows: Sequence[Mapping[str, Any]], source: object) -> None:
-        """Check all rows together and keep them."""
+        """Check all rows together and keep them, with a sample and a run each."""
         self.data = checked_runs(self.study, rows, source, enough=False)
-        self._rows = [dict(row) for row in rows]
+        numbers = self.data[["sample"]].assign(run=self.data.groupby("sample").cumcount() + 1).astype(str)
+        self._rows = [number | dict(row) for number, row in zip(numbers.to_dict("records"), rows, strict=True)]
         self.__dict__.pop("_turn", None)
 
     def _of_the_proposal(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -116,19 +181,16 @@ class Record:
         return self._with_responses(found, table).sort_values(["sample", "run"], ignore_index=True)
 
     def _made_before(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Give numbers to runs that `ask` did not give: rows with the same parameters are runs of one sample."""
-        names = list(self.study.parameters.free)
-        missing = [name for name in (*names, *self.study.targets.names) if name not in table]
+        """Give numbers to runs of a table without any: rows with the same parameters are runs of one sample."""
+        space = self.study.parameters
+        missing = [name for name in (*space.free, *self.study.targets.names) if name not in table]
         if missing:
             raise InputError(SOURCE, "columns", list(table), f"sample; or also {', '.join(missing)}")
-        used = self.data["sample"].max() if len(self.data) else 0
-        first = max(used, self.asked["sample"].max()) + 1
-        sets = pd.factorize(pd.Series(list(zip(*(_numbers(table, name) for name in names), strict=True))))[0]
-        found = pd.DataFrame({"sample": sets + first})
-        found["run"] = found.groupby("sample").cumcount() + 1
-        for name in self.study.parameters.names:
-            found[name] = _numbers(table, name) if name in table else self.study.parameters.fixed[name]
-        return self._with_responses(found, table)
+        sets = {name: _numbers(table, name) if name in table else space.fixed[name] for name in space.names}
+        found = pd.DataFrame(sets)
+        rows = self._with_responses(found, table)
+        numbered = self._numbered(rows.to_dict("records"), found)
+        return pd.DataFrame(numbered).assign(**{TURN: self._turn[1]})
 
     def _with_responses(self, found: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         """Add status, responses and turn to runs."""
@@ -137,6 +199,28 @@ class Record:
         status = table["status"] if "status" in table else np.where(ok, OK, FAILED)
         responses = {name: table[name] for name in names}
         return found.assign(status=status, **responses, **{TURN: self._turn[1]})
+
+
+def add_runs(study: Studied, new: str | os.PathLike, file: str | os.PathLike) -> pd.DataFrame:
+    """Add the runs of a CSV file to a record, made if missing; return all of its runs, also too few for an answer."""
+    record = Record(study, file)
+    record.add_file(new)
+    return record.data
+
+
+def _points(table: pd.DataFrame, names: Sequence[str]) -> list[tuple[float, ...]]:
+    """Return the parameter sets of a table."""
+    return [] if table.empty else list(table[list(names)].itertuples(index=False, name=None))
+
+
+def _refuse_again(new: pd.DataFrame, data: pd.DataFrame, source: object) -> None:
+    """Refuse a good run without a number all of whose numbers are in the record."""
+    names = [name for name in new if name != "sample"]
+    known = set(_points(data, names))
+    for k, run in enumerate(_points(new, names), start=1):
+        if run in known:  # never a run that failed: its responses are NaN
+            allowed = "a run of its own: the record has all numbers of this row"
+            raise InputError(f"{source}, row {k}", "row", "there twice", allowed)
 
 
 def _checked_table(table: Any) -> pd.DataFrame:

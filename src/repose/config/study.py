@@ -110,7 +110,7 @@ class Study:
 
     def __repr__(self) -> str:
         free, targets = (", ".join(names) for names in (self.parameters.free, self.targets.names))
-        return f"<Study {self.config['label']}: {free} by {targets}, strategy {self.config['strategy']}>"
+        return f"<Study {self.settings.label}: {free} by {targets}, strategy {self.settings.strategy}>"
 
     @classmethod
     def _of(cls, config: dict[str, Any], source: Any, file: str | os.PathLike | None = None) -> Self:
@@ -264,11 +264,11 @@ class Study:
     @cached_property
     def settings(self) -> "StudySettings":
         """The configuration as typed sections, such as `study.settings.funnel.seeds`."""
-        from repose.config import faults, models, own
+        from repose.config import own, typed
 
-        model: Any = own.settings_type(own.OwnStudySettings) if self._source is None else models.settings_type()
-        settings: StudySettings = faults.typed(self.config, self._source or "study", model)
-        return settings
+        if self._source is not None:
+            return typed.sections(self.config, self._source)
+        return typed.sections(self.config, "study", own.settings_type(own.OwnStudySettings))
 
     @cached_property
     def parameters(self) -> "ParameterSpace":
@@ -306,19 +306,19 @@ class Study:
             if test.name in self.targets.apparatus
             for response in (*test.responses, *test.target_responses(self.config))
         }
-        kept = {target["response"]: target["profile"] for target in self.config["targets"] if "profile" in target}
-        for name, profile in kept.items():
-            found[name] |= {"profile": {key: profile[key] for key in profile if key != "z"}}
+        for target in self.config["targets"]:
+            if profile := target.get("profile"):
+                found[target["response"]] |= {"profile": {key: profile[key] for key in profile if key != "z"}}
         return found
 
     def published(self, table: str) -> Path | None:
         """Return the path of a table of the published solutions, such as ``table3.csv``; None if it is not there."""
-        return beside(self.config["validation"]["published"], table)
+        return beside(self.settings.validation.published, table)
 
     @cached_property
     def folder(self) -> Path:
         """Folder of the results."""
-        return Path(self.config["results_dir"])
+        return Path(self.settings.results_dir)
 
     @property
     def grain(self) -> dict[str, Any]:

@@ -140,6 +140,17 @@ class Targets(tuple[Target, ...]):
         return tuple(dict.fromkeys(target.response.apparatus for target in self))
 
     @property
+    def benches(self) -> dict[str, list[int]]:
+        """Places of the responses of each bench test."""
+        return {name: [k for k, one in enumerate(self) if one.response.apparatus == name] for name in self.apparatus}
+
+    @property
+    def same_bench(self) -> np.ndarray:
+        """Pairs of responses of the same bench test, as a mask (k, k)."""
+        bench = np.array([target.response.apparatus for target in self])
+        return bench[:, None] == bench
+
+    @property
     def profiles(self) -> dict[str, Profile]:
         """The measured profiles by name."""
         return {target.profile.name: target.profile for target in self if target.profile is not None}

@@ -8,13 +8,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .io.recorder import Recorder
-    from .io.vtk import VtkSeries, write_vtk
-    from .materials import Contact, Material
-    from .rotations import random_quaternion, rotation_matrices, rotation_matrix
-    from .shapes import Clump, Shape
-    from .simulation import Simulation
-    from .walls import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
+    from .io.recorder import Recorder as Recorder
+    from .io.vtk import VtkSeries as VtkSeries
+    from .io.vtk import write_vtk as write_vtk
+    from .materials import Contact as Contact
+    from .materials import Material as Material
+    from .rotations import random_quaternion as random_quaternion
+    from .rotations import rotation_matrices as rotation_matrices
+    from .rotations import rotation_matrix as rotation_matrix
+    from .shapes import Clump as Clump
+    from .shapes import Shape as Shape
+    from .simulation import Simulation as Simulation
+    from .walls import Cone as Cone
+    from .walls import Cylinder as Cylinder
+    from .walls import Mesh as Mesh
+    from .walls import Motion as Motion
+    from .walls import Plane as Plane
+    from .walls import RingEdge as RingEdge
 
 _HOME = {
     "Clump": "shapes",
@@ -36,25 +46,7 @@ _HOME = {
     "write_vtk": "io.vtk",
 }
 
-__all__ = [
-    "Clump",
-    "Cone",
-    "Contact",
-    "Cylinder",
-    "Material",
-    "Mesh",
-    "Motion",
-    "Plane",
-    "Recorder",
-    "RingEdge",
-    "Shape",
-    "Simulation",
-    "VtkSeries",
-    "random_quaternion",
-    "rotation_matrices",
-    "rotation_matrix",
-    "write_vtk",
-]
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> object:

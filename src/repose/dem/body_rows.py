@@ -1,11 +1,9 @@
-"""The data of one body: checked, and written into the arrays of the kernels."""
+"""The data of one body, written into the arrays of the kernels."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from .checks import vector
 from .kernels import state as st
 from .kernels.rigid import place_shape
 from .rotations import rotation_matrix
@@ -21,25 +19,6 @@ class Body(NamedTuple):
     velocity: np.ndarray
     angular_velocity: np.ndarray
     scale: float  # of its lengths, over those of its kind
-
-
-def checked_body(
-    kind: Shape | Clump,
-    position_m: ArrayLike,
-    quaternion: ArrayLike,
-    velocity_m_s: ArrayLike,
-    angular_velocity_rad_s: ArrayLike,
-    scale: float,
-) -> Body:
-    """A body from a user's values; ValueError for invalid vectors or a quaternion of length 0."""
-    rotation = vector("quaternion", quaternion, 4)
-    length = np.linalg.norm(rotation)
-    if not length > 0.0:
-        raise ValueError("quaternion is 0; expected four finite numbers that are not all 0")
-    position = vector("position_m", position_m)
-    velocity = vector("velocity_m_s", velocity_m_s)
-    turning = vector("angular_velocity_rad_s", angular_velocity_rad_s)
-    return Body(kind, position, rotation / length, velocity, turning, scale)
 
 
 def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:

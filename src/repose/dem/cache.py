@@ -41,7 +41,7 @@ _OWN = hashlib.sha256(b"".join(_sources()))  # as they are imported: an edit aft
 
 
 def source_hash() -> str:
-    """A short hash of the sources of `repose.dem` and of laws from outside: 16 hexadecimal digits."""
+    """Hash the sources of `repose.dem` and of laws from outside: 16 hexadecimal digits."""
     digest = _OWN.copy()
     for name, source in sorted(_outside.items()):
         digest.update(f"{name}\n{source}".encode())
@@ -58,7 +58,7 @@ def folder() -> str:
 
 @functools.cache
 def text_hash(path: str) -> str:
-    """A hash of a source file; empty for what is no file, as a cell of a notebook."""
+    """Hash a source file; empty for what is no file, as a cell of a notebook."""
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError:

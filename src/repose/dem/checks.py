@@ -18,69 +18,79 @@ def is_number(value: Any, *, finite: bool = True) -> bool:
 
 
 def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -> float:
-    """A finite number that `accepts` accepts; `allowed` says in words which numbers are accepted."""
+    """Check a finite number by `accepts`; `allowed` says in words which numbers are accepted."""
     if not (is_number(value) and accepts(value)):
         raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
     return float(value)
 
 
 def positive(name: str, value: Any) -> float:
-    """A finite number above 0."""
+    """Check a finite number above 0."""
     return number(name, value, "above 0", lambda v: v > 0.0)
 
 
 def not_negative(name: str, value: Any) -> float:
-    """A finite number, 0 or more."""
+    """Check a finite number, 0 or more."""
     return number(name, value, "0 or more", lambda v: v >= 0.0)
 
 
 def height(name: str, value: Any) -> float:
-    """A number that may be infinite: a height that no body reaches."""
+    """Check a number that may be infinite: a height that no body reaches."""
     if not is_number(value, finite=False):
         raise ValueError(f"{name} is {shown(value)}; expected a number, or -inf for none")
     return float(value)
 
 
 def whole_number(name: str, value: Any, least: int) -> int:
-    """A whole number, `least` or more."""
+    """Check a whole number, `least` or more."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise ValueError(f"{name} is {shown(value)}; expected a whole number, {least} or more")
     return int(value)
 
 
 def vector(name: str, value: Any, length: int = 3) -> np.ndarray:
-    """A copy of 3, 4 or 7 finite numbers."""
+    """Copy 3, 4 or 7 finite numbers."""
     words = {3: "three", 4: "four", 7: "seven"}[length]
     return array(name, value, (length,), f"{words} finite numbers")
 
 
 def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of two corners, the lower one below the upper one in every direction."""
+    """Copy two corners, the lower one below the upper one in every direction."""
     corners = vector("lower", lower), vector("upper", upper)
     if not np.all(corners[0] < corners[1]):
         raise ValueError(f"lower is {lower!r}, upper {upper!r}; expected lower below upper in every direction")
     return corners
 
 
-def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.ndarray:
-    """A copy of finite numbers of a shape; `allowed` is their description in the error."""
-    numbers: np.ndarray | None
+def array(
+    name: str,
+    value: Any,
+    shape: tuple[int | None, ...],
+    allowed: str,
+    accepts: Callable[[np.ndarray], Any] = lambda _: True,
+    rows: bool = False,
+) -> np.ndarray:
+    """Copy finite numbers of a shape that `accepts` accepts; `allowed` describes them in the error.
+
+    A length None may be any; with `rows` a single row may be given without its brackets.
+    """
     try:
-        numbers = np.array(value, float)
+        numbers = np.array(value, float, ndmin=len(shape) if rows else 0)
     except (TypeError, ValueError):
-        numbers = None
-    if numbers is None or numbers.shape != shape or not np.all(np.isfinite(numbers)):
+        numbers = np.full((1,) * len(shape), np.nan)
+    fits = numbers.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, numbers.shape, strict=True))
+    if not (fits and np.all(np.isfinite(numbers)) and accepts(numbers)):
         raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
     return numbers
 
 
-def direction(name: str, value: Any) -> np.ndarray:
-    """The unit vector (3,) along a vector of a length above 0."""
-    along = vector(name, value)
-    length = np.linalg.norm(along)
-    if not length > 0.0:
+def direction(name: str, value: Any, length: int = 3) -> np.ndarray:
+    """Scale a vector of 3 or 4 numbers that are not all 0 to the length 1."""
+    along = vector(name, value, length)
+    size = np.linalg.norm(along)
+    if not size > 0.0:
         raise ValueError(f"{name} is {shown(value)}; expected a vector that is not zero")
-    return along / length
+    return along / size
 
 
 def is_name(value: Any) -> bool:
@@ -89,14 +99,14 @@ def is_name(value: Any) -> bool:
 
 
 def name_of(what: str, value: Any) -> str:
-    """The name of a shape, a material or a wall; `what` is named in the error."""
+    """Check the name of a shape, a material or a wall; `what` is named in the error."""
     if not is_name(value):
         raise ValueError(f"{what} is {shown(value)}; expected a name, text that is not empty")
     return value
 
 
 def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
-    """Names and objects of some classes, as a new dictionary; `words` is the name of the classes in the error."""
+    """Copy a mapping of names to objects of some classes; `words` names the classes in the error."""
     good = isinstance(value, Mapping) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
     if not good:
         raise ValueError(f"{name} is {shown(value)}; expected names, each with a {words}")
@@ -104,7 +114,7 @@ def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
 
 
 def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
-    """The value of a name among named choices."""
+    """Look up a name among named choices."""
     if not (isinstance(value, str) and value in choices):
         raise ValueError(f"{name} is {shown(value)}; expected {', '.join(map(repr, choices))}")
     return choices[value]

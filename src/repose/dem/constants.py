@@ -28,7 +28,7 @@ class Constant(NamedTuple):
     most: float = math.inf
 
     def check(self, value: object) -> float:
-        """The value as a number, or ValueError with the name and what is allowed."""
+        """Return the value as a number, or raise ValueError with the name and what is allowed."""
         try:
             number = float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):

@@ -12,7 +12,7 @@ SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 
 
 def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
-    """Empty lists for contacts of bodies with each other; most_spheres: of the largest clump, 0 for smooth bodies."""
+    """Make empty lists for contacts between bodies; most_spheres: of the largest clump, 0 for smooth bodies."""
     entries = NEAR_PER_BODY * capacity + 256
     if most_spheres == 0:
         return st.new_pairs(CONTACTS_PER_BODY * capacity + 64, entries, capacity, n_state)
@@ -23,7 +23,7 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
 def new_wall_contacts(
     capacity: int, n_walls: tuple[int, int, int], of_clumps: bool, n_state: int
 ) -> tuple[Any, Any, Any]:
-    """Empty lists for contacts with planes, with cones and rings, and with meshes: `n_walls` has their numbers."""
+    """Make empty lists for contacts with planes, with cones and rings, and with meshes: `n_walls` has their numbers."""
     n_planes, _n_curved, n_meshes = n_walls
     spare = 64 * st.MOST_SPHERES if of_clumps else 64
     rows = (ct.WALL_STATE if of_clumps else st.WALL_STATE) // st.LANES + n_state
@@ -35,7 +35,7 @@ def new_wall_contacts(
 
 
 def grown_pairs(old: Any, counts: Any, capacity: int, most_spheres: int, n_state: int) -> Any:
-    """The lists of pairs with the same content, and twice the room where three quarters are used."""
+    """Return the lists of pairs with the same content, and twice the room where three quarters are used."""
     if most_spheres:
         return cl.grown_sphere_pairs(old, counts, most_spheres, capacity, n_state)
     n_pairs, n_near = counts[st.N_PAIRS], counts[st.N_NEAR]
@@ -51,7 +51,7 @@ def grown_pairs(old: Any, counts: Any, capacity: int, most_spheres: int, n_state
 
 
 def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
-    """The list with twice the room where three quarters are used; ghost: the body number of unused contacts."""
+    """Return the list with twice the room where three quarters are used; ghost: the body number of unused contacts."""
     if used * 4 <= len(contacts.body) * 3:
         return contacts
     rows = contacts.data.shape[1] // st.LANES

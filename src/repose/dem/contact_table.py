@@ -1,7 +1,7 @@
 """Materials of a simulation by number, and the table of a force law's constants for each pair of them."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,7 +43,7 @@ def number_materials(
     materials: Mapping[str, Material],
     contacts: Pairs,
 ) -> MaterialNumbers:
-    """Number the materials; ValueError for a missing material, or a missing contact of two that can meet."""
+    """Give each material its number; ValueError for a missing material, or a missing contact of two that can meet."""
     names = list(dict.fromkeys(shape.material for shape in shapes.values()))
     of_bodies = {name: k for k, name in enumerate(names)}
     names += dict.fromkeys(name for name in of_walls if name not in names)
@@ -60,26 +60,25 @@ def number_materials(
 
 
 def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None:
-    """ValueError if a contact lacks a constant of the law, has one that the law does not need, or has a wrong value."""
+    """Raise ValueError if a contact lacks a constant of the law, has another one, or has a wrong value."""
+    for pair in ((a, b) for a in numbers.of_bodies for b in numbers.of_all):
+        try:
+            _check_constants_of(law, contacts[pair].constants)
+        except ValueError as fault:
+            raise ValueError(f"contacts of {pair}: {fault}") from None
+
+
+def _check_constants_of(law: Law, given: Mapping[str, float]) -> None:
+    """Check the constants of one contact."""
     known = {constant.name: constant for constant in law.asks}
-    for a in numbers.of_bodies:
-        for b in numbers.of_all:
-            given = contacts[a, b].constants
-            for name in (*known, *given):
-                if name not in known:
-                    raise ValueError(
-                        f"contacts of ({a!r}, {b!r}): {name} is no constant of contact_law {law.name!r}; "
-                        f"expected {', '.join(known) or 'none'}"
-                    )
-                if name not in given:
-                    raise ValueError(
-                        f"contacts of ({a!r}, {b!r}): contact_law {law.name!r} needs constants[{name!r}], the "
-                        f"{known[name].words} in {known[name].unit}"
-                    )
-                try:
-                    known[name].check(given[name])
-                except ValueError as fault:
-                    raise ValueError(f"contacts of ({a!r}, {b!r}): {fault}") from None
+    for name in (*known, *given):
+        if name not in known:
+            none = f"{name} is no constant of contact_law {law.name!r}"
+            raise ValueError(f"{none}; expected {', '.join(known) or 'none'}")
+        if name not in given:
+            needs = f"contact_law {law.name!r} needs constants[{name!r}]"
+            raise ValueError(f"{needs}, the {known[name].words} in {known[name].unit}")
+        known[name].check(given[name])
 
 
 def constants_of(
@@ -92,23 +91,3 @@ def constants_of(
             table[i, j] = law.constants(materials[a], materials[b], contacts[a, b], tension)
             table[j, i] = table[i, j]
     return table
-
-
-def fields_of_laws(
-    contact_law: Law,
-    rolling_law: Law,
-    tension: str,
-    friction_limit: str,
-    numbers: MaterialNumbers,
-    materials: Mapping[str, Material],
-    contacts: Pairs,
-) -> dict[str, Any]:
-    """Fields of `repose.dem.kernels.state.Physics` that describe the force laws."""
-    of_pairs = numbers, materials, contacts, tension
-    return {
-        "law": contact_law.make_options(tension, friction_limit),
-        "rolling": rolling_law.make_options(tension, friction_limit),
-        "law_constants": constants_of(contact_law, *of_pairs),
-        "rolling_constants": constants_of(rolling_law, *of_pairs),
-        "n_state": contact_law.n_state,
-    }

@@ -10,6 +10,7 @@ from .kernels import clump_tile as ct
 from .kernels import state as st
 from .kernels.engine import add_wall_loads
 from .rotations import rotation_matrices
+from .world import World
 
 
 class WallLoad(NamedTuple):
@@ -27,32 +28,8 @@ class WallLoad(NamedTuple):
     torque_n_m: np.ndarray
 
 
-class Observables:
-    """The results of a `Simulation`, which holds the arrays."""
-
-    contact_law: Any
-    rolling_law: Any
-    shapes: dict[str, Any]
-    wall_set: Any
-    bodies: Any
-    pairs: Any
-    flat: Any
-    curved: Any
-    meshed: Any
-    meshes: Any
-    clumps: Any
-    walls: Any
-    grid: Any
-    counts: np.ndarray
-    physics: Any
-    _tiles: np.ndarray
-    _scratches: np.ndarray
-    _shape_ids: np.ndarray
-    _scales: np.ndarray
-    _inner: np.ndarray
-    _outer: np.ndarray
-    _shared: bool
-    _of_clumps: bool
+class Observables(World):
+    """The results of a `Simulation`."""
 
     def __repr__(self) -> str:
         laws = f"{self.contact_law.name}, {self.rolling_law.name}"
@@ -353,5 +330,5 @@ def _tangent_planes(walls: st.Walls, wall: np.ndarray, normals: np.ndarray, azim
 
 
 def _copy(arrays: Any) -> Any:
-    """A named tuple with copies of its arrays; an empty tuple as it is."""
+    """Copy the arrays of a named tuple; return an empty tuple as it is."""
     return type(arrays)(*(np.copy(array) for array in arrays)) if arrays else arrays

@@ -10,7 +10,7 @@ Number = TypeVar("Number", float, np.ndarray)
 
 
 def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
-    """Rotation matrices of quaternions.
+    """Compute rotation matrices of quaternions.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def _rows(w: Number, x: Number, y: Number, z: Number) -> list[list[Number]]:
 
 
 def rotation_matrix(quaternion: ArrayLike) -> np.ndarray:
-    """Rotation matrix of one quaternion.
+    """Compute the rotation matrix of one quaternion.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def rotation_matrix(quaternion: ArrayLike) -> np.ndarray:
 
 
 def random_quaternion(rng: np.random.Generator) -> np.ndarray:
-    """A uniformly random orientation.
+    """Draw a uniformly random orientation.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def random_quaternion(rng: np.random.Generator) -> np.ndarray:
 
 
 def sphere_directions(count: int) -> np.ndarray:
-    """Evenly spread unit vectors (count, 3): a Fibonacci lattice."""
+    """Spread unit vectors (count, 3) evenly: a Fibonacci lattice."""
     index = np.arange(count)
     z = 1 - (2 * index + 1) / count
     azimuth = index * math.pi * (3 - math.sqrt(5))

@@ -7,38 +7,51 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import name_of, positive, vector
-from .errors import shown
+from .checks import array, name_of, positive
 from .kernels.state import MOST_PARTS, MOST_SPHERES, SPHERES
 from .rotations import sphere_directions
 
 DIRECTIONS = 2000  # in which a clump's extent is calculated
 
 
-def _semi_axes(value: object) -> np.ndarray:
-    """Return half axes (K, 3) of K ellipsoids, or raise ValueError."""
-    try:
-        axes = np.atleast_2d(np.array(value, float))
-    except (TypeError, ValueError):
-        axes = np.zeros((1, 3))
-    good = axes.ndim == 2 and axes.shape[1] == 3 and 1 <= len(axes) <= MOST_PARTS
-    if not (good and np.all(np.isfinite(axes)) and np.all(axes > 0.0)):
-        raise ValueError(f"semi_axes_m is {shown(value)}; expected (1 to {MOST_PARTS}, 3) lengths above 0")
-    return axes
+MOMENTS = "three moments above 0, each at most the sum of the others"
+SEMI_AXES = f"(1 to {MOST_PARTS}, 3) lengths above 0"
+SPHERE_ROWS = f"(1 to {MOST_SPHERES}, 4) finite lengths, the last of each row above 0"
 
 
-def _inertia(value: object) -> np.ndarray:
-    """Return principal moments (3,) that a body can have, or raise ValueError."""
-    inertia = vector("inertia_kg_m2", value)
-    if not (np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum()):
-        raise ValueError(
-            f"inertia_kg_m2 is {shown(value)}; expected three moments above 0, each at most the sum of the others"
-        )
-    return inertia
+def _are_moments(inertia: np.ndarray) -> bool:
+    """Whether a body can have these principal moments (3,)."""
+    return bool(np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum())
+
+
+def _are_axes(axes: np.ndarray) -> bool:
+    """Whether these are half axes (K, 3) of as many ellipsoids as a body may have."""
+    return 1 <= len(axes) <= MOST_PARTS and bool(np.all(axes > 0.0))
+
+
+def _are_spheres(spheres: np.ndarray) -> bool:
+    """Whether these are centres and radii (M, 4) of as many spheres as a body may have."""
+    return 1 <= len(spheres) <= MOST_SPHERES and bool(np.all(spheres[:, 3] > 0.0))
+
+
+class _Solid:
+    """The mass and material of a shape, checked."""
+
+    mass_kg: float
+    inertia_kg_m2: np.ndarray
+    material: str
+
+    def _check(self, **arrays: np.ndarray) -> None:
+        """Check mass, moments and material; keep moments and further arrays as they were checked."""
+        positive("mass_kg", self.mass_kg)
+        arrays["inertia_kg_m2"] = array("inertia_kg_m2", self.inertia_kg_m2, (3,), MOMENTS, _are_moments)
+        name_of("material", self.material)
+        for name, values in arrays.items():
+            object.__setattr__(self, name, values)
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class Shape(_Solid):
     """A convex body whose support function is the sum of those of K ellipsoids with common axes.
 
     Parameters
@@ -64,16 +77,11 @@ class Shape:
     material: str
 
     def __post_init__(self) -> None:
-        axes = _semi_axes(self.semi_axes_m)
-        positive("mass_kg", self.mass_kg)
-        inertia = _inertia(self.inertia_kg_m2)
-        name_of("material", self.material)
-        object.__setattr__(self, "semi_axes_m", axes)
-        object.__setattr__(self, "inertia_kg_m2", inertia)
+        self._check(semi_axes_m=array("semi_axes_m", self.semi_axes_m, (None, 3), SEMI_AXES, _are_axes, rows=True))
 
     @classmethod
     def ellipsoid(cls, semi_axes_m: ArrayLike, density_kg_m3: float, material: str) -> "Shape":
-        """A solid ellipsoid.
+        """Make a solid ellipsoid.
 
         Parameters
         ----------
@@ -94,9 +102,7 @@ class Shape:
         ValueError
             Naming the value that is out of range.
         """
-        axes = vector("semi_axes_m", semi_axes_m)
-        if not np.all(axes > 0.0):
-            raise ValueError(f"semi_axes_m is {semi_axes_m!r}; expected three lengths above 0")
+        axes = array("semi_axes_m", semi_axes_m, (3,), "three lengths above 0", lambda axes: np.all(axes > 0.0))
         positive("density_kg_m3", density_kg_m3)
         a, b, c = axes.tolist()
         mass = density_kg_m3 * 4.0 / 3.0 * math.pi * a * b * c
@@ -105,7 +111,7 @@ class Shape:
 
     @classmethod
     def sphere(cls, radius_m: float, density_kg_m3: float, material: str) -> "Shape":
-        """A solid sphere.
+        """Make a solid sphere.
 
         Parameters
         ----------
@@ -130,7 +136,7 @@ class Shape:
         return cls.ellipsoid((radius_m, radius_m, radius_m), density_kg_m3, material)
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Largest extents along unit vectors: the support function.
+        """Compute the largest extents along unit vectors: the support function.
 
         Parameters
         ----------
@@ -145,7 +151,7 @@ class Shape:
         return np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T).sum(axis=-1)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Points of the surface with given outward normals.
+        """Find the points of the surface with given outward normals.
 
         Parameters
         ----------
@@ -189,7 +195,7 @@ class Shape:
         return self.semi_axes_m.sum(axis=0)
 
     def acting_together(self, _overlap_m: float) -> float:
-        """Number of contacts with a plate: a convex body has one.
+        """Count the contacts with a plate: a convex body has one.
 
         Returns
         -------
@@ -204,23 +210,8 @@ class Shape:
         return float(np.sum(axes.max(axis=1) ** 2 / axes.min(axis=1))) / self.bounding_radius_m
 
 
-def _spheres(value: object) -> np.ndarray:
-    """Return centres and radii (M, 4) of M spheres, or raise ValueError."""
-    try:
-        spheres = np.array(value, float)
-    except (TypeError, ValueError):
-        spheres = np.zeros(0)
-    good = spheres.ndim == 2 and spheres.shape[1] == 4 and 1 <= len(spheres) <= MOST_SPHERES
-    if not (good and np.all(np.isfinite(spheres)) and np.all(spheres[:, 3] > 0.0)):
-        raise ValueError(
-            f"spheres_m is {shown(value)}; expected (1 to {MOST_SPHERES}, 4) finite lengths, "
-            "the last of each row above 0"
-        )
-    return spheres
-
-
 @dataclass(frozen=True, eq=False)
-class Clump:
+class Clump(_Solid):
     """A rigid body of M spheres, which may overlap; it need not be convex.
 
     Parameters
@@ -253,15 +244,10 @@ class Clump:
     material: str
 
     def __post_init__(self) -> None:
-        spheres = _spheres(self.spheres_m)
-        positive("mass_kg", self.mass_kg)
-        inertia = _inertia(self.inertia_kg_m2)
-        name_of("material", self.material)
-        object.__setattr__(self, "spheres_m", spheres)
-        object.__setattr__(self, "inertia_kg_m2", inertia)
+        self._check(spheres_m=array("spheres_m", self.spheres_m, (None, 4), SPHERE_ROWS, _are_spheres))
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Largest extents along unit vectors: the support function.
+        """Compute the largest extents along unit vectors: the support function.
 
         Parameters
         ----------
@@ -276,7 +262,7 @@ class Clump:
         return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Points of the convex hull's surface that lie farthest along unit vectors.
+        """Find the points of the convex hull's surface that lie farthest along unit vectors.
 
         Parameters
         ----------
@@ -307,7 +293,7 @@ class Clump:
         return float(self.spheres_m[:, 3].max())
 
     def acting_together(self, overlap_m: float) -> float:
-        """Number of spheres that act at one place: the stiffnesses with a plate, over that of the largest sphere.
+        """Count the spheres that act at one place: the stiffness with a plate, over that of the largest sphere.
 
         The plate is pressed against the clump from every side until the foremost sphere overlaps by `overlap_m`. A
         Hertz contact's stiffness goes with (R delta)^(1/2).
@@ -352,12 +338,12 @@ def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
 
 
 def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
-    """How many spheres the largest clump has; 0 for smooth bodies."""
+    """Count the spheres of the largest clump; 0 for smooth bodies."""
     return max(len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes)
 
 
 def parts_of(shapes: Iterable[Shape | Clump]) -> int:
-    """Most ellipsoids of a smooth body; 0 for clumps, `state.SPHERES` where all bodies are spheres."""
+    """Count the ellipsoids of a smooth body at most; 0 for clumps, `state.SPHERES` where all bodies are spheres."""
     smooth = [shape for shape in shapes if isinstance(shape, Shape)]
     if smooth and all(shape.is_sphere for shape in smooth):
         return SPHERES

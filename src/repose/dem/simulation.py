@@ -1,41 +1,33 @@
 """A simulation as a Python object: bodies in, positions out, every argument checked."""
 
-import math
 import os
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import contact_lists, time_steps
-from .body_rows import checked_body, write_body
-from .checks import box, chosen, height, mapping, not_negative, number, positive, vector, whole_number
-from .contact_table import check_constants, fields_of_laws, number_materials, pairs_of
+from .body_rows import Body, write_body
+from .checks import chosen, direction, not_negative, number, positive, vector, whole_number
 from .io import checkpoint as checkpoints
 from .io.progress import display
 from .kernels import clumps as cl
-from .kernels import features, parallel
+from .kernels import parallel
 from .kernels import state as st
-from .kernels import tile as tl
 from .kernels.atomics import BARRIER_SIZE
-from .kernels.body_tile import TILE_ROWS
 from .kernels.engine import advance
 from .kernels.order import reorder
-from .laws import CONTACT_LAWS, ROLLING_LAWS
-from .laws.law import COULOMB, FRICTION_LIMITS, TENSIONS
-from .materials import Contact, Material
+from .laws import ROLLING_LAWS
 from .observables import Observables
-from .shapes import Clump, Shape, are_clumps, most_spheres, parts_of
-from .walls import Mesh, Motion, Wall, WallSet, wall_arrays
+from .walls import Motion
 
 TURNING = (
     "a wall turns, and rolling_law 'budget' resists each body's rotation in space: angles and torques are wrong. Set "
     "rolling_frame_rad_s to the wall's angular velocity, or take rolling_law='epsd'"
 )
-SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 CHUNK_S = 0.2  # wall time of `run` between two reads of the clock
 FIRST_CHUNK = 20  # steps
 
@@ -94,113 +86,6 @@ class Simulation(Observables):
         Naming the argument, the value and what is allowed.
     """
 
-    def __init__(
-        self,
-        shapes: Mapping[str, Shape] | Mapping[str, Clump],
-        materials: Mapping[str, Material],
-        contacts: Mapping[tuple[str, str], Contact],
-        time_step_s: float,
-        *,
-        capacity: int,
-        lower: ArrayLike,
-        upper: ArrayLike,
-        walls: Mapping[str, Wall] | None = None,
-        gravity_m_s2: ArrayLike = (0.0, 0.0, -9.81),
-        tension: str = "keep",
-        friction_limit: str | None = None,
-        contact_law: str = "hertz_mindlin",
-        rolling_law: str = "budget",
-        largest_scale: float = 1.0,
-        threads: int = 1,
-        exit_height_m: float = -math.inf,
-        curved_walls_above_m: float = -math.inf,
-        floor_height_m: float = -math.inf,
-    ) -> None:
-        self.shapes = mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
-        self.materials = mapping("materials", materials, Material, "Material")
-        self._of_clumps = are_clumps(self.shapes)
-        self._choose_laws(contact_law, rolling_law, tension, friction_limit)
-        self.capacity = whole_number("capacity", capacity, 1)
-        self.largest_scale = positive("largest_scale", largest_scale)
-        self.lower, self.upper = box(lower, upper)
-        self.radius = self.largest_scale * max(shape.bounding_radius_m for shape in self.shapes.values())
-        self.wall_set = WallSet({} if walls is None else walls)
-        self.contact_pairs = pairs_of(contacts, self.materials)
-        of_walls = [surface.material for surface in self.wall_set.surfaces.values()]
-        self._numbers = number_materials(self.shapes, of_walls, self.materials, self.contact_pairs)
-        check_constants(self.contact_law, self._numbers, self.contact_pairs)
-        self.scene = time_steps.Scene(
-            self.contact_law, tension, self.materials, self.contact_pairs, self.shapes, frozenset(of_walls)
-        )
-        limit = time_steps.longest(self.scene)
-        steps = f"above 0, {limit.allowed}"
-        dt = number("time_step_s", time_step_s, steps, lambda dt: 0.0 < dt <= limit.time_step_s)
-        self._smallest_scales = time_steps.smallest_scales(self.scene, dt)
-        parts = parts_of(self.shapes.values())
-        self._make_arrays(parts)
-        several = len(self._numbers.of_bodies) > 1
-        laws = self.contact_law, self.rolling_law, tension, self.friction_limit
-        self.physics = st.Physics(
-            parts=parts,
-            gravity=vector("gravity_m_s2", gravity_m_s2),
-            **fields_of_laws(*laws, self._numbers, self.materials, self.contact_pairs),
-            mixed_pairs=several,
-            mixed_walls=several or len(set(of_walls)) > 1,
-            dt=dt,
-            rolling_frame=np.zeros(3),
-            exit_height=height("exit_height_m", exit_height_m),
-            curved_walls_above=height("curved_walls_above_m", curved_walls_above_m),
-            floor_height=height("floor_height_m", floor_height_m),
-        )
-        self.threads = threads
-
-    def _choose_laws(self, contact_law: str, rolling_law: str, tension: str, friction_limit: str | None) -> None:
-        """Keep the force laws of these names and their options, or ValueError."""
-        chosen("tension", tension, TENSIONS)
-        if friction_limit is None:
-            friction_limit = COULOMB[tension]
-        chosen("friction_limit", friction_limit, FRICTION_LIMITS)
-        self.tension, self.friction_limit = tension, friction_limit
-        self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)
-        self.rolling_law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
-
-    def _make_arrays(self, parts: int) -> None:
-        """Make the arrays of bodies, walls and contacts, all of them empty; parts: see `shapes.parts_of`."""
-        skin = SKIN_SHARE * self.radius
-        self._shared = self.capacity >= parallel.FEWEST_BODIES and not self._of_clumps
-        self._inner, self._outer = np.arange(self.capacity), np.arange(self.capacity)
-        self.bodies = st.new_bodies(self.capacity, parts, parallel.SHARES if self._shared else 1)
-        self._shape_ids = np.zeros(self.capacity, np.int32)
-        self._scales = np.ones(self.capacity)
-        self.grid = st.new_grid(self.capacity, self.lower, self.upper, 2.0 * self.radius + skin)
-        self.grid.lengths[st.REACH :] = 2.0 * self.radius, skin
-        self.walls = self._wall_arrays()
-        surfaces = self.wall_set.of(Mesh)
-        slide = max(shape.slide for shape in self.shapes.values())
-        self.meshes: Any = features.join([mesh.part for mesh in surfaces], slide) if surfaces else ()
-        n_walls = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings), len(surfaces)
-        self._most_spheres = most_spheres(self.shapes.values())
-        self.pairs = contact_lists.new_pairs(self.capacity, self._most_spheres, self._n_state)
-        self.flat, self.curved, self.meshed = contact_lists.new_wall_contacts(
-            self.capacity, n_walls, self._of_clumps, self._n_state
-        )
-        self.clumps: Any = ()
-        if self._of_clumps:
-            self.clumps = cl.new_clumps(
-                list(self.shapes.values()), self._shape_ids, self._scales, n_walls, len(self.meshed.body)
-            )
-        self.counts = np.zeros(st.COUNTS, np.int64)
-
-    @property
-    def _n_state(self) -> int:
-        """Count the rows that the force laws keep for each contact."""
-        return self.contact_law.n_state + self.rolling_law.n_state
-
-    def _wall_arrays(self, old: st.Walls | None = None, changed: int = -1) -> st.Walls:
-        """Make the walls as the kernels take them, where they are now; `changed` has another motion."""
-        size = float(np.linalg.norm(self.upper - self.lower))
-        return wall_arrays(self.wall_set, self._numbers.of_all, size, old, changed)
-
     def set_motion(self, wall: str, motion: Motion) -> None:
         """Give a wall another motion from now on.
 
@@ -224,20 +109,6 @@ class Simulation(Observables):
         self.bodies.wall_check[: self.n_bodies][present] = -1.0
         self.bodies.wall_margin[:] = 0.0
 
-    @property
-    def threads(self) -> int:
-        """Number of threads that share the work of a simulation of 4096 bodies or more."""
-        return len(self._tiles)
-
-    @threads.setter
-    def threads(self, threads: int) -> None:
-        if not (isinstance(threads, int | np.integer) and 1 <= threads <= parallel.SHARES):
-            raise ValueError(f"threads is {threads!r}; expected 1 to {parallel.SHARES}")
-        rows = tl.LAW_ROW + self.contact_law.n_rows
-        self._tiles = st.zeros(threads, rows * st.LANES)
-        self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)
-        self._scratches = st.zeros(threads, st.SCRATCH)
-
     def _resists_against_space(self) -> bool:
         """Whether a wall turns while the frame of the rolling resistance does not."""
         if not (self.walls.approach[st.WALLS_MOVE] > 0.0 and self.walls.motion[:, 3:6].any()):
@@ -251,7 +122,7 @@ class Simulation(Observables):
         return self.physics.rolling_frame
 
     def longest_time_step(self, speed_m_s: float = time_steps.FASTEST_IMPACT_M_S) -> float:
-        """The longest time step for bodies of scale 1, to which it is proportional; see `repose.dem.time_steps`.
+        """Compute the longest time step for bodies of scale 1; it goes with the scale; see `repose.dem.time_steps`.
 
         An eighth of the shortest head-on impact of two bodies, or less where one pressed from both sides is unstable.
 
@@ -312,7 +183,14 @@ class Simulation(Observables):
         least, most = self._smallest_scales[shape], self.largest_scale
         allowed = f"at least {least:.3g}, or time_step_s is too long, at most largest_scale, {most:g}"
         number("scale", scale, allowed, lambda scale: least <= scale <= most)
-        body = checked_body(kind, position_m, quaternion, velocity_m_s, angular_velocity_rad_s, scale)
+        body = Body(
+            kind,
+            vector("position_m", position_m),
+            direction("quaternion", quaternion, 4),
+            vector("velocity_m_s", velocity_m_s),
+            vector("angular_velocity_rad_s", angular_velocity_rad_s),
+            scale,
+        )
         write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[i] = list(self.shapes).index(shape)
         self._scales[i] = scale
@@ -397,7 +275,7 @@ class Simulation(Observables):
         return parallel.run_threads((*lists, *world), tiles, shared, steps)
 
     def _renumber(self) -> None:
-        """Number the bodies in spatial order; for users they keep their numbers."""
+        """Give the bodies numbers in spatial order; for users they keep their numbers."""
         n = self.n_bodies
         order = reorder(self.bodies, self.grid, self.pairs, self.flat, self.curved, self.meshed, self.counts)
         self._outer[:n] = self._outer[:n][order]
@@ -496,7 +374,7 @@ class Simulation(Observables):
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> "Simulation":
-        """The simulation that `save` wrote; it goes on with the same bits as if it had never stopped.
+        """Read the simulation that `save` wrote; it goes on with the same bits as if it had never stopped.
 
         Parameters
         ----------
@@ -518,7 +396,7 @@ class Simulation(Observables):
 
 
 def _recorders(record: Any) -> list[Callable[[Simulation], Any]]:
-    """The argument `record` of `Simulation.run` as a list."""
+    """Return the argument `record` of `Simulation.run` as a list."""
     recorders = [] if record is None else list(record) if isinstance(record, list | tuple) else [record]
     if not all(callable(recorder) for recorder in recorders):
         raise ValueError(f"record is {record!r}; expected a function of the simulation, or a list of them")
@@ -526,13 +404,13 @@ def _recorders(record: Any) -> list[Callable[[Simulation], Any]]:
 
 
 def _steps_between(record_every_s: float | None, dt: float) -> int:
-    """Steps between two records."""
+    """Count the steps between two records."""
     if record_every_s is None:
         raise ValueError("record_every_s is None; expected above 0 where there is something to record")
     return max(1, round(positive("record_every_s", record_every_s) / dt))
 
 
 def _next_chunk(steps: int, took_s: float) -> int:
-    """Steps that take about CHUNK_S, where `steps` took `took_s`; the time to compile counts, too."""
+    """Choose the steps that take about CHUNK_S, where `steps` took `took_s`; the time to compile counts, too."""
     wanted = steps * CHUNK_S / max(took_s, 1e-6)
     return max(1, round(min(max(wanted, 0.1 * steps), 10.0 * steps)))

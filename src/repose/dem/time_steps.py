@@ -41,7 +41,7 @@ class Scene(NamedTuple):
 
 
 def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0) -> Limit:
-    """Longest time step for shapes among walls: the minimum of `impact` and `pressed`, times the smallest scale."""
+    """Compute the longest time step among walls: the least of `impact` and `pressed`, times the smallest scale."""
     kinds = list(scene.shapes.values())
     impacts = [impact(scene, a, b, speed_m_s) for a in kinds for b in kinds]
     limit = min(impacts + [limit for kind in kinds for limit in _pressed_by_all(scene, kind)])
@@ -52,13 +52,13 @@ def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale:
 
 
 def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
-    """Smallest scale of each shape for a time step, rounded down so that the limit itself is accepted."""
+    """Compute the smallest scale of each shape for a time step, rounded down so that the limit itself is accepted."""
     limits = {name: longest(scene._replace(shapes={name: shape})) for name, shape in scene.shapes.items()}
     return {name: (1.0 - 1e-12) * (time_step_s / limit.time_step_s) for name, limit in limits.items()}
 
 
 def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -> Limit:
-    """The time step that resolves a head-on impact of two bodies in `STEPS_PER_CONTACT` steps."""
+    """Compute the time step that resolves a head-on impact of two bodies in `STEPS_PER_CONTACT` steps."""
     duration = _duration(scene, a, b, speed_m_s)
     reason = f"1/{STEPS_PER_CONTACT} of the contact time of two bodies that meet at {speed_m_s:g} m/s"
     return Limit(duration / STEPS_PER_CONTACT, reason)
@@ -67,7 +67,7 @@ def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -
 def pressed(
     scene: Scene, shape: Shape | Clump, other: str, of_body: bool = False, overlap_m: float | None = None
 ) -> Limit:
-    """Longest time step with which a body between two plates that press it is stable.
+    """Compute the longest time step with which a body between two plates that press it is stable.
 
     `other` is the material of the plates; with `of_body` these are equal bodies that move against the body, as in a row
     of bodies whose neighbours move against each other, the stiffest case. The default overlap with each plate is that

@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -46,14 +46,8 @@ class Motion:
         self.row()
 
     def row(self) -> np.ndarray:
-        """Velocity, angular velocity and pivot for the kernels (9,)."""
-        return np.concatenate(
-            [
-                vector("velocity_m_s", self.velocity_m_s),
-                vector("angular_velocity_rad_s", self.angular_velocity_rad_s),
-                vector("pivot_m", self.pivot_m),
-            ]
-        )
+        """Return velocity, angular velocity and pivot for the kernels (9,)."""
+        return np.concatenate([vector(field.name, getattr(self, field.name)) for field in fields(self)])
 
 
 STILL = Motion()
@@ -100,7 +94,7 @@ class Plane:
         self.row()
 
     def row(self) -> np.ndarray:
-        """The plane for the kernels, in which its normal points into the wall."""
+        """Return the plane for the kernels, in which its normal points into the wall."""
         if self.radius_m != math.inf:
             positive("radius_m", self.radius_m)
         return np.concatenate([vector("point_m", self.point_m), -direction("normal", self.normal), [self.radius_m]])
@@ -158,7 +152,7 @@ class Cone:
         material: str,
         motion: Motion = STILL,
     ) -> "Cone":
-        """The inside of a cone between two circles.
+        """Make the inside of a cone between two circles.
 
         Parameters
         ----------
@@ -197,14 +191,14 @@ class Cone:
         return cls(line, material, base_m, axis, motion)
 
     def row(self) -> np.ndarray:
-        """The cone for the kernels, in its own frame."""
+        """Return the cone for the kernels, in its own frame."""
         return np.array([*self.line, 0.0], float)
 
 
 def Cylinder(
     base_m: Vector, axis: Vector, height_m: float, radius_m: float, material: str, motion: Motion = STILL
 ) -> Cone:
-    """The inside of a cylinder.
+    """Make the inside of a cylinder.
 
     Parameters
     ----------
@@ -283,7 +277,7 @@ class RingEdge:
         frame_of(self)
 
     def row(self) -> np.ndarray:
-        """The ring for the kernels, in its own frame."""
+        """Return the ring for the kernels, in its own frame."""
         return np.array([self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float)
 
 
@@ -327,31 +321,25 @@ class Mesh:
     axis = UP
 
     def __post_init__(self) -> None:
-        vertices = np.asarray(self.vertices_m, float)
-        if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
-            raise ValueError(f"vertices_m is {self.vertices_m!r}; expected (V, 3) finite numbers")
+        _check_common(self)
+        vertices = array("vertices_m", self.vertices_m, (None, 3), "(V, 3) finite numbers")
+        edge = positive("edge_radius_m", self.edge_radius_m)
         faces = np.asarray(self.faces)
         if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu":
             raise ValueError(f"faces is {self.faces!r}; expected (F, 3) whole numbers, at least one triangle")
         if faces.min() < 0 or faces.max() >= len(vertices):
-            raise ValueError(
-                f"faces has {faces.min()} to {faces.max()}; expected 0 to {len(vertices) - 1}, rows of vertices_m"
-            )
-        if not (math.isfinite(self.edge_radius_m) and self.edge_radius_m > 0.0):
-            raise ValueError(f"edge_radius_m is {self.edge_radius_m!r}; expected above 0")
+            last = len(vertices) - 1
+            raise ValueError(f"faces has {faces.min()} to {faces.max()}; expected 0 to {last}, rows of vertices_m")
         corners = vertices[faces]
         sides = corners[:, 1:] - corners[:, :1]
         thin = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
         thin = np.flatnonzero(thin <= 1e-12 * np.max(np.sum(np.ptp(vertices, axis=0) ** 2)))
         if len(thin):
-            raise ValueError(
-                f"faces has {faces[thin[0]].tolist()}, a triangle without area; expected triangles with an area"
-            )
-        if not isinstance(self.motion, Motion):
-            raise ValueError(f"motion is {self.motion!r}; expected a Motion")
+            flat = faces[thin[0]].tolist()
+            raise ValueError(f"faces has {flat}, a triangle without area; expected triangles with an area")
         object.__setattr__(self, "vertices_m", vertices)
         object.__setattr__(self, "faces", faces.astype(np.int64))
-        object.__setattr__(self, "part", split(vertices, self.faces, float(self.edge_radius_m)))
+        object.__setattr__(self, "part", split(vertices, self.faces, edge))
 
     @classmethod
     def from_stl(
@@ -362,7 +350,7 @@ class Mesh:
         edge_radius_m: float = 0.0005,
         motion: Motion = STILL,
     ) -> "Mesh":
-        """A mesh from a file.
+        """Read a mesh from a file.
 
         Parameters
         ----------
@@ -389,8 +377,7 @@ class Mesh:
         """
         import trimesh  # slow to import: where a mesh is read
 
-        if not (math.isfinite(scale) and scale > 0.0):
-            raise ValueError(f"scale is {scale!r}; expected above 0")
+        positive("scale", scale)
         try:
             source: Any = path
             mesh: Any = trimesh.load(source, force="mesh")
@@ -408,7 +395,7 @@ class Mesh:
 
 
 def frame_of(surface: Any) -> np.ndarray:
-    """Origin [m] and rotation, from frame to world by rows, of a curved wall or a mesh (12,)."""
+    """Return origin [m] and rotation, from frame to world by rows, of a curved wall or a mesh (12,)."""
     z = direction("axis", surface.axis)
     frame = np.eye(3)
     if not np.array_equal(z, UP):
@@ -433,11 +420,11 @@ class WallSet:
         self.names = [n for kind in kinds for n, surface in self.surfaces.items() if isinstance(surface, kind)]
 
     def of(self, kind: type) -> list:
-        """The walls of a class, in order."""
+        """List the walls of a class, in order."""
         return [self.surfaces[n] for n in self.names if isinstance(self.surfaces[n], kind)]
 
     def with_motion(self, name: str, motion: Motion) -> "WallSet":
-        """The same walls, one of them with another motion; ValueError if no wall has this name."""
+        """Return the same walls, one of them with another motion; ValueError if no wall has this name."""
         if name not in self.surfaces:
             raise ValueError(f"wall is {name!r}; expected {', '.join(self.names) or 'none, there are no walls'}")
         return WallSet({**self.surfaces, name: replace(self.surfaces[name], motion=motion)})
@@ -446,7 +433,7 @@ class WallSet:
 def wall_arrays(
     wall_set: Any, kinds: Mapping[str, int], size_m: float, old: st.Walls | None = None, changed: int = -1
 ) -> st.Walls:
-    """The arrays of the walls for the kernels.
+    """Make the arrays of the walls for the kernels.
 
     `kinds` has the number of each material, `size_m` is the size of the box of the bodies. With `old`, arrays of the
     same walls, the places are taken from it, and the motions of all walls except number `changed`.

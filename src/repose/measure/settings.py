@@ -56,7 +56,7 @@ class MeasureSettings:
     @property
     def line(self) -> str:
         """The line whose slope is the angle of repose, in words; see `line_of`."""
-        return line_of(vars(self))
+        return line_of(self)
 
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
@@ -68,8 +68,12 @@ class MeasureSettings:
         return settings
 
 
-def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
-    """A definition of the angle with its settings, in words for tables and figures; default: the calibrated one."""
+def line_of(how: object, definition: str | None = None) -> str:
+    """Describe a definition of the angle with its settings for tables and figures; default: the calibrated one.
+
+    `how` is the section `measure`, typed or as a mapping.
+    """
+    section = how if isinstance(how, Mapping) else vars(how)
     definition = definition or section["response"]
     if definition == "secant":
         return "secant, foot to crest"
@@ -83,8 +87,8 @@ def line_of(section: Mapping[str, Any], definition: str | None = None) -> str:
     return f"{part}flank, {band}, {section['flank']}"
 
 
-def line_for(section: Mapping[str, Any] | None, response: str) -> str:
-    """The line of a response that is an angle of a pile, in words; empty for any other response, or no section."""
+def line_for(section: object, response: str) -> str:
+    """Describe the line of a response that is an angle of a pile; empty for any other response, or no section."""
     if section is None:
         return ""
     if response == CALIBRATED_ANGLE:

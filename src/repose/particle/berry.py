@@ -1,7 +1,7 @@
-"""Measured berries: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
+"""Measured grains: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,8 @@ from repose.core.files import read_table, write_json, write_table
 from repose.core.tables import Column, other_unit
 from repose.particle import size_distribution
 from repose.particle.berry_files import ALIKE, SIZE_COLUMNS, read_compression, read_sizes
+from repose.particle.particle import check_positive
+from repose.particle.settings import GrainSettings
 
 LOADED = {"length_1_mm": "long_mm", "width_1_mm": "minor_mm", "breadth_mm": "major_mm"}  # axes of the loaded berry
 MODULI_PA = (1e3, 1e12)  # elastic modulus of a jelly, and of what is stiffer than steel or diamond
@@ -25,35 +27,35 @@ Numbers = Any
 
 
 def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Diameter of the sphere with the same product of full axes (Eq. 1), in their unit."""
+    """Compute the diameter of the sphere with the same product of full axes (Eq. 1), in their unit."""
     return np.cbrt(long * major * minor)
 
 
 def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Equivalent diameter over the long axis, 0 to 1 (Eq. 1, there in percent)."""
+    """Compute the equivalent diameter over the long axis, 0 to 1 (Eq. 1, there in percent)."""
     return equivalent_diameter(long, major, minor) / long
 
 
 def elastic_modulus(
     force_n: Numbers, length_m: Numbers, breadth_m: Numbers, width_1_m: Numbers, width_2_m: Numbers
 ) -> Numbers:
-    """Elastic modulus E [Pa]: stress over strain in the loading direction W (Eq. 2)."""
+    """Compute the elastic modulus E [Pa]: stress over strain in the loading direction W (Eq. 2)."""
     section = math.pi / 4 * length_m * breadth_m
     return force_n / section / ((width_1_m - width_2_m) / width_1_m)
 
 
 def poisson_ratio(length_1: Numbers, length_2: Numbers, width_1: Numbers, width_2: Numbers) -> Numbers:
-    """Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3)."""
+    """Compute Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3)."""
     return np.abs(((length_2 - length_1) / length_1) / ((width_2 - width_1) / width_1))
 
 
 def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
-    """Shear modulus G = E / (2 (1 + nu)) (Eq. 4)."""
+    """Compute the shear modulus G = E / (2 (1 + nu)) (Eq. 4)."""
     return elastic_modulus_pa / (2 * (1 + poisson))
 
 
 def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
-    """E [Pa] and nu as means over the compression tests (`read_compression`), and G [Pa] from both means by Eq. 4."""
+    """Compute E [Pa] and nu as means over compression tests (`read_compression`), and G [Pa] from both by Eq. 4."""
     elastic = elastic_modulus(
         tests["force_n"],
         tests["length_1_mm"] * 1e-3,
@@ -66,7 +68,7 @@ def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
-    """Statistics of the sizes (`read_sizes`) beside the published values (Table 1), a row for each dimension."""
+    """List statistics of the sizes (`read_sizes`) next to the published values (Table 1), a row for each dimension."""
     axes = [sizes[column] for column in SIZE_COLUMNS]
     dimensions = {column: ("mm", sizes[column]) for column in SIZE_COLUMNS}
     dimensions["equivalent_diameter_mm"] = ("mm", equivalent_diameter(*axes))
@@ -95,7 +97,7 @@ def measured_berry(
     shear_modulus_pa: float | None = None,
     source: object = "berry",
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Statistics (`summarise`) and material of the measured berries.
+    """Compute statistics (`summarise`) and material of the measured grains.
 
     `poisson` and `shear_modulus_pa` replace the results of the compression tests; E follows by Eq. 4.
     """
@@ -136,7 +138,7 @@ def of_files(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """`measured_berry` of files."""
+    """Compute `measured_berry` of files."""
     check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
     both = poisson_ratio is not None and shear_modulus_pa is not None
     sizes = read_sizes(sizes_csv)
@@ -168,13 +170,13 @@ def _other_units(
         yield InputError(tests_csv, "force_n", float(tests["force_n"].median()), allowed)
 
 
-def of_settings(section: Mapping[str, Any], table1_csv: str | PathLike | None) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """`measured_berry` of a section `berry`."""
-    material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
-    return of_files(section["sizes"], section["compression"], table1_csv, *material)
+def of_settings(section: GrainSettings, table1_csv: str | PathLike | None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Compute `measured_berry` of a section `berry`."""
+    material = section.density_kg_m3, section.poisson_ratio, section.shear_modulus_pa
+    return of_files(section.sizes, section.compression, table1_csv, *material)
 
 
-def run(section: Mapping[str, Any], table1_csv: str | PathLike | None, out_dir: str | PathLike) -> None:
+def run(section: GrainSettings, table1_csv: str | PathLike | None, out_dir: str | PathLike) -> None:
     """Write summary.csv and berry.json (`of_settings`)."""
     summary, berry = of_settings(section, table1_csv)
     write_table(Path(out_dir) / "summary.csv", summary, float_format="%.4f")
@@ -197,8 +199,6 @@ def check_material(
     source: object = "berry",
 ) -> None:
     """Raise InputError for an impossible material; None is not checked, `source` is named in the message."""
-    for key, value in (("density_kg_m3", density_kg_m3), ("shear_modulus_pa", shear_modulus_pa)):
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise InputError(source, key, value, "a positive number")
+    check_positive(source, density_kg_m3=density_kg_m3, shear_modulus_pa=shear_modulus_pa)
     if poisson_ratio is not None and not 0 <= poisson_ratio <= 0.5:
         raise InputError(source, "poisson_ratio", poisson_ratio, "from 0 to 0.5")

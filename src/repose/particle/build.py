@@ -18,22 +18,10 @@ from repose.core.files import write_bytes, write_table
 from repose.dem.rotations import sphere_directions
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
-from repose.particle.mesh import body_of, ellipsoid_mesh, load_mesh, mesh_of, mesh_support, principal_pose, stl_of
-from repose.particle.particle import KINDS, MM, Body, Particle
+from repose.particle.mesh import body_of, ellipsoid_mesh, load_mesh, mesh_of, mesh_support, stl_of
+from repose.particle.particle import KINDS, MM, Body, Particle, check_positive
+from repose.particle.settings import GrainSettings
 from repose.particle.support import support
-
-__all__ = [
-    "KINDS",
-    "Particle",
-    "compare",
-    "ellipsoid_mesh",
-    "fit_particle",
-    "load_mesh",
-    "make",
-    "make_particle",
-    "principal_pose",
-    "run",
-]
 
 LARGEST_DEVIATION = 0.15
 # Sharp edges cost a smooth body volume, and with it mass.
@@ -46,13 +34,13 @@ AXES = ("long_mm", "major_mm", "minor_mm")
 def fit_particle(
     mesh: trimesh.Trimesh, density_kg_m3: float, stl: str = "", source: object = "mesh", kind: str = "smooth"
 ) -> Particle:
-    """Convex particle fitted to the support values of a mesh (mm, principal pose).
+    """Fit a convex particle to the support values of a mesh (mm, principal pose).
 
-    Mass is density times the particle's own volume: an ellipsoid holds less than a fuller berry of the same axes. A
+    Mass is density times the particle's own volume: an ellipsoid holds less than a fuller grain of the same axes. A
     mesh whose vertices lie on an ellipsoid becomes this ellipsoid, whose volume is a little above that of the mesh; the
     deviations include the parts that its facets cut off.
     """
-    _check_density(density_kg_m3, source)
+    check_positive(source, density_kg_m3=density_kg_m3)
     n = sphere_directions(DIRECTIONS)
     measured = mesh_support(mesh, n) * MM
     radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
@@ -83,17 +71,17 @@ def make_particle(
     mesh: trimesh.Trimesh,
     density_kg_m3: float,
     kind: str,
-    spheres: int = 14,
+    spheres: int | str = 14,
     surface: str = "smooth",
     stl: str = "",
     source: object = "mesh",
 ) -> Particle:
-    """Particle of any of the `KINDS` from a mesh (mm, principal pose)."""
+    """Make a particle of any of the `KINDS` from a mesh (mm, principal pose)."""
     if kind not in KINDS:
         raise InputError(source, "particle", kind, ", ".join(KINDS))
     if kind != "multisphere":
         return fit_particle(mesh, density_kg_m3, stl, source, kind)
-    _check_density(density_kg_m3, source)
+    check_positive(source, density_kg_m3=density_kg_m3)
     packing = sphere_packing.pack(mesh, spheres, surface, source)
     body = body_of(mesh, density_kg_m3)
     centres, radii = packing.spheres_m[:, :3], packing.spheres_m[:, 3]
@@ -112,7 +100,7 @@ def make_particle(
 
 
 def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
-    """Properties of the mesh that a particle keeps."""
+    """List the properties of the mesh that a particle keeps."""
     return {
         "density_kg_m3": float(density_kg_m3),
         "stl": str(stl),
@@ -123,7 +111,7 @@ def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
 
 
 def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
-    """Rows of the particles of one mesh, the mesh first: volume, mass, principal moments, extents, deviations."""
+    """List the particles of one mesh in rows, the mesh first: volume, mass, principal moments, extents, deviations."""
     made = [particle for particle in particles.values() if isinstance(particle, Particle)]
     rows = [_row("mesh", mesh)] if made and (mesh := made[0].mesh) else []
     for name, particle in particles.items():
@@ -152,7 +140,7 @@ class Made(NamedTuple):
 
 
 def make(
-    berry: Mapping[str, Any],
+    grain: Mapping[str, Any],
     scan: trimesh.Trimesh | None = None,
     *,
     kind: str = "smooth",
@@ -161,13 +149,13 @@ def make(
     surface: str = "smooth",
     source: object = MESH_FILE,
 ) -> Made:
-    """The particle of a berry, with its mesh, and all kinds of particles for comparison.
+    """Make the particle of a grain, with its mesh, and all kinds of particles for comparison.
 
     The mesh is the user's scan, or built from the mean axes and the mass (without a mass, their ellipsoid). The
     particle is made from the mesh as in its file, in single precision.
     """
-    density = berry["density_kg_m3"]
-    stl = _stl(berry, scan, mass_g)
+    density = grain["density_kg_m3"]
+    stl = _stl(grain, scan, mass_g)
     mesh = mesh_of(stl, source)
     particles: dict[str, Particle | InputError] = {}
     for name in (kind, *(other for other in KINDS if other != kind)):
@@ -182,23 +170,23 @@ def make(
     return Made(stl, particle, compare({name: particles[name] for name in KINDS}))
 
 
-def of_settings(berry: Mapping[str, Any], section: Mapping[str, Any]) -> Particle:
-    """The particle of a configuration, the same as by `make`, without the comparison."""
-    scan = None if section["stl"] is None else load_mesh(section["stl"])
-    source = section["stl"] or MESH_FILE
-    mesh = mesh_of(_stl(berry, scan, section["mass_g"]), source)
-    how = section["particle"], section["spheres"], section["surface"]
-    return make_particle(mesh, berry["density_kg_m3"], *how, MESH_FILE, source)
+def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
+    """Make the particle of a configuration, the same as by `make`, without the comparison."""
+    scan = None if section.stl is None else load_mesh(section.stl)
+    source = section.stl or MESH_FILE
+    mesh = mesh_of(_stl(grain, scan, section.mass_g), source)
+    kind, spheres, surface = section.particle, section.spheres, section.surface
+    return make_particle(mesh, grain["density_kg_m3"], kind, spheres, surface, MESH_FILE, source)
 
 
-def _stl(berry: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float | None) -> bytes:
+def _stl(grain: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float | None) -> bytes:
     """Return the content of the mesh file: the user's scan, or a mesh of the mean axes."""
     if scan is not None:
         return stl_of(scan)
-    axes_mm = [berry[name] for name in AXES]
+    axes_mm = [grain[name] for name in AXES]
     if mass_g is None:
         return stl_of(ellipsoid_mesh(axes_mm))
-    return stl_of(mesh_from_axes.berry_mesh(axes_mm, mass_g, berry["density_kg_m3"])[0])
+    return stl_of(mesh_from_axes.berry_mesh(axes_mm, mass_g, grain["density_kg_m3"])[0])
 
 
 def run(
@@ -207,10 +195,10 @@ def run(
     """Write berry.stl, particle.json and particles.csv (`make` with the options `how`); return the particle."""
     import pandas as pd
 
-    berry = read_berry(berry_json, (*AXES, "density_kg_m3"))
+    grain = read_berry(berry_json, (*AXES, "density_kg_m3"))
     out = Path(out_dir)
     source = out / MESH_FILE if stl is None else stl
-    made = make(berry, None if stl is None else load_mesh(stl), source=source, **how)
+    made = make(grain, None if stl is None else load_mesh(stl), source=source, **how)
     write_bytes(out / MESH_FILE, made.stl)
     write_table(out / "particles.csv", pd.DataFrame(made.comparison), float_format="%.6g")
     made.particle.save(out / "particle.json")
@@ -222,12 +210,6 @@ def _row(name: str, body: Particle | Body) -> dict[str, Any]:
     row = {"body": name, "volume_mm3": body.volume_m3 / MM**3, "mass_g": body.mass_kg * 1e3}
     row |= {f"inertia_{x}_g_mm2": 1e9 * value for x, value in zip("xyz", body.inertia_kg_m2, strict=True)}
     return row | {f"axis_{x}_mm": value / MM for x, value in zip("xyz", body.axes_m, strict=True)}
-
-
-def _check_density(density_kg_m3: float, source: object) -> None:
-    """Raise InputError unless the density is a positive number."""
-    if not (math.isfinite(density_kg_m3) and density_kg_m3 > 0):
-        raise InputError(source, "density_kg_m3", density_kg_m3, "a positive number")
 
 
 def _check_fit(relative_deviation: float, volume_ratio: float, tolerance: float, source: object) -> None:

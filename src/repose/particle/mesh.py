@@ -1,4 +1,4 @@
-"""Meshes of berries: reading, checks, principal pose; volume, moments and extents of their bodies."""
+"""Meshes of grains: reading, checks, principal pose; volume, moments and extents of their bodies."""
 
 from io import BytesIO
 from os import PathLike
@@ -17,14 +17,14 @@ CONVEX_SHARE = 0.95
 
 
 def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh:
-    """Watertight mesh of an ellipsoid with full axes (3,); its vertices lie on the ellipsoid."""
+    """Make a watertight mesh of an ellipsoid with full axes (3,); its vertices lie on the ellipsoid."""
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
     mesh.apply_scale(np.asarray(axes_mm, dtype=float))
     return mesh
 
 
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
-    """Mesh [mm] of a file that trimesh reads, such as STL, in its principal pose and checked (`check_mesh`)."""
+    """Read a mesh [mm] that trimesh reads, such as STL; it comes in its principal pose and checked (`check_mesh`)."""
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "file", None, "an existing mesh file, such as an STL in millimetres")
@@ -37,14 +37,14 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 
 
 def stl_of(mesh: trimesh.Trimesh) -> bytes:
-    """A mesh [mm] as the content of a binary STL file, in single precision."""
+    """Write a mesh [mm] as the content of a binary STL file, in single precision."""
     content = mesh.export(file_type="stl")
     assert isinstance(content, bytes)
     return content
 
 
 def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
-    """The mesh of the content of an STL file, as by `load_mesh`; `source` stands in messages."""
+    """Read the mesh of the content of an STL file, as by `load_mesh`; messages name `source`."""
     mesh: Any = trimesh.load(BytesIO(stl), file_type="stl", force="mesh")
     check_mesh(mesh, source)
     return principal_pose(mesh)
@@ -73,7 +73,7 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Copy of a mesh with its centre of mass at the origin and its principal axes along x (the longest), y and z."""
+    """Copy a mesh, with its centre of mass at the origin and its principal axes along x (the longest), y and z."""
     # Ascending moments: the smallest belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
     for k in range(2):
@@ -86,14 +86,14 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
-    """Volume, mass, moments and extents of a mesh (mm, principal pose): exact integrals over the polyhedron."""
+    """Compute volume, mass, moments and extents of a mesh (mm, principal pose): exact integrals over the polyhedron."""
     inertia = np.diag(mesh.moment_inertia) / mesh.density * density_kg_m3 * MM**5
     volume = float(mesh.volume) * MM**3
     return Body(volume, density_kg_m3 * volume, inertia, np.ptp(mesh.vertices, axis=0) * MM)
 
 
 def mesh_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
-    """Support values (N,) of a mesh in its unit: extents from the origin in the directions n (N, 3)."""
+    """Compute support values (N,) of a mesh in its unit: extents from the origin in the directions n (N, 3)."""
     vertices = np.asarray(mesh.convex_hull.vertices)
     # In chunks: a scan's hull times all directions would fill gigabytes.
     return np.concatenate([(part @ vertices.T).max(axis=1) for part in np.array_split(n, 1 + len(n) // 500)])

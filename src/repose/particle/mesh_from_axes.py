@@ -1,7 +1,7 @@
-"""A berry without a scan: a closed mesh from three axes and a mass.
+"""A grain without a scan: a closed mesh from three axes and a mass.
 
 The cross-section is an ellipse whose size follows a profile r(t) = (1 - |t|^m)^k along the axis, t from -1 to 1. With
-m = 2, k = 1/2 that is an ellipsoid. A fuller body has m > 2, k = 1/m (a superellipse: m = 3 is a plump berry, large m a
+m = 2, k = 1/2 that is an ellipsoid. A fuller body has m > 2, k = 1/m (a superellipse: m = 3 is a plump grain, large m a
 cylinder), a leaner body m = 2, k > 1/2 (pointed ends). The fullness V / (L W T) = pi/4 B(1/m, 2k + 1) / m then follows
 from the mass and the density.
 """
@@ -14,7 +14,7 @@ import trimesh
 from scipy.optimize import brentq
 
 from repose.core.errors import InputError
-from repose.particle.particle import MM
+from repose.particle.particle import MM, check_positive
 
 # Shape numbers from the leanest to the fullest convex body: see `profile_exponents`.
 SHAPE_LIMITS = (1.0, 30.0)
@@ -24,7 +24,7 @@ RINGS, SECTORS = 64, 96
 
 
 def profile_exponents(shape: float) -> tuple[float, float]:
-    """Exponents (m, k) of the profile (1 - abs(t)^m)^k; the shape is 2 for the ellipsoid, m above it, 1/k below it."""
+    """Return (m, k) of the profile (1 - abs(t)^m)^k; the shape is 2 for the ellipsoid, m above it, 1/k below it."""
     return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
 
 
@@ -75,7 +75,7 @@ def berry_mesh(
     wrinkle_depth_mm: float = 0.0,
     source: object = "berry",
 ) -> tuple[trimesh.Trimesh, float]:
-    """Closed mesh [mm] with given axes, mass and density, and its shape number (`profile_exponents`).
+    """Make a closed mesh [mm] with given axes, mass and density, and its shape number (`profile_exponents`).
 
     `axes_mm` are full axes, the longest first: over the ridges of grooves, and the largest widths of a taper. `taper`
     is the excess width at an end over the mean width, `wrinkle_depth_mm` the depth of the grooves at the belly.
@@ -83,9 +83,7 @@ def berry_mesh(
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):
         raise InputError(source, "axes", list(axes_mm), "three lengths in mm, the longest first")
-    for key, value in (("mass_g", mass_g), ("density_kg_m3", density_kg_m3)):
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(source, key, value, "a positive number")
+    check_positive(source, mass_g=mass_g, density_kg_m3=density_kg_m3)
     if not abs(taper) <= LARGEST_TAPER:
         raise InputError(source, "taper", taper, f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}")
     deepest = LARGEST_GROOVE * axes[2] / 2

@@ -1,5 +1,6 @@
 """The simulated particle: a convex body by its support function, or a rigid clump of spheres."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -26,6 +27,13 @@ class Body:
     mass_kg: float
     inertia_kg_m2: np.ndarray  # (3,), principal moments
     axes_m: np.ndarray  # (3,), full extents along x, y, z
+
+
+def check_positive(source: object, **numbers: float | None) -> None:
+    """Raise InputError unless these numbers are above 0; None is not checked, `source` is named in the message."""
+    for key, value in numbers.items():
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(source, key, value, "a positive number")
 
 
 def _no_spheres() -> np.ndarray:
@@ -74,14 +82,14 @@ class Particle:
         return Body(self.mesh_volume_m3, mass, self.mesh_inertia_kg_m2, self.mesh_axes_m)
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Support values (...) [m]: extents from the centre in the directions n (..., 3) of the body frame."""
+        """Compute support values (...) [m]: extents from the centre in the directions n (..., 3) of the body frame."""
         n = np.asarray(n, dtype=float)
         if self.is_clump:
             return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
         return support.support(self.semi_axes_m, n)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Touching points (..., 3) [m] for directions n (..., 3): the gradient of the support function."""
+        """Compute touching points (..., 3) [m] for directions n (..., 3): the gradient of the support function."""
         n = np.asarray(n, dtype=float)
         if self.is_clump:
             farthest = self.spheres_m[(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).argmax(axis=-1)]
@@ -89,13 +97,13 @@ class Particle:
         return support.support_point(self.semi_axes_m, n)
 
     def dem_shape(self, material: str) -> "dem.Shape | dem.Clump":
-        """The engine's shape of the particle, with the name of its material."""
+        """Make the engine's shape of the particle, with the name of its material."""
         if self.is_clump:
             return dem.Clump(self.spheres_m, self.mass_kg, self.inertia_kg_m2, material)
         return dem.Shape(self.semi_axes_m, self.mass_kg, self.inertia_kg_m2, material)
 
     def record(self) -> dict[str, Any]:
-        """The particle as plain values for a file: lengths in mm, mass in g."""
+        """Return the particle as plain values for a file: lengths in mm, mass in g."""
         record = {name: getattr(self, name) for name in ("kind", "density_kg_m3", "stl")}
         for name, (key, unit) in FIELDS.items():
             value = getattr(self, name)
@@ -104,7 +112,7 @@ class Particle:
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> "Particle":
-        """The particle of a `record`."""
+        """Make the particle of a `record`."""
         values = {name: record[name] for name in ("kind", "density_kg_m3", "stl")}
         for name, (key, unit) in FIELDS.items():
             value = record[key]

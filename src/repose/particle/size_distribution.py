@@ -1,4 +1,4 @@
-"""Sizes of single berries: scales from a truncated normal distribution; their mean volume is the particle's."""
+"""Sizes of single grains: scales from a truncated normal distribution; their mean volume is the particle's."""
 
 import math
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ STREAM = 1
 
 
 def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
-    """Standard deviation, smallest and largest of measured equivalent diameters (N,), over their mean."""
+    """Compute standard deviation, smallest and largest of measured equivalent diameters (N,), over their mean."""
     mean = float(np.mean(diameters_mm))
     return (
         float(np.std(diameters_mm, ddof=1)) / mean,
@@ -26,7 +26,7 @@ def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
 
 
 def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float, float]:
-    """Standard deviation, smallest and largest of 50 equivalent diameters, over their mean, from the published range.
+    """Estimate sd, smallest and largest of 50 equivalent diameters over their mean by the published range.
 
     The expected range of 50 normal values is 4.498 standard deviations.
     """
@@ -34,23 +34,23 @@ def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float,
 
 
 def normalisation(sd: float, low: float, high: float) -> float:
-    """Cube root of E[x^3] of a truncated normal x of mean 1; x over it keeps the mean volume."""
+    """Compute the cube root of E[x^3] of a truncated normal x of mean 1; x over it keeps the mean volume."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     x = low + (high - low) * (nodes + 1) / 2
     density = weights * np.exp(-0.5 * ((x - 1) / sd) ** 2)
     return float(np.cbrt(density @ x**3 / density.sum()))
 
 
-def smallest(distribution: str, berry: Mapping[str, float]) -> float:
-    """The smallest scale of `of_pour`; arguments as there."""
+def smallest(distribution: str, grain: Mapping[str, float]) -> float:
+    """Return the smallest scale of `of_pour`; arguments as there."""
     if distribution == "none":
         return 1.0
-    sd, low, high = _spread(berry)
+    sd, low, high = _spread(grain)
     return 1.0 if sd == 0 else low / normalisation(sd, low, high)
 
 
 def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
-    """Scales s (count,) of single berries with E[s^3] = 1; all 1 if `sd` is 0."""
+    """Draw scales s (count,) of single grains with E[s^3] = 1; all 1 if `sd` is 0."""
     if sd == 0:
         return np.ones(count)
     from scipy.special import ndtr, ndtri  # slow to import: where sizes differ
@@ -60,18 +60,18 @@ def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: floa
     return np.clip(x, low, high) / normalisation(sd, low, high)
 
 
-def _spread(berry: Mapping[str, float]) -> list[float]:
+def _spread(grain: Mapping[str, float]) -> list[float]:
     """Return the three numbers of the spread, or raise InputError."""
     for key in KEYS:
-        if key not in berry or not (math.isfinite(berry[key]) and berry[key] >= 0):
-            raise InputError("berry.json", key, berry.get(key), "a number, as the verb berry writes it")
-    return [berry[key] for key in KEYS]
+        if key not in grain or not (math.isfinite(grain[key]) and grain[key] >= 0):
+            raise InputError("berry.json", key, grain.get(key), "a number, as the verb berry writes it")
+    return [grain[key] for key in KEYS]
 
 
-def of_pour(distribution: str, berry: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
-    """Scales (count,) of the berries of a pour, and the largest possible scale."""
+def of_pour(distribution: str, grain: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
+    """Draw scales (count,) of the grains of a pour, and the largest possible scale."""
     if distribution == "none":
         return np.ones(count), 1.0
-    sd, low, high = _spread(berry)
+    sd, low, high = _spread(grain)
     scales = draw(np.random.default_rng([STREAM, seed]), count, sd, low, high)
     return scales, high / normalisation(sd, low, high) if sd else 1.0

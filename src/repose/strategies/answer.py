@@ -16,6 +16,7 @@ from repose.core.runs import error_of, mean_and_error, of_bench
 from repose.core.seeds import UNNAMED
 from repose.core.targets import Targets
 from repose.measure.angles import MEAN_KEYS
+from repose.search.settings import MigaSettings
 from repose.strategies.base import Answer, Studied
 
 
@@ -74,18 +75,15 @@ def _check(row: Mapping[str, Any], errors: Sequence[float], targets: Targets) ->
     return pd.DataFrame(rows)
 
 
-def separated(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
-    """Choose the first points (n, d) of the unit cube that keep a distance from all before them: their row numbers.
-
-    At most `most` rows; `distance` is in half ranges, as `miga.distance`.
-    """
+def separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
+    """Choose the first points (n, d) of the unit cube that keep `distance` from all before them: their row numbers."""
     from scipy.spatial.distance import cdist
 
     kept: list[int] = []
     for k, point in enumerate(unit):
-        if not kept or 2 * cdist(unit[kept], point[None]).min() >= distance:
+        if not kept or 2 * cdist(unit[kept], point[None]).min() >= section.distance:
             kept.append(k)
-        if len(kept) == most:
+        if len(kept) == section.solutions:
             break
     return np.array(kept, dtype=int)
 

@@ -6,51 +6,24 @@ follow it.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
-from repose.core.section import Section
-from repose.core.targets import Targets
+from repose.core.section import Contradictions, Section
+from repose.core.studied import Studied
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from repose.surrogate.base import Predictor
 
+Pours = tuple[tuple[str, int, int], ...]
 SO_FAR = "more runs may give a better answer"
-
-
-class Studied(Protocol):
-    """The part of a study that a strategy reads.
-
-    Attributes
-    ----------
-    config : mapping
-        Plain values by section; a strategy's section has its name.
-    settings : Section
-        The same as typed sections; `settings.design.seed` is the seed of the study.
-    parameters : ParameterSpace
-        Ranges, fixed values and priors.
-    targets : Targets
-        The measured responses.
-    """
-
-    @property
-    def config(self) -> Mapping[str, Any]: ...
-
-    @property
-    def settings(self) -> Any: ...
-
-    @property
-    def parameters(self) -> ParameterSpace: ...
-
-    @property
-    def targets(self) -> Targets: ...
 
 
 @dataclass(frozen=True)
@@ -195,27 +168,30 @@ class Strategy(ABC):
             raise InputError("runs", "rows", len(data), allowed)
         return proposal
 
-    def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """Yield values of a configuration with which the strategy cannot run.
+    def contradictions(self, section: Any, free: int, responses: int) -> Contradictions:
+        """Yield values of the strategy's section with which it cannot run.
 
         Parameters
         ----------
-        config : mapping
-            A configuration whose sections are good, each by itself.
+        section : Section or None
+            Of the type `settings`, good by itself.
+        free, responses : int
+            Numbers of free parameters and of targets.
 
         Returns
         -------
         iterator of (str, str)
-            Dotted key, and what is allowed.
+            Key of the section, and what is allowed.
         """
         return iter(())
 
-    def pours(self, config: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...] | None:
+    def pours(self, section: Any, free: int) -> Pours | None:
         """Count the most runs that the strategy can ask for.
 
         Parameters
         ----------
-        config : mapping
+        section, free
+            As in `contradictions`.
 
         Returns
         -------
@@ -305,8 +281,6 @@ def samples_of(space: ParameterSpace, unit: np.ndarray, seeds: int, first: int =
     -------
     pandas.DataFrame
     """
-    import pandas as pd  # slow to import
+    from repose.chain.design import parameter_sets  # slow to import
 
-    table = pd.DataFrame(space.values(unit), columns=list(space.names))
-    table.insert(0, "sample", np.arange(first, first + len(table)))
-    return table.assign(seeds=seeds)
+    return parameter_sets(unit, space, first).assign(seeds=seeds)

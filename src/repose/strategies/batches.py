@@ -13,7 +13,7 @@ from repose.chain.dataset import read_definitions
 from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
 from repose.core.files import read_json, write_json, write_table
-from repose.core.responses import Definitions, require_same_definitions
+from repose.core.responses import require_same_definitions
 from repose.core.targets import Targets
 from repose.strategies import answer
 from repose.strategies.base import Answer, Studied, strategy
@@ -23,20 +23,15 @@ Path_ = str | os.PathLike
 
 
 def run_propose(
-    name: str,
-    study: Studied,
-    folders: Sequence[Path_],
-    out_dir: Path_,
-    definitions: Definitions | None = None,
-    source: object = "configuration",
+    name: str, study: Studied, folders: Sequence[Path_], out_dir: Path_, source: object = "configuration"
 ) -> dict[str, Any]:
     """Write the strategy's proposal after the batches in `folders`: samples.csv and proposal.json; return the latter.
 
-    InputError, with `source`, for runs of other `definitions`.
+    InputError, with `source`, for runs of other definitions.
     """
     for folder in folders:
         own, path = read_definitions(Path(folder) / "dataset.csv")
-        require_same_definitions(own, path, definitions or {}, source)
+        require_same_definitions(own, path, study.definitions, source)
     data = read(folders, study.targets) if folders else pd.DataFrame()
     try:
         proposal = strategy(name).propose(study, data)

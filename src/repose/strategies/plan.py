@@ -7,23 +7,22 @@ logarithm of the scatter; outside of them the nearest row counts.
 """
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
 from repose.core.files import read_table
-from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import of_bench
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
+from repose.strategies.base import Studied
 from repose.strategies.sequential.goal import Goal
 
 SUCCESS = Path(__file__).with_name("success.csv")
-# Scatter of a pour in percent of the target, and correlation of two responses of one bench test, of the default berry:
+# Scatter of a pour in percent of the target, and correlation of two responses of one bench test, of the default grain:
 # taken where nothing is measured.
 NOISE_PERCENT, CORRELATION = 5.0, 0.8
 CERTAINTY = 0.9  # of the number of pours that the noise alone asks for
@@ -44,12 +43,11 @@ class Plan(NamedTuple):
     budgets: pd.DataFrame
 
 
-def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: object = "runs") -> Plan:
+def plan(study: Studied, runs: pd.DataFrame | None = None, source: object = "runs") -> Plan:
     """Compute expected results by the noise of `runs`, or by `default_noise`; InputError for too few replicates."""
-    targets = Targets.of(config["targets"])
+    targets, space = study.targets, study.parameters
     noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
     percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
-    space = ParameterSpace.of(config["parameters"])
     needed = {tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY) for tolerance in TOLERANCES}
     return Plan(percent, runs is not None, needed, chances(len(targets), float(percent.max())))
 
@@ -82,7 +80,7 @@ def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
 def default_noise(targets: Targets) -> np.ndarray:
     """Return the covariance (k, k) of a pour if nothing is measured."""
     sd = NOISE_PERCENT / 100 * targets.whole
-    correlation = np.where(_same_bench(targets), CORRELATION, 0.0)
+    correlation = np.where(targets.same_bench, CORRELATION, 0.0)
     np.fill_diagonal(correlation, 1.0)
     return np.outer(sd, sd) * correlation
 
@@ -90,8 +88,7 @@ def default_noise(targets: Targets) -> np.ndarray:
 def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs") -> np.ndarray:
     """Estimate a pour's covariance (k, k) about its sample's mean; InputError if too few samples have two ok runs."""
     noise = np.zeros((len(targets), len(targets)))
-    for bench in targets.apparatus:
-        own = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
+    for bench, own in targets.benches.items():
         names = [targets.names[k] for k in own]
         rows = of_bench(runs, bench)
         ok = rows[(rows["status"] == "ok") & rows[names].notna().all(axis=1)]
@@ -108,13 +105,7 @@ def read_runs(path: str | os.PathLike, targets: Targets) -> pd.DataFrame:
     return read_table(path, ("sample", "status", *targets.names))
 
 
-def disk_mb(config: Mapping[str, Any], pours: int) -> float:
+def disk_mb(study: Studied, pours: int) -> float:
     """Estimate the disk space of a number of pours in each bench test of the targets."""
-    grains = sum(config[name].get("berries", 1) for name in Targets.of(config["targets"]).apparatus)
+    grains = sum(getattr(getattr(study.settings, name), "berries", 1) for name in study.targets.apparatus)
     return 1e-6 * BYTES_A_GRAIN * grains * pours
-
-
-def _same_bench(targets: Targets) -> np.ndarray:
-    """Mark the pairs of responses of the same bench test, as a mask (k, k)."""
-    bench = np.array([target.response.apparatus for target in targets])
-    return bench[:, None] == bench

@@ -2,15 +2,12 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import write_table
-from repose.core.lock import exclusive
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import mean_and_error
 from repose.core.tables import Column, Fault, check, check_columns, read, refuse
@@ -63,8 +60,8 @@ def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets)
 def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
     """List the runs of each bench test as rows of their own, as the stage `dataset` writes them."""
     tables = []
-    for bench in targets.apparatus:
-        names = [target.name for target in targets if target.response.apparatus == bench]
+    for bench, own in targets.benches.items():
+        names = [targets.names[k] for k in own]
         status = np.where(data[names].notna().all(axis=1), OK, "failed")
         tables.append(data[["sample", *names]].assign(apparatus=bench, status=status, reason=""))
     return pd.concat(tables, ignore_index=True)
@@ -95,20 +92,21 @@ def checked_runs(
     if not rows:
         raise InputError(source, "rows", 0, "a header and a row for each run")
     space, names = study.parameters, study.targets.names
-    rows = _with_fixed(rows, space)
+    rows = with_fixed(rows, space)
     check_columns(source, rows[0], (*space.names, *names))
     cells = {name: [row.get(name) for row in rows] for name in (*space.names, *names, *OPTIONAL)}
     status = [str(cell or OK).strip() for cell in cells["status"]]
     status = [OK if one.lower() == OK else one for one in status]
     failed = {k for k, one in enumerate(status) if one != OK}
-    sets, faults = check(cells, [_parameter(name, space) for name in space.names])
+    ends = space.complete(np.array([space.low, space.high]))
+    sets, faults = check(cells, map(_parameter, space.names, *ends.tolist()))
     responses, more = check(cells, [Column(name, words=RESPONSE) for name in names], failed)
     turns = check(cells, [TURNS])[1]
     refuse(source, [*faults, *more, *turns])
     table = pd.DataFrame({"status": status, **sets, **responses})
-    for name in space.names:  # undo the rounding of a spreadsheet
-        table[name] = table[name].clip(*_ends(name, space))
-    table["sample"] = _numbers_of_samples(table, rows, space, source, strategy(study.config["strategy"]).repeats_points)
+    parameters = list(space.names)
+    table[parameters] = np.clip(table[parameters].to_numpy(float), *ends)  # undo the rounding of a spreadsheet
+    table["sample"] = _numbers_of_samples(table, rows, space, source, strategy(study.settings.strategy).repeats_points)
     table = table[["sample", "status", *space.names, *names]]
     _refuse_twice(table, rows, source)
     if enough:
@@ -116,32 +114,8 @@ def checked_runs(
     return table
 
 
-def add_runs(study: Studied, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
-    """Add the runs of a CSV file to a record, made if missing; return all of its runs, also too few for an answer.
-
-    The record is written as a whole, after all of it was checked; on an InputError it stays as it was.
-    """
-    rows = _with_fixed(rows_of(new), study.parameters)
-    checked_runs(study, rows, new, enough=False)
-    Path(record).parent.mkdir(parents=True, exist_ok=True)
-    with exclusive(record):
-        before = rows_of(record) if Path(record).exists() else []
-        table = checked_runs(study, [*before, *rows], f"{record} with {new}", enough=False)
-        write_table(record, pd.DataFrame([*before, *rows]))
-    return table
-
-
-def _ends(name: str, space: ParameterSpace) -> tuple[float, float]:
-    """Find the ends of a parameter's range, or its fixed value twice."""
-    if name in space.fixed:
-        return space.fixed[name], space.fixed[name]
-    k = space.free.index(name)
-    return float(space.low[k]), float(space.high[k])
-
-
-def _parameter(name: str, space: ParameterSpace) -> Column:
+def _parameter(name: str, low: float, high: float) -> Column:
     """Declare the column of a parameter: a table may have been rounded by a spreadsheet."""
-    low, high = _ends(name, space)
     slack = ROUNDED * ((high - low) or abs(high) or 1.0)
     words = f"{low:g}, as it is fixed" if low == high else f"a number from {low:g} to {high:g}, its range"
     return Column(name, low=low - slack, high=high + slack, words=words)
@@ -179,7 +153,7 @@ def _require_enough(table: pd.DataFrame, study: Studied, source: object) -> None
         raise InputError(source, "samples with a good run", samples, allowed)
 
 
-def _with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
+def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
     """Add columns for all fixed parameters to the rows."""
     missing = {name: value for name, value in space.fixed.items() if rows and name not in rows[0]}
     return [missing | dict(row) for row in rows]
@@ -188,9 +162,7 @@ def _with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
 def _refuse_twice(table: pd.DataFrame, rows: Rows, source: object) -> None:
     """Refuse a duplicate run, and a row that repeats all numbers of an earlier row."""
     seen: dict[tuple[Any, ...], int] = {}
-    if (
-        "run" in rows[0]
-    ):  # the numbers tell runs apart whose results are equal, as of a simulator without random numbers
+    if "run" in rows[0]:  # it tells runs apart whose results are equal, as of a simulator without random numbers
         keys = [(sample, str(row["run"]).strip()) for sample, row in zip(table["sample"], rows, strict=True)]
         what, allowed = "sample and run", "each once; row {} has them, too"
     else:

@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import NOT_AGAIN, WITHIN, Check, out_of_reach
-from repose.chain.answer import Answer as Result
+from repose.chain.answer import NOT_AGAIN, WITHIN, Check, Result, out_of_reach
 from repose.core.files import write_json, write_table
 from repose.strategies import answer
 from repose.strategies.base import Answer, Batch, Studied, strategy
@@ -23,6 +22,7 @@ from repose.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.strategies.sequential.noise import REPLICATES
 from repose.strategies.sequential.strategy import noise_from, observed_of
 from repose.studies.posterior import FREEDOM, Posterior, infer
+from repose.studies.settings import PosteriorSettings
 from repose.surrogate.base import Predictor
 from repose.surrogate.support import Support
 
@@ -34,19 +34,25 @@ class Calibration(NamedTuple):
     runs: pd.DataFrame
     samples: pd.DataFrame  # means by sample, with standard errors
     model: Predictor
-    values: np.ndarray  # parameters of the answer
-    mean: np.ndarray  # its predicted responses (k,)
-    error: np.ndarray  # their standard errors (k,)
-    probability: dict[str, float]  # ``within_1_percent``, ``within_2_percent``, ``inside`` all ranges
+    answer: Answer
     solutions: pd.DataFrame  # the answer, then other sets predicted inside all ranges
     posterior: Posterior
     summary: dict[str, Any]  # the answer in plain values, as in ``summary.json``
-    why: str  # no more runs are needed
 
     @property
     def parameters(self) -> dict[str, float]:
         """The answer by name."""
         return self.summary["representative"]
+
+    @property
+    def probability(self) -> dict[str, float]:
+        """``within_1_percent``, ``within_2_percent`` and ``inside`` all ranges, for the simulator's means."""
+        return self.answer.probability
+
+    @property
+    def why(self) -> str:
+        """Why no more runs are needed."""
+        return self.answer.why
 
     @property
     def intervals(self) -> dict[str, dict[str, Any]]:
@@ -65,18 +71,69 @@ class Calibration(NamedTuple):
     @property
     def card(self) -> dict[str, Any]:
         """The material card, as `save` writes it."""
-        return card_of(self, Path())
+        study, draws = self.study, (self.posterior.parameters, self.posterior.draws)
+        about = {"simulator": _simulator(study), "probability": self.probability}
+        tests: dict[str, dict[str, Any]] = {
+            name: {"definition": {"name": _definitions(study).get(name), "settings": {}}, "bench": None}
+            for name in study.targets.names
+        }
+        found = self.as_answer()
+        return card.assembled(about, tests, found, study.parameters, study.targets, self.solutions, draws)
 
     def save(self, out_dir: str | os.PathLike) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
-        write(self, out_dir)
+        out, made = Path(out_dir), self.card
+        tables = {"samples": self.samples, "solutions": self.solutions}
+        tables |= {"posterior": self.posterior.parameters, "draws": self.posterior.draws}
+        for name, table in tables.items():
+            write_table(out / f"{name}.csv", table)
+        card.check(made, out / "card.json")
+        for name, content in {"posterior": self.posterior.summary, "summary": self.summary, "card": made}.items():
+            write_json(out / f"{name}.json", content)
 
     def report(self, path: str | os.PathLike) -> None:
         """Write the page to read, one HTML file; it takes the extra `pictures`."""
         import_module("repose.pictures.report.own").write(self, Path(path))  # a room above this one
 
+    def as_answer(self) -> Result:
+        """Put the answer in the form for the material card; it was not simulated again."""
+        return Result(
+            label=self.study.settings.label,
+            parameters=self.parameters,
+            feasible=self.summary["feasible"],
+            message=self.summary["message"],
+            checks=tuple(
+                replace(Check.of(target, None, None, 0, NOT_AGAIN), predicted=mean)
+                for target, mean in zip(self.study.targets, self.answer.mean.tolist(), strict=True)
+            ),
+            folder=Path(),
+            out_of_reach=out_of_reach(self.summary),
+            within={percent: self.probability[column] for percent, column in WITHIN.items()},
+        )
+
+    def __str__(self) -> str:
+        chance, best = self.probability, self.answer
+        lines = [self.as_answer().verdict, "The calibrated parameters [95 % interval]:"]
+        for name, row in self.intervals.items():
+            interval = "fixed" if row["low"] is None else f"[{row['low']:.4g}, {row['high']:.4g}]"
+            lines.append(card.with_remark(f"  {name} {row['value']:.4g} {interval}", row))
+        lines.append(f"Predicted by {self.model.name.replace('_', ' ')}, not simulated again:")
+        for target, mean, error in zip(self.study.targets, best.mean, best.error, strict=True):
+            unit = f" {target.response.unit}".rstrip()
+            off = target.off_percent(mean)
+            lines.append(
+                f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}, "
+                f"range {target.low:g} to {target.high:g}{unit}"
+            )
+        lines.append(
+            f"Probability that the simulator's means there lie within 1 % of all targets: "
+            f"{chance['within_1_percent']:.2f}; within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: "
+            f"{chance['inside']:.2f}."
+        )
+        return "\n".join(lines)
+
     def __repr__(self) -> str:
-        return f"<Calibration of {self.study.config['label']}>\n{describe(self)}"
+        return f"<Calibration of {self.study.settings.label}>\n{self}"
 
     def _repr_html_(self) -> str:
         """Show the answer in a notebook: parameters with their intervals, predictions, probabilities."""
@@ -93,22 +150,20 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     `runs` come from `repose.strategies.runs.checked_runs`; the strategy need not have asked for them. Unless
     `proposal` is the answer, it is the best that these runs give.
     """
-    space, targets, config = study.parameters, study.targets, study.config
-    best = proposal if isinstance(proposal, Answer) else strategy(config["strategy"]).answer(study, runs)
+    space, targets, settings = study.parameters, study.targets, study.settings
+    best = proposal if isinstance(proposal, Answer) else strategy(settings.strategy).answer(study, runs)
     observed, _ = observed_of(runs, space, targets)
     noise = noise_from(study, observed)
     model = best.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)
-    low, high = space.complete(np.array([space.low, space.high]))
-    support = Support(space.values(observed.unit), low, high, space.names)
+    support = Support.of(space.values(observed.unit), space)
     vary = REPLICATES in noise.sources.values()
-    settings = posterior_settings(study, observed.freedom if vary else 0)
-    posterior = infer(model, support, runs, space, targets, settings, {})
+    section = posterior_settings(study, observed.freedom if vary else 0)
+    posterior = infer(model, support, runs, study, section, {})
     feasible, message = answer.verdict(best, targets)
-    section = config["sequential"]
-    goal = Goal.of(targets, section["tolerance_percent"], space)
+    goal = Goal.of(targets, settings.sequential.tolerance_percent, space)
     summary = {
-        "simulator": config.get("simulator", "repose"),
+        "simulator": _simulator(study),
         "representative": dict(zip(space.names, best.values.tolist(), strict=True)),
         "responses": {
             target.name: {"target": target.aim, "mean": float(mean), "error": float(error)}
@@ -121,109 +176,34 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
         "runs": len(runs),
         "failed_runs": int((runs["status"] != OK).sum()),
         "samples": len(samples),
-        "needed": goal.needed(noise.covariance, section["probability"]),
+        "needed": goal.needed(noise.covariance, settings.sequential.probability),
         "noise": {
             name: {"sd": float(sd), "from": noise.sources[name]}
             for name, sd in zip(targets.names, np.sqrt(np.diagonal(noise.covariance)), strict=True)
         },
         "warning": noise.warning,
-        "definitions": dict(config.get("definitions", {})),
+        "definitions": _definitions(study),
         "steps": _steps(study, runs, len(samples), model, best.probability, noise.warning),
     }
-    return Calibration(
-        study=study,
-        runs=runs,
-        samples=samples,
-        model=model,
-        values=best.values,
-        mean=best.mean,
-        error=best.error,
-        probability=best.probability,
-        solutions=answer.solutions(best, feasible, space, targets),
-        posterior=posterior,
-        summary=summary,
-        why=best.why,
-    )
+    solutions = answer.solutions(best, feasible, space, targets)
+    return Calibration(study, runs, samples, model, best, solutions, posterior, summary)
 
 
-def posterior_settings(study: Studied, freedom: int) -> dict[str, Any]:
+def posterior_settings(study: Studied, freedom: int) -> PosteriorSettings:
     """Return the section `posterior`; without a correlation where too few samples were run again for one."""
-    few = freedom < len(study.targets) + FREEDOM
-    return study.config["posterior"] | ({"measured_correlation": 0.0} if few else {})
+    few = {"measured_correlation": 0.0} if freedom < len(study.targets) + FREEDOM else {}
+    own = {"shape_study": None, "measured_correlation": "simulated"} | study.settings.posterior.model_dump() | few
+    return PosteriorSettings.model_construct(**own)
 
 
-def write(result: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
-    """Write the tables of a calibration and its material card; return the card."""
-    out = Path(out_dir)
-    tables = {"samples": result.samples, "solutions": result.solutions}
-    tables |= {"posterior": result.posterior.parameters, "draws": result.posterior.draws}
-    for name, table in tables.items():
-        write_table(out / f"{name}.csv", table)
-    write_json(out / "posterior.json", result.posterior.summary)
-    write_json(out / "summary.json", result.summary)
-    made = card_of(result, out)
-    card.check(made, out / "card.json")
-    write_json(out / "card.json", made)
-    return made
+def _simulator(study: Studied) -> str:
+    """Return the name of the simulator."""
+    return str(getattr(study.settings, "simulator", "repose"))
 
 
-def card_of(result: Calibration, folder: Path) -> dict[str, Any]:
-    """Return the material card of a calibration whose files lie in a folder."""
-    study = result.study
-    about = {"simulator": study.config.get("simulator", "repose"), "probability": result.probability}
-    tests: dict[str, dict[str, Any]] = {
-        name: {"definition": {"name": study.config["definitions"].get(name), "settings": {}}, "bench": None}
-        for name in study.targets.names
-    }
-    return card.assembled(
-        about,
-        tests,
-        as_answer(result, folder),
-        study.parameters,
-        study.targets,
-        result.solutions,
-        (result.posterior.parameters, result.posterior.draws),
-    )
-
-
-def as_answer(result: Calibration, folder: Path) -> Result:
-    """Put the answer in the form for the material card; it was not simulated again."""
-    return Result(
-        label=result.study.config["label"],
-        parameters=result.summary["representative"],
-        feasible=result.summary["feasible"],
-        message=result.summary["message"],
-        checks=tuple(
-            replace(Check.of(target, None, None, 0, NOT_AGAIN), predicted=mean)
-            for target, mean in zip(result.study.targets, result.mean.tolist(), strict=True)
-        ),
-        folder=folder,
-        out_of_reach=out_of_reach(result.summary),
-        within={percent: result.probability[column] for percent, column in WITHIN.items()},
-    )
-
-
-def describe(result: Calibration) -> str:
-    """Write the answer as text for people."""
-    study, chance = result.study, result.probability
-    lines = [as_answer(result, Path()).verdict, "The calibrated parameters [95 % interval]:"]
-    for name, row in result.intervals.items():
-        interval = "fixed" if row["low"] is None else f"[{row['low']:.4g}, {row['high']:.4g}]"
-        lines.append(card.with_remark(f"  {name} {row['value']:.4g} {interval}", row))
-    lines.append(f"Predicted by {result.model.name.replace('_', ' ')}, not simulated again:")
-    for target, mean, error in zip(study.targets, result.mean, result.error, strict=True):
-        unit = f" {target.response.unit}".rstrip()
-        off = target.off_percent(mean)
-        lines.append(
-            f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}, "
-            f"range {target.low:g} to {target.high:g}{unit}"
-        )
-    lines.append(
-        f"Probability that the simulator's means there lie within 1 % of all targets: "
-        f"{chance['within_1_percent']:.2f}; within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: "
-        f"{chance['inside']:.2f}."
-    )
-    return "\n".join(lines)
+def _definitions(study: Studied) -> dict[str, str]:
+    """Return how the responses of a simulator of the user's own are taken, in the user's words."""
+    return dict(getattr(study.settings, "definitions", {}))
 
 
 def _samples(study: Studied, runs: pd.DataFrame) -> pd.DataFrame:
@@ -241,20 +221,20 @@ def _steps(
     study: Studied, runs: pd.DataFrame, samples: int, model: Predictor, chance: Mapping[str, float], warning: str | None
 ) -> list[str]:
     """Describe the way to the answer, in sentences."""
-    config, failed = study.config, int((runs["status"] != OK).sum())
+    settings, failed = study.settings, int((runs["status"] != OK).sum())
     name = model.name.replace("_", " ")
     known = " of the samples' means with their known errors" if model.name == "kriging" and warning is None else ""
     chances = (
         f"within 1 % with probability {chance['within_1_percent']:.2f}, "
         f"within 2 % with {chance['within_2_percent']:.2f}."
     )
-    chosen, tolerance = f"that of the strategy {config['strategy']}", config["sequential"]["tolerance_percent"]
-    if config["strategy"] == "sequential":
+    chosen = f"that of the strategy {settings.strategy}"
+    if settings.strategy == "sequential":
+        tolerance = settings.sequential.tolerance_percent
         chosen = f"the set that lies within {tolerance:g} % of all targets most probably"
     return [
-        f"Simulation in {config.get('simulator', 'repose')}: {len(runs)} runs of {samples} parameter sets, "
-        f"{failed} failed.",
+        f"Simulation in {_simulator(study)}: {len(runs)} runs of {samples} parameter sets, {failed} failed.",
         f"Model: {name}{known}." if warning is None else f"Model: {name}. Warning: {warning}",
         f"Answer: {chosen}; {chances}",
-        *(f"{name}: {text}." for name, text in config.get("definitions", {}).items()),
+        *(f"{name}: {text}." for name, text in _definitions(study).items()),
     ]

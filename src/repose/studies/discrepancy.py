@@ -1,18 +1,17 @@
 """Covariance of the discrepancies: deviations of the simulator that no parameters remove.
 
 A shape study, where there is one, gives the evidence. Its plausible models have the axes, mass, volume and packing of
-the measured berry, and differ in unknown features: surface, tension, filling, definition of the angle. Poured with
+the measured grain, and differ in unknown features: surface, tension, filling, definition of the angle. Poured with
 the same parameters they make different piles. Weighted by how well each describes the published piles, their spread
 is the discrepancy (`of_shape_study`).
 
-Otherwise the discrepancy is stated: a share of each response's mean, but no less than a smallest one in the
-response's unit, since two percent of a share of five percent would be half a berry (`sizes`, `covariance`). Within a
+Otherwise the discrepancy is stated: a share of each response's value. Within a
 bench test the discrepancies are correlated, for one wrong shape or filling moves all numbers of a pile at once. They
 have the signs with which the responses vary together over the design: a steeper pile is higher and narrower.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ import pandas as pd
 
 from repose.core.errors import InputError
 from repose.core.files import read_table
-from repose.core.responses import derived, response
+from repose.core.responses import derived
 from repose.core.tables import Column
 from repose.core.targets import LARGEST, Targets
 
@@ -36,10 +35,8 @@ def of_targets(
     if study is not None:
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
-    # responses of a user's own simulator are not registered
-    apparatus = [response.apparatus for response in targets.responses]
     sd = percent / 100 * np.array([target.whole_value for target in targets])
-    return covariance(targets.names, sd, means, correlation, apparatus)
+    return covariance([one.apparatus for one in targets.responses], sd, means, correlation)
 
 
 class OfModels(NamedTuple):
@@ -81,25 +78,9 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     return OfModels(np.average(values, axis=0, weights=weight), covariance, float(models))
 
 
-def sizes(
-    names: Sequence[str], means: np.ndarray, percent: Mapping[str, float] | float, smallest: Mapping[str, float]
-) -> np.ndarray:
-    """Compute the standard deviations (k,) of discrepancies: `percent` of the mean, at least `smallest` of the unit."""
-    discrepancies = []
-    for name, mean in zip(names, means, strict=True):
-        own = percent[name] if isinstance(percent, Mapping) else percent
-        least = smallest.get(response(name).unit, 0.0)
-        discrepancies.append(max(own / 100 * abs(mean), least) if own > 0 else 0.0)
-    return np.array(discrepancies)
-
-
-def covariance(
-    names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float, apparatus: Sequence[str] | None = None
-) -> np.ndarray:
-    """Compute the covariance S_d (k, k) of the discrepancies; different bench tests are independent."""
+def covariance(apparatus: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float) -> np.ndarray:
+    """Compute the covariance S_d (k, k) of the discrepancies of responses of bench tests; these are independent."""
     matrix = np.diag(sd**2)
-    if apparatus is None:
-        apparatus = [response(name).apparatus for name in names]
     for test in dict.fromkeys(apparatus):
         rows = np.flatnonzero([bench == test for bench in apparatus])
         along = _signs(means[:, rows]) * sd[rows]

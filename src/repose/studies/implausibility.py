@@ -32,7 +32,8 @@ CORRELATED = 0.9
 IMPLAUSIBLE = 3.0  # standard deviations (P94)
 CELLS = 16  # of each parameter in a projection on two
 
-Observation = Callable[[float, float], tuple[np.ndarray, np.ndarray]]
+Observed = tuple[np.ndarray, np.ndarray]
+Observation = Callable[[float, float], Observed]
 """From size (percent) and correlation of a stated discrepancy to `repose.studies.likelihood.observation`."""
 
 
@@ -40,50 +41,49 @@ class Points:
     """Points of the prior, with the surrogate's predictions and their covariances there."""
 
     def __init__(self, model: Surrogate, space: ParameterSpace) -> None:
+        self.space = space
         self.quantile = qmc.Sobol(space.dimensions, scramble=False).random(POINTS) + 0.5 / POINTS
         self.values = space.values(space.from_prior(self.quantile))
         self.predicted, self.covariance = model.predict(self.values), model.covariance(self.values)
 
 
-def curve(
-    points: Points,
-    space: ParameterSpace,
-    targets: Targets,
-    observed: Observation,
-    study: tuple[np.ndarray, np.ndarray] | None = None,
-) -> pd.DataFrame:
-    """Compute information and intervals over the size of the discrepancy, a row for each size and correlation."""
+def curve(points: Points, targets: Targets, observed: Observation, shapes: Observed | None = None) -> pd.DataFrame:
+    """Compute information and intervals over the size of the discrepancy, a row for each size and correlation.
+
+    A last row has the discrepancy by a shape study, where there is one.
+    """
     several = len(targets.apparatus) < len(targets)
     rows = [
         {"discrepancy_percent": percent, "discrepancy_correlation": correlation, "evidence": "stated"}
-        | _bits(points, space, observed(percent, correlation))
+        | _bits(points, observed(percent, correlation))
         for correlation, percent in itertools.product((0.0, CORRELATED) if several else (0.0,), PERCENT)
     ]
-    if study is not None:
-        added = study[1] - observed(0.0, 0.0)[1]
+    if shapes is not None:
+        added = shapes[1] - observed(0.0, 0.0)[1]
         share = np.sqrt(np.diag(added)) / targets.value
         between = added / np.sqrt(np.outer(np.diag(added), np.diag(added)))
         pairs = np.abs(between[np.triu_indices(len(between), 1)])
         row = {"discrepancy_percent": 100 * math.sqrt(np.mean(share**2)), "evidence": "shape study"}
         row |= {"discrepancy_correlation": float(pairs.mean()) if len(pairs) else 0.0}
-        rows.append(row | _bits(points, space, study))
+        rows.append(row | _bits(points, shapes))
     return pd.DataFrame(rows)
 
 
-def _bits(points: Points, space: ParameterSpace, observation: tuple) -> dict[str, Any]:
+def _bits(points: Points, observation: Observed) -> dict[str, Any]:
     """Compute joint bits, effective points, and interval and bits of each parameter."""
     log_weight = log_likelihood(points.predicted, points.covariance, *observation)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     row: dict[str, Any] = {"information_bits": joint_bits(weight), "effective_points": 1 / float(weight @ weight)}
-    for k in range(space.dimensions):
-        row |= _marginal(points, k, weight, space, row["effective_points"])
+    for k in range(points.space.dimensions):
+        row |= _marginal(points, k, weight, row["effective_points"])
     return row
 
 
-def _marginal(points: Points, k: int, weight: np.ndarray, space: ParameterSpace, effective: float) -> dict[str, float]:
+def _marginal(points: Points, k: int, weight: np.ndarray, effective: float) -> dict[str, float]:
     """Compute interval and bits of one parameter."""
-    name, quantile = space.free[k], points.quantile[:, k]
+    space, quantile = points.space, points.quantile[:, k]
+    name = space.free[k]
     order = np.argsort(quantile)
     tails = np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2])
     ends = np.interp(tails, np.cumsum(weight[order]), quantile[order])
@@ -100,9 +100,9 @@ def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> 
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
-def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
+def region(points: Points, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
     """Find the share of the prior that is not implausible, and project this region on pairs of parameters."""
-    kept = implausible < IMPLAUSIBLE
+    kept, space = implausible < IMPLAUSIBLE, points.space
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
     tables = []
     for i, j in itertools.combinations(range(space.dimensions), 2):

@@ -38,8 +38,7 @@ def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float 
     """Correlate the measured responses (k, k) as simulated runs are, or by a stated number within a bench test."""
     if isinstance(stated, str):
         return simulated
-    bench = np.array([target.response.apparatus for target in targets])
-    correlation = np.where(bench[:, None] == bench, float(stated), 0.0)
+    correlation = np.where(targets.same_bench, float(stated), 0.0)
     np.fill_diagonal(correlation, 1.0)
     return correlation
 

@@ -12,29 +12,31 @@ first response to add, and is made again once that one is a target.
 """
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import Scene, bench, bench_tests
+from repose.apparatus import Scene, bench_of, bench_tests
 from repose.apparatus.job import measure_job
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_table
 from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import responses_of
-from repose.core.seeds import UNNAMED
 from repose.core.variance import variance_components
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import CALIBRATED_ANGLE
+from repose.strategies.base import Studied
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 SETS = 16  # of the posterior's draws
 SEEDS = 2  # runs of each in each bench test: the fewest that show the scatter
+COLUMNS = ["response", "apparatus", "mean", "sd_between_sets", "sd_of_a_run", "repetitions"]
+COLUMNS += ["bits", "bits_low", "bits_high", "sets", "runs"]
 FEWEST_SETS = 4  # that must have two runs with a response
 
 
@@ -48,28 +50,6 @@ def plausible_sets(draws_csv: str | os.PathLike, seed: int, out: str | os.PathLi
     samples.insert(0, "sample", range(1, SETS + 1))
     write_table(out, samples, float_format="%.10g")
     return samples
-
-
-def measured_runs(
-    pours: Iterable[str | os.PathLike],
-    config: Mapping[str, Any],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    out_dir: str | os.PathLike,
-) -> pd.DataFrame:
-    """Measure all responses of saved runs: a row for each run and response, with apparatus, sample and value."""
-    every = [{"response": one.name, "apparatus": test.name} for test in bench_tests() for one in test.responses]
-    scene = Scene.of(dict(config) | {"targets": every}, {}, berry, particle)
-    rows = []
-    for path in map(Path, pours):
-        job = measure_job(scene, path, Path(out_dir) / path.parent.name)
-        test = bench(job.get("apparatus", UNNAMED), path)
-        rows += [
-            {"apparatus": test.name, "sample": job["sample"], "response": response.name, "value": response.of(run)}
-            for run in job["runs"]
-            for response in responses_of(test.name)
-        ]
-    return pd.DataFrame(rows).dropna(subset="value")
 
 
 def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float) -> pd.DataFrame:
@@ -87,39 +67,36 @@ def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
             continue
         icc = np.array([parts.icc, parts.icc_low, parts.icc_high]).clip(0, 1 - 1e-12)
         bits = 0.5 * np.log2(1 + parts.within * icc / (1 - icc) / error)
-        rows.append(
-            {
-                "response": name,
-                "apparatus": apparatus,
-                "mean": parts.mean,
-                "sd_between_sets": np.sqrt(parts.between),
-                "sd_of_a_run": np.sqrt(parts.within),
-                "repetitions": repetitions,
-            }
-            | dict(zip(("bits", "bits_low", "bits_high"), bits, strict=True))
-            | {"sets": parts.groups, "runs": parts.values}
-        )
+        spreads = np.sqrt(parts.between), np.sqrt(parts.within)
+        rows.append((name, apparatus, parts.mean, *spreads, repetitions, *bits, parts.groups, parts.values))
     if not rows:
         raise InputError("next", "runs", len(runs), f"{FEWEST_SETS} sets or more with two runs of a response")
-    return pd.DataFrame(rows).sort_values("bits", ascending=False, kind="stable", ignore_index=True)
+    return pd.DataFrame(rows, columns=COLUMNS).sort_values("bits", ascending=False, kind="stable", ignore_index=True)
 
 
 def run(
     pours: Iterable[str | os.PathLike],
-    config: Mapping[str, Any],
-    targets: Sequence[Any],
+    study: Studied,
     particle: "Particle",
-    berry: Mapping[str, Any],
+    grain: Mapping[str, Any],
     out_dir: str | os.PathLike,
 ) -> pd.DataFrame:
-    """Measure the runs and write next.csv, without the `targets` and the other definitions of a calibrated angle."""
-    measured = {target.name for target in targets}
-    if CALIBRATED_ANGLE in measured:
-        measured |= set(MEAN_KEYS.values())
-    runs = measured_runs(pours, config, particle, berry, out_dir)
+    """Measure all responses of saved runs; write next.csv, without the targets and other definitions of their angle."""
+    every = [{"response": one.name, "apparatus": test.name} for test in bench_tests() for one in test.responses]
+    scene, rows = Scene.of(dict(study.config) | {"targets": every}, {}, grain, particle), []
+    for path in map(Path, pours):
+        job = measure_job(scene, path, Path(out_dir) / path.parent.name)
+        test = bench_of(job, path)
+        rows += [
+            {"apparatus": test.name, "sample": job["sample"], "response": response.name, "value": response.of(run)}
+            for run in job["runs"]
+            for response in responses_of(test.name)
+        ]
+    measured = {*study.targets.names, *(MEAN_KEYS.values() if CALIBRATED_ANGLE in study.targets.names else ())}
+    runs = pd.DataFrame(rows).dropna(subset="value")
     runs = runs[~runs["response"].isin(measured)]
-    repetitions = round(np.mean([target.repetitions for target in targets]))
-    table = information(runs, repetitions, config["posterior"]["discrepancy_percent"])
+    repetitions = round(np.mean([target.repetitions for target in study.targets]))
+    table = information(runs, repetitions, study.settings.posterior.discrepancy_percent)
     write_table(Path(out_dir) / "next.csv", table, float_format="%.6g")
     return table
 

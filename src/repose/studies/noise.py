@@ -49,8 +49,7 @@ def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
 def within_correlation(runs: pd.DataFrame, targets: Targets) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
     """Correlate the responses (k, k) from run to run of one sample, 0 between bench tests; also pair by pair."""
     matrix, pairs = np.eye(len(targets)), {}
-    for bench in targets.apparatus:
-        rows = [k for k, target in enumerate(targets) if target.response.apparatus == bench]
+    for rows in targets.benches.values():
         # the same runs for all pairs of a bench test, so that the matrix is positive semidefinite
         ok = usable(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
@@ -118,23 +117,13 @@ def message(summary: dict[str, Any], targets: Targets) -> str:
 
 def _row(target: Target, components: Components, ok: pd.DataFrame, failed: pd.DataFrame) -> dict[str, Any]:
     """Make the row of noise.csv for one response."""
-    row = {
-        "response": target.name,
-        "samples": components.groups,
-        "runs": components.values,
-        "failed_runs": len(failed),
-        "samples_with_failures": int(failed["sample"].nunique()),
-        "samples_without_runs": int((~failed["sample"].drop_duplicates().isin(ok["sample"])).sum()),
-        "mean": components.mean,
-        "sd_within": math.sqrt(components.within),
-        "sd_within_low": math.sqrt(components.within_low),
-        "sd_within_high": math.sqrt(components.within_high),
-        "sd_between": math.sqrt(components.between),
-        "icc": components.icc,
-        "icc_low": components.icc_low,
-        "icc_high": components.icc_high,
-        "mean_seeds": components.harmonic_seeds,
-        "r2_single_runs": float(components.reachable_r2(1)),
-        "r2_sample_means": float(components.reachable_r2(components.harmonic_seeds)),
-    }
-    return row | {f"seeds_for_{p:g}_percent": components.seeds_for(p / 100 * target.whole) for p in WANTED_PERCENT}
+    found, unseen = components, ~failed["sample"].drop_duplicates().isin(ok["sample"])
+    row = {"response": target.name, "samples": found.groups, "runs": found.values, "failed_runs": len(failed)}
+    row |= {"samples_with_failures": int(failed["sample"].nunique()), "samples_without_runs": int(unseen.sum())}
+    row |= {"mean": found.mean, "sd_within": math.sqrt(found.within)}
+    row |= {"sd_within_low": math.sqrt(found.within_low), "sd_within_high": math.sqrt(found.within_high)}
+    row |= {"sd_between": math.sqrt(found.between), "icc": found.icc}
+    row |= {"icc_low": found.icc_low, "icc_high": found.icc_high, "mean_seeds": found.harmonic_seeds}
+    row |= {"r2_single_runs": float(found.reachable_r2(1))}
+    row |= {"r2_sample_means": float(found.reachable_r2(found.harmonic_seeds))}
+    return row | {f"seeds_for_{p:g}_percent": found.seeds_for(p / 100 * target.whole) for p in WANTED_PERCENT}

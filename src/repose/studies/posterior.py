@@ -19,11 +19,13 @@ from repose.chain import train
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import Definitions, derived
+from repose.core.responses import derived
 from repose.core.targets import Targets
+from repose.strategies.base import Studied
 from repose.studies import discrepancy, implausibility, noise
 from repose.studies.likelihood import log_likelihood, measured_correlation, misfit, observation
 from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
+from repose.studies.settings import PosteriorSettings
 from repose.surrogate.base import Predictor, Surrogate
 from repose.surrogate.support import Support
 
@@ -49,20 +51,20 @@ def infer(
     model: Predictor,
     support: Support,
     runs: pd.DataFrame,
-    space: ParameterSpace,
-    targets: Targets,
-    settings: Mapping[str, Any],
+    study: Studied,
+    settings: PosteriorSettings,
     references: Mapping[str, pd.DataFrame],
-    study: np.ndarray | None = None,
+    shapes: np.ndarray | None = None,
 ) -> Posterior:
     """Sample the posterior and state which parameters it determines.
 
     `runs` give the correlation of the responses, `references` other intervals by name: tables with low and high.
-    `study` (k, k) is the covariance of the discrepancies by a shape study; None means stated values.
+    `shapes` (k, k) is the covariance of the discrepancies by a shape study; None means stated values.
     """
+    space, targets = study.parameters, study.targets
     observed, pairs = _observed(runs, targets, settings)
-    assumed = settings["discrepancy_percent"], settings["discrepancy_correlation"]
-    unknown = discrepancy.of_targets(targets, runs, *assumed, study)
+    assumed = settings.discrepancy_percent, settings.discrepancy_correlation
+    unknown = discrepancy.of_targets(targets, runs, *assumed, shapes)
     mean, covariance = observed(unknown)
 
     def likelihood(unit: np.ndarray) -> np.ndarray:
@@ -72,8 +74,8 @@ def infer(
     def log_density(unit: np.ndarray) -> np.ndarray:
         return likelihood(unit) + space.log_prior(unit)
 
-    seed = settings["seed"]
-    chains = sample(log_density, space.dimensions, settings["walkers"], settings["steps"], seed)
+    seed = settings.seed
+    chains = sample(log_density, space.dimensions, settings.walkers, settings.steps, seed)
     r_hat, effective = split_r_hat(chains.points), chains.log_density.size / chains.times
     unit = chains.points.reshape(-1, space.dimensions)
     # at random: draws at a regular distance in time may all be of one walker
@@ -81,8 +83,9 @@ def infer(
     kept = unit[np.sort(rows)]
     drawn = chains.log_density.ravel() - space.log_prior(unit)
     independent = drawn.size / chains.density_time
-    bits = joint_information_bits(likelihood, drawn, independent, space.dimensions, seed, from_prior=space.from_prior)
-    table = _parameters(space, unit, r_hat, effective, chains.times, references)
+    bits = joint_information_bits(likelihood, drawn, independent, space, seed)
+    about = {"r_hat": r_hat, "effective_draws": effective, "autocorrelation_steps": chains.times}
+    table = _parameters(space, unit, about, references)
 
     X = space.values(kept)
     Y, std = model.predict(X, return_std=True, noise=False)
@@ -94,7 +97,7 @@ def infer(
         "correlation": noise.correlation_record(pairs),
         "physical_se": [math.sqrt(v) for v in np.diag(covariance - unknown)],
         "discrepancy_sd": [math.sqrt(v) for v in np.diag(unknown)],
-        "discrepancy_of": "stated" if study is None else "shape study",
+        "discrepancy_of": "stated" if shapes is None else "shape study",
         f"{model.name}_se": [float(v) for v in np.sqrt((std**2).mean(axis=0))],
         "predicted": {
             name: {"mean": float(Y[:, k].mean()), **_interval(Y[:, k])} for k, name in enumerate(targets.names)
@@ -114,20 +117,20 @@ def infer(
     return Posterior(table, draws, summary)
 
 
-def run(
-    files: Mapping[str, Any],
-    space: ParameterSpace,
-    targets: Targets,
-    settings: Mapping[str, Any],
-    out_dir: str | os.PathLike,
-    definitions: Definitions | None = None,
-    source: object = "configuration",
-) -> dict[str, Any]:
-    """Read the inputs of `infer`; write the posterior, its curve over the discrepancy, and the region not excluded."""
+def require_free(space: ParameterSpace) -> None:
+    """Refuse parameters that are all fixed."""
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
+
+
+def run(
+    files: Mapping[str, Any], study: Studied, out_dir: str | os.PathLike, source: object = "configuration"
+) -> dict[str, Any]:
+    """Read the inputs of `infer`; write the posterior, its curve over the discrepancy, and the region not excluded."""
+    space, targets, settings = study.parameters, study.targets, study.settings.posterior
+    require_free(space)
     model = train.restore(*(files[key] for key in ("network", "predictions", "dataset")))
-    train.require_targets(model, files["network"], targets, definitions or {}, source)
+    train.require_targets(model, files["network"], targets, study.definitions, source)
     support = Support.of_dataset(files["dataset"], space)
     feasible = read_table(files["feasible"], space.names)[list(space.names)]
     runs = noise.read_runs(files["runs"], targets)
@@ -135,19 +138,17 @@ def run(
     if files["table3"] is not None:
         published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
         references = {"published": published, **references}
-    evidence = settings.get("shape_study")
-    models = None if evidence is None else discrepancy.of_shape_study(evidence, targets)
-    study = None if models is None else models.covariance
+    models = None if settings.shape_study is None else discrepancy.of_shape_study(settings.shape_study, targets)
+    shapes = None if models is None else models.covariance
     try:
-        result = infer(model, support, runs, space, targets, settings, references, study)
+        result = infer(model, support, runs, study, settings, references, shapes)
     except ValueError as error:
         allowed = "enough runs a sample for the correlation of the responses"
         raise InputError(files["runs"], "runs", str(error), allowed) from None
     out = Path(out_dir)
-    result.summary.update(_further_studies(model, space, targets, settings, runs, study, out))
+    result.summary.update(_further_studies(model, study, runs, shapes, out))
     if models is not None:
-        result.summary["discrepancy_models"] = models.models
-        result.summary["discrepancy_mean"] = models.mean.tolist()
+        result.summary.update(discrepancy_models=models.models, discrepancy_mean=models.mean.tolist())
     write_table(out / "posterior.csv", result.parameters)
     write_table(out / "draws.csv", result.draws)
     write_json(out / "posterior.json", result.summary)
@@ -155,10 +156,10 @@ def run(
 
 
 def _observed(
-    runs: pd.DataFrame, targets: Targets, settings: Mapping[str, Any]
+    runs: pd.DataFrame, targets: Targets, settings: PosteriorSettings
 ) -> tuple[Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], dict[str, dict[str, float]]]:
     """Return a function from S_d to the physical means and their covariance, and the pairs of correlations."""
-    stated = settings.get("measured_correlation", "simulated")
+    stated = settings.measured_correlation
     try:
         simulated, pairs = noise.within_correlation(runs, targets)
         if isinstance(stated, str):
@@ -176,35 +177,29 @@ def _check_freedom(targets: Targets, pairs: Mapping[str, Mapping[str, float]]) -
 
     The matrix would be singular, or nearly so.
     """
-    for bench in targets.apparatus:
-        names = [target.name for target in targets if target.response.apparatus == bench]
-        for pair in combinations(names, 2):
+    for bench, names in targets.benches.items():
+        for pair in combinations([targets.names[k] for k in names], 2):
             freedom, least = pairs[", ".join(pair)]["degrees_of_freedom"], len(names) + FREEDOM
             if freedom < least:
                 raise ValueError(f"{freedom} degrees of freedom within samples of {bench}; expected at least {least}")
 
 
 def _further_studies(
-    model: Surrogate,
-    space: ParameterSpace,
-    targets: Targets,
-    settings: Mapping[str, Any],
-    runs: pd.DataFrame,
-    study: np.ndarray | None,
-    out: Path,
+    model: Surrogate, study: Studied, runs: pd.DataFrame, shapes: np.ndarray | None, out: Path
 ) -> dict[str, Any]:
     """Write discrepancy.csv and region.csv; return their entries of the summary."""
+    space, targets, settings = study.parameters, study.targets, study.settings.posterior
     observed, _ = _observed(runs, targets, settings)
     points = implausibility.Points(model, space)
 
     def stated(percent: float, between: float) -> tuple[np.ndarray, np.ndarray]:
         return observed(discrepancy.of_targets(targets, runs, percent, between))
 
-    chosen = settings["discrepancy_percent"], settings["discrepancy_correlation"]
-    of_study = None if study is None else observed(study)
-    table = implausibility.curve(points, space, targets, stated, of_study)
-    excluded = implausibility.implausibility(points, *(of_study or stated(*chosen)))
-    share, projections = implausibility.region(points, space, excluded)
+    chosen = settings.discrepancy_percent, settings.discrepancy_correlation
+    of_shapes = None if shapes is None else observed(shapes)
+    table = implausibility.curve(points, targets, stated, of_shapes)
+    excluded = implausibility.implausibility(points, *(of_shapes or stated(*chosen)))
+    share, projections = implausibility.region(points, excluded)
     write_table(out / "discrepancy.csv", table, float_format="%.6g")
     write_table(out / "region.csv", projections, float_format="%.6g")
     return {"not_implausible_share": share, "over_the_discrepancy": implausibility.message(table, share)}
@@ -218,8 +213,7 @@ def statement(row: Mapping[str, Any]) -> str:
     if bits < UNDETERMINED:
         return f"{name} is not determined: {share}"
     if bits < DETERMINED:
-        end = "low" if row["below_centre"] > 0.5 else "high"
-        sure = max(row["below_centre"], 1 - row["below_centre"])
+        end, sure = max(("high", 1 - row["below_centre"]), ("low", row["below_centre"]), key=lambda one: one[1])
         return f"{name} is weakly determined, in the {end} half with probability {sure:.2f}: {share}"
     if row["width_ratio"] > WIDE:
         return f"{name} lies in one of several places within {where}: {share}"
@@ -249,25 +243,28 @@ def message(summary: Mapping[str, Any]) -> str:
 
 
 def _parameters(
-    space: ParameterSpace,
-    unit: np.ndarray,
-    r_hat: np.ndarray,
-    effective: np.ndarray,
-    times: np.ndarray,
-    references: Mapping[str, pd.DataFrame],
+    space: ParameterSpace, unit: np.ndarray, chains: Mapping[str, np.ndarray], references: Mapping[str, pd.DataFrame]
 ) -> pd.DataFrame:
-    """Make the rows of posterior.csv, a row for each free parameter."""
-    shares, ends = space.prior_cdf(unit), _prior_interval(space)
+    """Make the rows of posterior.csv, a row for each free parameter, from draws (n, d) in the unit cube.
+
+    `chains` has the columns (d,) about the convergence.
+    """
+    shares, widths = space.prior_cdf(unit), _prior_interval(space)
     rows = []
     for k, name in enumerate(space.free):
+        values = space.low[k] + unit[:, k] * (space.high[k] - space.low[k])
+        interval = _interval(values)
         row = {"parameter": name, "low": space.low[k], "high": space.high[k]}
-        row |= _marginal(unit[:, k], shares[:, k], space.low[k], space.high[k], ends[k], effective[k])
-        row |= {"r_hat": r_hat[k], "effective_draws": effective[k], "autocorrelation_steps": times[k]}
+        row |= {"mean": float(values.mean()), "sd": float(values.std()), "median": float(np.median(values))}
+        row |= {f"credible_{end}": number for end, number in interval.items()}
+        row["width_ratio"] = (interval["high"] - interval["low"]) / widths[k]
+        row["information_bits"] = information_bits(shares[:, k], chains["effective_draws"][k])
+        row["below_centre"] = float((shares[:, k] < 0.5).mean())
+        row |= {column: numbers[k] for column, numbers in chains.items()}
         for other, intervals in references.items():
             if name in intervals.index:  # published tables have the six parameters alone
-                row |= _reference(other, space, k, unit[:, k], *intervals.loc[name, ["low", "high"]])
-        row["statement"] = statement(row)
-        rows.append(row)
+                row |= _reference(other, space, k, values, *map(float, intervals.loc[name, ["low", "high"]]))
+        rows.append(row | {"statement": statement(row)})
     return pd.DataFrame(rows)
 
 
@@ -281,24 +278,6 @@ def _prior_interval(space: ParameterSpace) -> np.ndarray:
     return width
 
 
-def _marginal(
-    draws: np.ndarray, shares: np.ndarray, low: float, high: float, prior_width: float, effective: float
-) -> dict[str, float]:
-    """Summarise one parameter's draws (n,) in [0, 1]; `shares` are the shares of the prior below them."""
-    values = low + draws * (high - low)
-    interval = _interval(values)
-    return {
-        "mean": float(values.mean()),
-        "sd": float(values.std()),
-        "median": float(np.median(values)),
-        "credible_low": interval["low"],
-        "credible_high": interval["high"],
-        "width_ratio": (interval["high"] - interval["low"]) / prior_width,
-        "information_bits": information_bits(shares, effective),
-        "below_centre": float((shares < 0.5).mean()),
-    }
-
-
 def _interval(values: np.ndarray) -> dict[str, float]:
     """Find the central credible interval."""
     tail = (1 - CREDIBLE) / 2
@@ -307,20 +286,16 @@ def _interval(values: np.ndarray) -> dict[str, float]:
 
 
 def _reference(
-    other: str, space: ParameterSpace, k: int, draws: np.ndarray, first: float, last: float
+    other: str, space: ParameterSpace, k: int, values: np.ndarray, first: float, last: float
 ) -> dict[str, float]:
-    """Give a reference interval of free parameter k its probability by the posterior and by the prior."""
-    first, last, low, high = float(first), float(last), space.low[k], space.high[k]
-    values = low + draws * (high - low)
+    """Give a reference interval of free parameter k its probability by draws of the posterior and by the prior."""
+    low, high = space.low[k], space.high[k]
     prior = max(0.0, min(last, high) - max(first, low)) / (high - low)
     if space.free[k] in space.prior:
         ends = np.zeros((2, space.dimensions))
         ends[:, k] = (np.clip([first, last], low, high) - low) / (high - low)
         below, above = space.prior_cdf(ends)[:, k]
         prior = float(above - below)
-    return {
-        f"{other}_low": first,
-        f"{other}_high": last,
-        f"{other}_probability": float(((values >= first) & (values <= last)).mean()),
-        f"{other}_prior_probability": prior,
-    }
+    own = float(((values >= first) & (values <= last)).mean())
+    names = ("low", "high", "probability", "prior_probability")
+    return {f"{other}_{name}": value for name, value in zip(names, (first, last, own, prior), strict=True)}

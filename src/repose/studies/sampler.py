@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize, stats
 
+from repose.core.parameter_space import ParameterSpace
+
 if TYPE_CHECKING:
     import emcee
 
@@ -35,9 +37,7 @@ class Chains(NamedTuple):
     density_time: float  # autocorrelation time of the log density
 
 
-def sample(
-    log_density: Density, dimensions: int, walkers: int, steps: int, seed: int, ensembles: int = ENSEMBLES
-) -> Chains:
+def sample(log_density: Density, dimensions: int, walkers: int, steps: int, seed: int) -> Chains:
     """Draw from a density in the unit cube.
 
     Walkers start at draws of a tempered population: from anywhere, some would never leave a mode of no weight.
@@ -52,7 +52,7 @@ def sample(
         return value
 
     chains, densities, times = [], [], []
-    for k in range(ensembles):
+    for k in range(ENSEMBLES):
         random = np.random.RandomState([seed, k])
         first = _start(inside, dimensions, random)[:walkers]
         sampler = _ensemble(len(first), dimensions, inside, random)
@@ -137,24 +137,17 @@ def bits_of_shares(share: np.ndarray, effective: float) -> float:
 
 
 def joint_information_bits(
-    log_likelihood: Density,
-    drawn: np.ndarray,
-    effective: float,
-    dimensions: int,
-    seed: int,
-    prior_draws: int = PRIOR_DRAWS,
-    from_prior: Density | None = None,
+    log_likelihood: Density, drawn: np.ndarray, effective: float, space: ParameterSpace, seed: int
 ) -> tuple[float, float]:
     """Compute the Kullback-Leibler divergence of the whole posterior from the prior, in bits, and its standard error.
 
     It is E_posterior[log L] - log E_prior[L]. The second mean is over a scrambled Sobol sequence; its standard error is
     computed as for independent points, which makes it too large rather than too small.
     """
-    points = stats.qmc.Sobol(dimensions, rng=seed).random(prior_draws)
-    points = points if from_prior is None else from_prior(points)
-    prior = np.concatenate([log_likelihood(part) for part in np.array_split(points, max(1, prior_draws // 2048))])
+    points = space.from_prior(stats.qmc.Sobol(space.dimensions, rng=seed).random(PRIOR_DRAWS))
+    prior = np.concatenate([log_likelihood(part) for part in np.array_split(points, PRIOR_DRAWS // 2048)])
     likelihood = np.exp(prior - prior.max())
     evidence = prior.max() + math.log(likelihood.mean())
-    of_prior = likelihood.std() / likelihood.mean() / math.sqrt(prior_draws)
+    of_prior = likelihood.std() / likelihood.mean() / math.sqrt(PRIOR_DRAWS)
     error = math.hypot(of_prior, drawn.std() / math.sqrt(effective))
     return float((drawn.mean() - evidence) / math.log(2)), float(error / math.log(2))

@@ -7,9 +7,8 @@ of the sequence. They do not contain the surrogate's own error.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,9 +17,8 @@ from scipy import stats
 from repose.chain.train import read_surrogate
 from repose.core.errors import InputError
 from repose.core.files import write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import Definitions
-from repose.core.targets import Targets
+from repose.strategies.base import Studied
+from repose.studies.posterior import require_free
 from repose.surrogate.base import Surrogate
 
 CONFIDENCE = 0.95
@@ -86,23 +84,22 @@ def main_effects(
     return grid, np.array(means)
 
 
-def analyse(
-    model: Surrogate, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def analyse(model: Surrogate, study: Studied) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Make the tables sobol.csv and main_effects.csv of a surrogate: Sobol indices and mean responses."""
+    space, names, settings = study.parameters, study.targets.names, study.settings.sensitivity
 
     def respond(values: np.ndarray) -> np.ndarray:
         return model.predict(space.complete(values))
 
-    table = indices(respond, space.low, space.high, settings["samples"], settings["resamples"], settings["seed"])
+    table = indices(respond, space.low, space.high, settings.samples, settings.resamples, settings.seed)
     rows = [
         {"response": response, "parameter": name} | {key: value[i, k] for key, value in table.items()}
-        for i, response in enumerate(targets.names)
+        for i, response in enumerate(names)
         for k, name in enumerate(space.free)
     ]
-    grid, means = main_effects(respond, space.low, space.high, settings["seed"])
+    grid, means = main_effects(respond, space.low, space.high, settings.seed)
     effects = [
-        {"parameter": name, "value": grid[k, j]} | dict(zip(targets.names, means[k, j], strict=True))
+        {"parameter": name, "value": grid[k, j]} | dict(zip(names, means[k, j], strict=True))
         for k, name in enumerate(space.free)
         for j in range(grid.shape[1])
     ]
@@ -110,20 +107,13 @@ def analyse(
 
 
 def run(
-    surrogate_json: str | os.PathLike,
-    space: ParameterSpace,
-    targets: Targets,
-    settings: Mapping[str, Any],
-    out_dir: str | os.PathLike,
-    definitions: Definitions | None = None,
-    source: object = "configuration",
+    surrogate_json: str | os.PathLike, study: Studied, out_dir: str | os.PathLike, source: object = "configuration"
 ) -> pd.DataFrame:
     """Read a surrogate, write sobol.csv and main_effects.csv; return the first table."""
-    if not space.dimensions:
-        raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
-    model = read_surrogate(surrogate_json, targets, definitions or {}, source)
+    require_free(study.parameters)
+    model = read_surrogate(surrogate_json, study.targets, study.definitions, source)
     try:
-        table, effects = analyse(model, space, targets, settings)
+        table, effects = analyse(model, study)
     except ValueError as error:
         raise InputError(surrogate_json, "surrogate", str(error), "responses that vary") from None
     write_table(Path(out_dir) / "sobol.csv", table)

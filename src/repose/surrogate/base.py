@@ -16,7 +16,7 @@ import json
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +40,14 @@ class Predictor(Protocol):
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """As `Surrogate.covariance`."""
+
+
+class Noise(TypedDict, total=False):
+    """What is known of the noise of samples; `Surrogate.fit` explains it."""
+
+    precision: ArrayLike | None
+    noise_covariance: ArrayLike | None
+    noise_freedom: float
 
 
 class Surrogate(ABC):
@@ -102,15 +110,7 @@ class Surrogate(ABC):
         """
 
     @abstractmethod
-    def fit(
-        self,
-        X: ArrayLike,
-        Y: ArrayLike,
-        *,
-        precision: ArrayLike | None = None,
-        noise_covariance: ArrayLike | None = None,
-        noise_freedom: float = 0.0,
-    ) -> Self:
+    def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Learn from samples.
 
         Parameters

@@ -22,12 +22,12 @@ import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.surrogate.base import Surrogate, register
+from repose.surrogate.base import Noise, Surrogate, register
 from repose.surrogate.evidence import of_each_weight, posterior_root
 from repose.surrogate.levenberg_marquardt import CONVERGED, STATISTICS, TrainingSettings, train_start
 from repose.surrogate.samples import checked_points, checked_samples, independent_mixing, pure_error
@@ -87,31 +87,24 @@ class BayesianBP(Surrogate):
         names = ("hidden", "epochs", "goal", "starts", "seed", "prior")
         return cls(**{name: getattr(settings, name) for name in names})
 
-    def fit(
-        self,
-        X: ArrayLike,
-        y: ArrayLike,
-        sample_weight: ArrayLike | None = None,
-        precision: ArrayLike | None = None,
-        noise_covariance: ArrayLike | None = None,
-        noise_freedom: float = 0.0,
-    ) -> Self:
+    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, **noise: Unpack[Noise]) -> Self:
         """Train; `precision`, `noise_covariance` and `noise_freedom` as in `Surrogate.fit`.
 
         `sample_weight` (samples,) is how often a sample counts, as in scikit-learn. With a covariance the network is
         trained on combinations of the outputs whose noises are independent (A35).
         """
         settings = self._checked_settings()
-        X, Y, count, precision = checked_samples(X, y, sample_weight, precision)
+        X, Y, count, precision = checked_samples(X, y, sample_weight, **noise)
         self.one_output_ = np.ndim(y) == 1
         self.input_min_, self.input_max_ = X.min(axis=0), X.max(axis=0)
         self.output_min_, self.output_max_ = Y.min(axis=0), Y.max(axis=0)
         x = scale(X, self.input_min_, self.input_max_, self.scaled_range)
+        noise_covariance = noise.get("noise_covariance")
         mixing = independent_mixing(noise_covariance, self._stretch(), precision)
         t = scale(Y, self.output_min_, self.output_max_, self.scaled_range) @ mixing
 
         weight, n = count[:, None] * precision, float(count.sum() * t.shape[1])
-        replicates = pure_error(noise_covariance, noise_freedom, self._stretch(), mixing)
+        replicates = pure_error(noise_covariance, noise.get("noise_freedom", 0.0), self._stretch(), mixing)
         self.training_ = {"inputs": X, "weight": weight, "noise_covariance": noise_covariance}
         ends = []
         for k in range(self.starts):

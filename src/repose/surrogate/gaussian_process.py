@@ -8,12 +8,12 @@ Sources of the lines, named where they are used
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.surrogate.base import Surrogate, register
+from repose.surrogate.base import Noise, Surrogate, register
 from repose.surrogate.samples import Combined, checked_points, checked_samples, independent_mixing
 from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.two_layer import width
@@ -35,22 +35,14 @@ class GaussianProcess(Combined, Surrogate):
     def of(cls, settings: NetworkSettings) -> Self:
         return cls()
 
-    def fit(
-        self,
-        X: ArrayLike,
-        Y: ArrayLike,
-        *,
-        precision: ArrayLike | None = None,
-        noise_covariance: ArrayLike | None = None,
-        noise_freedom: float = 0.0,
-    ) -> Self:
+    def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Learn from samples; `noise_freedom` is not used.
 
         Without `noise_covariance` the responses are learned independently; with it, their combinations with independent
         noises (A35).
         """
-        X, Y, _, weight = checked_samples(X, Y, None, precision)
-        self._take(X, Y, weight, noise_covariance)
+        X, Y, _, weight = checked_samples(X, Y, **noise)
+        self._take(X, Y, weight, noise.get("noise_covariance"))
         first = {"variance": 1.0, "lengths": np.ones(X.shape[1]), "noise_variance": FIRST_NOISE}
         self._fit([first] * Y.shape[1])
         return self

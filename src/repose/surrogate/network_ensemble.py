@@ -12,12 +12,12 @@ covariance of their means. Nothing more is trained than for the best network alo
 import copy
 from collections.abc import Callable, Iterable, Mapping
 from operator import attrgetter
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.surrogate.base import Surrogate, register
+from repose.surrogate.base import Noise, Surrogate, register
 from repose.surrogate.bayesian_bp import BayesianBP, covariances
 from repose.surrogate.levenberg_marquardt import CONVERGED
 from repose.surrogate.samples import checked_points
@@ -53,18 +53,10 @@ class NetworkEnsemble(Surrogate):
         """Untrained networks with the settings of `BayesianBP.of`."""
         return cls(BayesianBP.of(settings))
 
-    def fit(
-        self,
-        X: ArrayLike,
-        Y: ArrayLike,
-        *,
-        precision: ArrayLike | None = None,
-        noise_covariance: ArrayLike | None = None,
-        noise_freedom: float = 0.0,
-    ) -> Self:
+    def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         best = self.members_[0]
         best.inputs = self.inputs
-        best.fit(X, Y, None, precision, noise_covariance, noise_freedom)
+        best.fit(X, Y, **noise)
         self.near_ = [
             start["start"]
             for start in best.starts_

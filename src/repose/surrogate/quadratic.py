@@ -7,12 +7,12 @@ Sources of the lines, named where they are used
 """
 
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.surrogate.base import Surrogate, register
+from repose.surrogate.base import Noise, Surrogate, register
 from repose.surrogate.samples import checked_points, checked_samples, independent_mixing
 from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import quadratic_terms
@@ -35,22 +35,14 @@ class QuadraticSurface(Surrogate):
         """Fewest samples for so many inputs that vary: one more than the terms."""
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
-    def fit(
-        self,
-        X: ArrayLike,
-        Y: ArrayLike,
-        *,
-        precision: ArrayLike | None = None,
-        noise_covariance: ArrayLike | None = None,
-        noise_freedom: float = 0.0,
-    ) -> Self:
+    def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Learn from samples; residuals give the noise.
 
         `noise_covariance` is only checked: all responses have the same terms, and then correlated noise does not change
         the coefficients (Z62).
         """
-        X, Y, _, precision = checked_samples(X, Y, None, precision)
-        independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision)
+        X, Y, _, precision = checked_samples(X, Y, **noise)
+        independent_mixing(noise.get("noise_covariance"), np.ones(Y.shape[1]), precision)
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
         self.offset_ = np.zeros(Y.shape[1])
         self.low_, self.width_ = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))

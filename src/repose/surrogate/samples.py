@@ -67,9 +67,18 @@ def pure_error(
 
 
 def checked_samples(
-    X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, precision: ArrayLike | None = None
+    X: ArrayLike,
+    y: ArrayLike,
+    sample_weight: ArrayLike | None = None,
+    *,
+    precision: ArrayLike | None = None,
+    noise_covariance: ArrayLike | None = None,
+    noise_freedom: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """X (samples, inputs), Y (samples, outputs), counts (samples,) and precision (samples, outputs), all finite."""
+    """Check samples; `noise_covariance` and `noise_freedom` are for others.
+
+    X (samples, inputs), Y (samples, outputs), counts (samples,) and precision (samples, outputs), all finite.
+    """
     X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     Y = Y[:, None] if Y.ndim == 1 else Y
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:

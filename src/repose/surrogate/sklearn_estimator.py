@@ -1,29 +1,22 @@
 """The network as an estimator of scikit-learn, for pipelines and cross-validation."""
 
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from repose.surrogate.base import Noise
 from repose.surrogate.bayesian_bp import BayesianBP
 
 
 class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D101  (it has that of its base)
     __doc__ = BayesianBP.__doc__
 
-    def fit(
-        self,
-        X: ArrayLike,
-        y: ArrayLike,
-        sample_weight: ArrayLike | None = None,
-        precision: ArrayLike | None = None,
-        noise_covariance: ArrayLike | None = None,
-        noise_freedom: float = 0.0,
-    ) -> Self:
+    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, **noise: Unpack[Noise]) -> Self:
         X, y = validate_data(self, X, y, dtype=float, multi_output=True, y_numeric=True, ensure_min_samples=2)
-        return super().fit(X, y, sample_weight, precision, noise_covariance, noise_freedom)
+        return super().fit(X, y, sample_weight, **noise)
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         check_is_fitted(self)

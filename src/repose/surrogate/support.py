@@ -49,14 +49,19 @@ class Support:
             self.largest_leverage = float(self._leverage(unit).max())
 
     @classmethod
+    def of(cls, points: np.ndarray, space: ParameterSpace) -> Self:
+        """Find the support of parameter sets (n, p)."""
+        low, high = space.complete(np.array([space.low, space.high]))
+        return cls(points, low, high, space.names)
+
+    @classmethod
     def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
         """The support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
         table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
         if len(usable) < 2:
             raise InputError(dataset_csv, "usable samples", len(usable), "at least 2 with status ok")
-        low, high = space.complete(np.array([space.low, space.high]))
-        return cls(usable[list(space.names)].to_numpy(float), low, high, space.names)
+        return cls.of(usable[list(space.names)].to_numpy(float), space)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
         """Whether each parameter of the points (m, d) is free and lies within 1 % of its range from an end."""

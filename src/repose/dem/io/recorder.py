@@ -39,11 +39,11 @@ class Recorder:
         )
 
     def __len__(self) -> int:
-        """How many frames were kept."""
+        """Count the frames that were kept."""
         return len(self._frames)
 
     def frames(self) -> dict[str, np.ndarray]:
-        """What was kept, as arrays of T frames of N bodies.
+        """Return what was kept, as arrays of T frames of N bodies.
 
         Returns
         -------

@@ -14,6 +14,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from ..checks import chosen
 from ..rotations import rotation_matrices
 from ..tessellation import triangulated_bodies, triangulated_walls
 from .whole import write_whole
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from ..simulation import Simulation
 
 VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
-CONTENTS = ("points", "surfaces", "walls")
 
 # Points, cells ("Verts" or "Polys", and the points of each), point data, cell data.
 Content = tuple[np.ndarray, tuple[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]
@@ -53,15 +53,18 @@ def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = 
     tensor are the full extents: ParaView's Tensor Glyph with a sphere of radius 0.5 draws each ellipsoid in its size
     and place. The names of shapes and walls are in the field data.
     """
-    path = Path(path)
-    if path.suffix != ".vtp":
-        raise ValueError(f"path is {str(path)!r}; expected a file that ends in .vtp")
-    if content not in CONTENTS:
-        raise ValueError(f"content is {content!r}; expected {', '.join(map(repr, CONTENTS))}")
-    points, cells, point_data, cell_data = _CONTENT_OF[content](simulation)
+    path = _ending(path, ".vtp")
+    points, cells, point_data, cell_data = chosen("content", content, _CONTENT_OF)(simulation)
     names = {"wall_names": simulation.wall_set.surfaces} if content == "walls" else {"shape_names": simulation.shapes}
     text = _poly_data(simulation.time_s, names, points, cells, point_data, cell_data)
     write_whole(path, lambda handle: handle.write(text.encode()))
+
+
+def _ending(path: str | os.PathLike, suffix: str) -> Path:
+    """Check how a path ends."""
+    if Path(path).suffix != suffix:
+        raise ValueError(f"path is {str(path)!r}; expected a file that ends in {suffix}")
+    return Path(path)
 
 
 def _body_points(simulation: "Simulation") -> Content:
@@ -133,33 +136,28 @@ def _poly_data(
     """Write the text of a .vtp file; cells: "Verts" or "Polys" and the points of each (M, corners)."""
     kind, corners = cells
     ends = corners.shape[1] * np.arange(1, len(corners) + 1)
-    lines = [
-        '<?xml version="1.0"?>',
-        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-        "<PolyData>",
-        "<FieldData>",
-        _data_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"'),
-        *(_names_array(name, list(texts)) for name, texts in names.items()),
-        "</FieldData>",
-        f'<Piece NumberOfPoints="{len(points)}" NumberOf{kind}="{len(corners)}">',
-        "<Points>",
-        _data_array("position", points),
-        "</Points>",
-        f"<{kind}>",
-        _data_array("connectivity", corners.reshape(-1).astype(np.int64)),
-        _data_array("offsets", ends.astype(np.int64)),
-        f"</{kind}>",
-        "<PointData>",
-        *(_data_array(name, values) for name, values in point_data.items()),
-        "</PointData>",
-        "<CellData>",
-        *(_data_array(name, values) for name, values in cell_data.items()),
-        "</CellData>",
-        "</Piece>",
-        "</PolyData>",
-        "</VTKFile>",
-    ]
-    return "\n".join(lines) + "\n"
+    links = ("connectivity", corners.reshape(-1).astype(np.int64)), ("offsets", ends.astype(np.int64))
+    piece = _element(
+        f'Piece NumberOfPoints="{len(points)}" NumberOf{kind}="{len(corners)}"',
+        *_element("Points", _data_array("position", points)),
+        *_element(kind, *(_data_array(*link) for link in links)),
+        *_element("PointData", *(_data_array(*entry) for entry in point_data.items())),
+        *_element("CellData", *(_data_array(*entry) for entry in cell_data.items())),
+    )
+    time = _data_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"')
+    fields = _element("FieldData", time, *(_names_array(name, list(texts)) for name, texts in names.items()))
+    file = 'VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64"'
+    return _text(_element(file, *_element("PolyData", *fields, *piece)))
+
+
+def _element(tag: str, *content: str) -> list[str]:
+    """Write the lines of an element; the tag comes with its attributes."""
+    return [f"<{tag}>", *content, f"</{tag.partition(' ')[0]}>"]
+
+
+def _text(lines: list[str]) -> str:
+    """Write the text of a file."""
+    return "\n".join(['<?xml version="1.0"?>', *lines]) + "\n"
 
 
 class VtkSeries:
@@ -182,9 +180,7 @@ class VtkSeries:
     """
 
     def __init__(self, path: str | os.PathLike, surfaces: bool = False) -> None:
-        self.path = Path(path)
-        if self.path.suffix != ".pvd":
-            raise ValueError(f"path is {str(path)!r}; expected a file that ends in .pvd")
+        self.path = _ending(path, ".pvd")
         self.content = "surfaces" if surfaces else "points"
         self._entries: list[tuple[float, list[str]]] = []
         self._walls: str | None = None
@@ -226,5 +222,4 @@ class VtkSeries:
             for time, files in self._entries
             for part, file in enumerate(files)
         ]
-        head = '<?xml version="1.0"?>', '<VTKFile type="Collection" version="1.0">', "<Collection>"
-        return "\n".join([*head, *sets, "</Collection>", "</VTKFile>"]) + "\n"
+        return _text(_element('VTKFile type="Collection" version="1.0"', *_element("Collection", *sets)))

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from repose.core.errors import InputError
 from repose.particle import berry
-from repose.particle.particle import Body, Particle
+from repose.particle.particle import KINDS, Body, Particle
 
 from . import style
 from .registry import Inputs, Shown, figure
@@ -77,12 +77,12 @@ def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     Figure 7. The berry: its mesh, and the particle that the simulator makes of the mesh.
     """
     # slow to import, and the other figures do without
-    from repose.particle import build
+    from repose.particle.mesh import load_mesh
     from repose.pictures.render import render_bodies, render_mesh
     from repose.pictures.scenery import Setting, look_at
 
     chosen = Particle.load(inputs["particle"])
-    mesh = build.load_mesh(inputs["stl"])
+    mesh = load_mesh(inputs["stl"])
     in_m = mesh.copy().apply_scale(1e-3)
     width = style.pixels(study, PICTURE_PIXELS)
     camera: dict[str, Any] = {"width": width, "height": round(0.78 * width), "field_of_view_deg": style.TELEPHOTO_DEG}
@@ -95,7 +95,7 @@ def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     _caption(panels[0], "a  mesh", chosen.mesh, f"{len(mesh.faces)} triangles")
     panels[0].imshow(render_mesh(in_m, **view))
     style.scale_bar(panels[0], look_at(frame_m, **camera), np.zeros(3), max(in_m.extents))
-    for panel, kind, letter in zip(panels[1:], build.KINDS, "bcd", strict=True):
+    for panel, kind, letter in zip(panels[1:], KINDS, "bcd", strict=True):
         try:
             particle = _made(mesh, kind, chosen, study.berry)
         except InputError as error:

@@ -16,14 +16,14 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report."""
     study, targets = calibration.study, calibration.study.targets
     row = {"role": "representative", "reason": ""}
-    row |= dict(zip(targets.predicted, calibration.mean.tolist(), strict=True))
+    row |= dict(zip(targets.predicted, calibration.answer.mean.tolist(), strict=True))
     chance: dict[str, float | None] = dict.fromkeys(targets.names)
     shown = Study(
         config={"label": study.config["label"], "small_run": False},
         targets=targets,
         space=study.parameters,
         files={},
-        answer=calibration.values,
+        answer=calibration.answer.values,
         row=pd.Series(row),
         chance=chance | {"all": calibration.probability["inside"]},
         within={percent: calibration.probability[column] for percent, column in WITHIN.items()},

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import NOT_AGAIN, Answer, Check, in_one_line, nearness, out_of_reach
+from repose.chain.answer import NOT_AGAIN, Check, Result, in_one_line, nearness, out_of_reach
 from repose.chain.design import METHODS
 from repose.core.parameters import LABELS
 from repose.core.runs import error_of
@@ -66,7 +66,7 @@ def _origin(study: Study) -> str:
 
 def verdict(study: Study) -> tuple[str, str]:
     """Tell whether the targets are met: a class of the style, and the line that ends a run, with the probability."""
-    found = Answer(
+    found = Result(
         label=study.config["label"],
         parameters=dict(zip(study.space.names, study.answer.tolist(), strict=True)),
         feasible=study.summary["feasible"],

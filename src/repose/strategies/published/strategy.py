@@ -22,50 +22,45 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         unit = design.points(section.samples, study.parameters.dimensions, section.method, section.seed)
         return Batch(samples_of(study.parameters, unit, seeds_of(study)))
     samples = samples_of_runs(data, study.parameters, study.targets)
-    model, support = fitted(study, samples, data).model, support_of(study, samples)
-    inversion = invert(model, study.parameters, study.targets, study.settings.miga, support=support)
+    training, support = fitted(study, samples, data)
+    inversion = invert(training.model, study.parameters, study.targets, study.settings.miga, support=support)
     why = "the batch is simulated: the search on its surrogate answers"
-    return answer_of(study, model, inversion, data, why, seeds_of(study))
+    return answer_of(study, training.model, inversion, data, why, seeds_of(study))
 
 
 def seeds_of(study: Studied) -> int:
     """Return how often each sample of a design runs: the seeds of the first target's bench test."""
-    return study.config[study.targets.apparatus[0]]["seeds"]
+    return getattr(study.settings, study.targets.apparatus[0]).seeds
 
 
-def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> Training:
-    """Fit the surrogate of the study to the samples of its runs."""
+def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> tuple[Training, Support]:
+    """Fit the surrogate of the study to the samples of its runs; return also the region that the good ones cover."""
     settings, names, runs = study.settings, study.parameters.names, runs_by_bench(data, study.targets)
-    return train(samples, runs, study.targets, settings.network, {}, "runs", names, settings.surrogate)
-
-
-def support_of(study: Studied, samples: pd.DataFrame) -> Support:
-    """Return the region that the good samples cover."""
-    space, good = study.parameters, samples[samples["status"] == "ok"]
-    low, high = space.complete(np.array([space.low, space.high]))
-    return Support(good[list(space.names)].to_numpy(float), low, high, space.names)
+    good = samples.loc[samples["status"] == "ok", list(names)].to_numpy(float)
+    training = train(samples, runs, study.targets, settings.network, {}, "runs", names, settings.surrogate)
+    return training, Support.of(good, study.parameters)
 
 
 def answer_of(
     study: Studied, model: Surrogate, inversion: Inversion, data: pd.DataFrame, why: str, seeds: int
 ) -> Answer:
     """Answer with the representative solution of a search, and the other feasible ones."""
-    space, targets = study.parameters, study.targets
+    space, targets, found = study.parameters, study.targets, inversion.solutions
     names = list(space.names)
-    values = inversion.solutions.loc[0, names].to_numpy(float)
-    others = inversion.solutions[inversion.solutions["feasible"] & ~inversion.solutions["representative"]]
+    values = found.loc[0, names].to_numpy(float)
+    others = found[found["feasible"] & ~found["representative"]]
     mean, covariance = model.predict(values[None]), model.covariance(values[None])
     return Answer(
-        values,
-        mean[0],
-        covariance[0],
-        probability_of(mean, covariance, targets),
-        samples_of(space, space.unit(values), seeds, next_number(data)),
-        why,
-        others[names].to_numpy(float),
-        others[list(targets.predicted)].to_numpy(float),
-        model,
-        {"message": inversion.summary["message"]},
+        values=values,
+        mean=mean[0],
+        covariance=covariance[0],
+        probability=probability_of(mean, covariance, targets),
+        samples=samples_of(space, space.unit(values), seeds, next_number(data)),
+        why=why,
+        others=others[names].to_numpy(float),
+        others_mean=others[list(targets.predicted)].to_numpy(float),
+        model=model,
+        notes={"message": inversion.summary["message"]},
     )
 
 

@@ -2,12 +2,35 @@
 
 from typing import TYPE_CHECKING
 
+from pydantic import Field
+
+from repose.core.section import Contradictions, Percent, Section
 from repose.strategies.base import Answer, Batch, Strategy, Studied, register
 
 if TYPE_CHECKING:
     import pandas as pd
 
-DESIGN = ("design.samples", "design.seed")
+LARGEST_BLOCKS = 100  # of a proposal's pours: jobs of a round have three digits
+
+
+class RefineSettings(Section):
+    """The section `refine`: more pours near the answer; config/README.md explains the keys."""
+
+    rounds: int = Field(ge=0, le=90)  # most of them after the first
+    seeds: int = Field(ge=2, le=1000)  # pours of the proposal
+    block: int = Field(ge=1, le=1000)  # pours of the proposal in one job
+    neighbours: int = Field(ge=0, le=99)  # samples around the proposal
+    neighbour_seeds: int = Field(ge=1, le=1000)  # pours of each
+    reach: float = Field(ge=0.01, le=1)  # half the width of the box that is searched, in ranges
+    tolerance_percent: Percent  # of a simulated mean from its target
+    standard_error_percent: Percent  # of a simulated mean, in percent of its target
+
+    def contradictions(self) -> Contradictions:
+        """Refuse impossible numbers of jobs or neighbours."""
+        if self.seeds > LARGEST_BLOCKS * self.block:
+            yield "block", f"at least refine.seeds / {LARGEST_BLOCKS}"
+        if self.neighbours == 1:
+            yield "neighbours", "0 or at least 2: they fill a Latin hypercube"
 
 
 @register("refined")
@@ -16,7 +39,7 @@ class Refined(Strategy):
 
     repeats_points = True
     begins_with_design = True
-    reads = ("parameters", "targets", *DESIGN, "surrogate", "network", "miga", "refine")
+    reads = ("parameters", "targets", "design.samples", "design.seed", "surrogate", "network", "miga", "refine")
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.refined import strategy

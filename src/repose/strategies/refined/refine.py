@@ -8,7 +8,6 @@ the last proposal, and the search runs again there: docs/refinement.md says why.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,6 +18,7 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.seeds import PURPOSES
 from repose.core.targets import Targets
+from repose.strategies.base import Studied
 from repose.strategies.refined.rounds import NEIGHBOUR, OF_A_ROUND, jobs
 from repose.surrogate.base import Surrogate
 from repose.surrogate.support import Support
@@ -35,32 +35,25 @@ def search_box(space: ParameterSpace, centre: Mapping[str, float], reach: float)
     return replace(space, low=np.maximum(space.low, middle - step), high=np.minimum(space.high, middle + step))
 
 
-def propose(
-    solutions: pd.DataFrame,
-    model: Surrogate,
-    space: ParameterSpace,
-    targets: Targets,
-    section: Mapping[str, Any],
-    round_: int,
-    study_seed: int,
-) -> pd.DataFrame:
+def propose(solutions: pd.DataFrame, model: Surrogate, study: Studied, round_: int) -> pd.DataFrame:
     """List the jobs of a round: the representative of `solutions` (feasible.csv), and neighbours around it.
 
     The neighbours are a Latin hypercube in the box in which the next round searches.
     """
+    space, predicted, section = study.parameters, list(study.targets.predicted), study.settings.refine
     best = solutions[solutions["representative"]].iloc[0]
     table = pd.DataFrame(jobs(section, round_), columns=["sample", "role", "seeds"])
     near = table["role"] == NEIGHBOUR
     for name in space.names:
         table[name] = float(best[name])
     if near.any() and space.dimensions:
-        rng = np.random.default_rng([study_seed, PURPOSES["refined"], OF_A_ROUND * (round_ + 1)])
+        rng = np.random.default_rng([study.settings.design.seed, PURPOSES["refined"], OF_A_ROUND * (round_ + 1)])
         unit = lhsdesign(int(near.sum()), space.dimensions, rng=rng)
-        table.loc[near, list(space.names)] = search_box(space, best, section["reach"]).values(unit)
-    table[list(targets.predicted)] = model.predict(table[list(space.names)].to_numpy(float))
+        table.loc[near, list(space.names)] = search_box(space, best, section.reach).values(unit)
+    table[predicted] = model.predict(table[list(space.names)].to_numpy(float))
     warning = best.get("warning", "")
     table["warning"] = np.where(near, "", "" if pd.isna(warning) else warning)
-    return table[["sample", *space.names, "role", "seeds", *targets.predicted, "warning"]]
+    return table[["sample", *space.names, "role", "seeds", *predicted, "warning"]]
 
 
 def corrected(
@@ -85,24 +78,19 @@ def corrected(
 
 
 def search(
-    model: Surrogate,
-    dataset: pd.DataFrame,
-    centre: Mapping[str, float],
-    space: ParameterSpace,
-    targets: Targets,
-    settings: Any,
-    support: Support | None = None,
+    model: Surrogate, dataset: pd.DataFrame, centre: Mapping[str, float], study: Studied, support: Support | None = None
 ) -> tuple[Surrogate, invert.Inversion]:
     """Correct a surrogate, refitted to `dataset`, near the last proposal `centre`, and search there.
 
     The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all suitable
     parameter sets, one near the last proposal is wanted, where the correction holds.
     """
-    reach, tolerance = settings.refine.reach, settings.refine.tolerance_percent / 100
+    space, targets, section = study.parameters, study.targets, study.settings.refine
+    reach, tolerance = section.reach, section.tolerance_percent / 100
     model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)
     for share in WIDENING:
         box = search_box(space, centre, share * reach)
-        inversion = invert.invert(model, box, targets, settings.miga, support=support)
+        inversion = invert.invert(model, box, targets, study.settings.miga, support=support)
         off = [inversion.summary["target_distance"][target.name] / target.whole for target in targets]
         if max(off) < tolerance * MET:
             break

@@ -14,26 +14,28 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.responses import Response, derived
+from repose.core.responses import derived
 from repose.core.runs import Recorded, of_bench, summarise_runs
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 from repose.search.objective import Objective
+from repose.strategies.base import Studied
+from repose.strategies.refined import RefineSettings
 
 OF_A_ROUND, FIRST_NEIGHBOUR = 1000, 101
 PROPOSAL, NEIGHBOUR = "proposal", "neighbour"
 OUTCOMES = ("within", "not within", "not precise", "no pile")
 
 
-def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
+def jobs(section: RefineSettings, round_: int) -> list[tuple[int, str, int]]:
     """List the jobs (sample, role, seeds) of a round: the proposal in blocks of seeds, then the neighbours.
 
     A block is one job, so that all cores work and a kill costs one block.
     """
-    first, block = OF_A_ROUND * (round_ + 1), section["block"]
-    counts = [min(block, section["seeds"] - start) for start in range(0, section["seeds"], block)]
+    first, block = OF_A_ROUND * (round_ + 1), section.block
+    counts = [min(block, section.seeds - start) for start in range(0, section.seeds, block)]
     proposed = [(first + 1 + k, PROPOSAL, count) for k, count in enumerate(counts)]
-    numbers = range(first + FIRST_NEIGHBOUR, first + FIRST_NEIGHBOUR + section["neighbours"])
-    return proposed + [(number, NEIGHBOUR, section["neighbour_seeds"]) for number in numbers]
+    numbers = range(first + FIRST_NEIGHBOUR, first + FIRST_NEIGHBOUR + section.neighbours)
+    return proposed + [(number, NEIGHBOUR, section.neighbour_seeds) for number in numbers]
 
 
 def round_of(sample: int) -> int:
@@ -51,36 +53,27 @@ def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None)
 
 def stuck(verdict: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
     """Decide whether a round with targets out of reach came no nearer than the round before."""
-    if before is None or not verdict["out_of_reach"] or None in (verdict["objective"], before["objective"]):
-        return False
-    return verdict["objective"] >= before["objective"]
+    return before is not None and verdict["out_of_reach"] and verdict["objective"] >= before["objective"]
 
 
-def judge(
-    proposal: pd.DataFrame,
-    runs: pd.DataFrame,
-    targets: Targets,
-    section: Mapping[str, Any],
-    round_: int,
-    names: Sequence[str],
-) -> dict[str, Any]:
+def judge(proposal: pd.DataFrame, runs: pd.DataFrame, study: Studied, round_: int) -> dict[str, Any]:
     """Judge a round: return a row of batches.csv, with NaN for a missing number and an `outcome` of `OUTCOMES`.
 
     `objective` is Eq. 11 of the simulated means; `out_of_reach`: the prediction itself misses the bar.
     """
+    targets, section = study.targets, study.settings.refine
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])]
     summary = _summary(own, targets)
-    row: dict[str, Any] = {"round": round_, **{name: float(rows[name].iloc[0]) for name in names}}
+    row: dict[str, Any] = {"round": round_, **{name: float(rows[name].iloc[0]) for name in study.parameters.names}}
     row |= {"poured": len(own), "n_seeds": summary["n_seeds"]}
     for target in targets:
         predicted = float(rows[target.response.predicted].iloc[0])
-        mean, error = (_number(summary[key]) for key in (target.name, target.response.error))
-        row |= _numbers(target.response, target.aim, predicted, mean, error)
+        row |= _numbers(target, predicted, summary[target.name], summary[target.response.error])
     row["objective"] = _objective(summary, targets)
     off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
-    row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * targets.whole).any())
-    row["outcome"], row["reason"] = _outcome(row, summary, targets, section)
+    row["out_of_reach"] = bool((100 * off > section.tolerance_percent * targets.whole).any())
+    row["outcome"], row["reason"] = _outcome(row, summary, study)
     row["warning"] = str(rows["warning"].iloc[0]) if pd.notna(rows["warning"].iloc[0]) else ""
     return row
 
@@ -93,7 +86,7 @@ def objective_of(jobs_of_round: Sequence[tuple[int, str, int]], runs: pd.DataFra
 
 def _objective(summary: Mapping[str, Any], targets: Targets) -> float:
     """Compute Eq. 11 for the means of a summary."""
-    means = np.array([[_number(summary[name]) for name in targets.names]])
+    means = np.array([[summary[name] for name in targets.names]])
     return float(Objective.of(targets)(means)[0][0])
 
 
@@ -101,20 +94,20 @@ def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     """Compute means and errors of all runs of a proposal; its status is ok where it is in every bench test."""
     runs = runs.astype(object).where(runs.notna(), None)
     summary: dict[str, Any] = {}
-    for bench in targets.apparatus:
-        names = tuple(target.name for target in targets if target.response.apparatus == bench)
+    for bench, own in targets.benches.items():
+        names = tuple(targets.names[k] for k in own)
         measured = summarise_runs(of_bench(runs, bench).to_dict("records"), Recorded(names))
         seeds = min(measured["n_seeds"], summary.get("n_seeds", measured["n_seeds"]))
         failed = summary.get("status", "ok") != "ok"  # the status of the first bench test that failed stays
         summary = (measured | summary if failed else summary | measured) | {"n_seeds": seeds}
-    return summary
+    return {key: np.nan if value is None else value for key, value in summary.items()}
 
 
-def _numbers(response: Response, wanted: float, predicted: float, mean: float, error: float) -> dict[str, float]:
+def _numbers(target: Target, predicted: float, mean: float, error: float) -> dict[str, float]:
     """Make the columns of one response in a round's row."""
-    name, quantity = response.name, response.quantity
+    response, wanted, quantity = target.response, target.aim, target.response.quantity
     return {
-        derived(name, "target"): wanted,
+        derived(response.name, "target"): wanted,
         response.predicted: predicted,
         response.simulated: mean,
         response.error: error,
@@ -125,31 +118,24 @@ def _numbers(response: Response, wanted: float, predicted: float, mean: float, e
     }
 
 
-def _number(value: float | None) -> float:
-    """Return a number, NaN for None."""
-    return np.nan if value is None else float(value)
-
-
-def _outcome(
-    row: Mapping[str, Any], summary: Mapping[str, Any], targets: Targets, section: Mapping[str, Any]
-) -> tuple[str, str]:
+def _outcome(row: Mapping[str, Any], summary: Mapping[str, Any], study: Studied) -> tuple[str, str]:
     """Find the outcome of a round, and say in words how far each response is off."""
     if summary["status"] != "ok":
         return "no pile", f"{summary['status']}: {summary['reason']}"
-    words, far, vague = [], False, False
-    for target in targets:
+    section, words, far, vague = study.settings.refine, [], False, False
+    for target in study.targets:
         response, unit = target.response, target.response.unit
         off, error = row[f"{response.quantity}_deviation_percent"], row[f"{response.quantity}_se_percent"]
-        counted, misses = row[f"{response.quantity}_deviation_se"], abs(off) > section["tolerance_percent"]
+        counted, misses = row[f"{response.quantity}_deviation_se"], abs(off) > section.tolerance_percent
         text = f"{response.symbol} {row[response.simulated]:.2f} {unit} is {abs(off):.2f} %"
         text += f" ({abs(counted):.1f} standard errors)" if np.isfinite(counted) else ""
         text += f" {'above' if off > 0 else 'below'} {target.aim:g} {unit}"
-        text += "" if misses else f", within {section['tolerance_percent']:g} %"
+        text += "" if misses else f", within {section.tolerance_percent:g} %"
         far |= misses
-        if not error < section["standard_error_percent"]:
+        if not error < section.standard_error_percent:
             vague = True
             known = f"is {error:.2f} %" if np.isfinite(error) else "is not known"
-            text += f", its standard error {known}, not below {section['standard_error_percent']:g} %"
+            text += f", its standard error {known}, not below {section.standard_error_percent:g} %"
         words.append(text)
     outcome = "not within" if far else "not precise" if vague else "within"
     return outcome, "" if outcome == "within" else "; ".join(words)

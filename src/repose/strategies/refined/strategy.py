@@ -12,7 +12,7 @@ from repose.chain.train import Training
 from repose.core.errors import InputError
 from repose.strategies.base import Answer, Batch, Studied
 from repose.strategies.published import strategy as published
-from repose.strategies.published.strategy import answer_of, fitted, probability_of, support_of
+from repose.strategies.published.strategy import answer_of, fitted, probability_of
 from repose.strategies.refined import refine
 from repose.strategies.refined.rounds import (
     OF_A_ROUND,
@@ -40,45 +40,43 @@ class Round(NamedTuple):
 
 def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
     """Make the round of a number from the runs of the design and of the rounds before it."""
-    space, targets, config = study.parameters, study.targets, study.config
-    if config["design"]["samples"] >= OF_A_ROUND:
+    space, targets, settings = study.parameters, study.targets, study.settings
+    if settings.design.samples >= OF_A_ROUND:
         allowed = f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
-        raise InputError("configuration", "design.samples", config["design"]["samples"], allowed)
+        raise InputError("configuration", "design.samples", settings.design.samples, allowed)
     data = data[data["sample"].map(round_of) < number]
     samples = samples_of_runs(data, space, targets)
     own = samples["sample"].map(round_of)
     samples["round"] = own.where(own >= 0).astype("Int64")
-    training, support = fitted(study, samples, data), support_of(study, samples)
+    training, support = fitted(study, samples, data)
     model = training.model
     if number == 0:
-        inversion = invert(model, space, targets, study.settings.miga, support=support)
+        inversion = invert(model, space, targets, settings.miga, support=support)
     else:
         last = samples[own == number - 1].iloc[0]
         centre = last[list(space.names)].astype(float).to_dict()
-        model, inversion = refine.search(model, samples, centre, space, targets, study.settings, support)
-    solutions, seed = inversion.solutions, config["design"]["seed"]
-    proposal = refine.propose(solutions, model, space, targets, config["refine"], number, seed)
-    return Round(training, model, inversion, proposal)
+        model, inversion = refine.search(model, samples, centre, study, support)
+    return Round(training, model, inversion, refine.propose(inversion.solutions, model, study, number))
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """Propose the published batch; then rounds, each with many runs of the answer and a few of its neighbours."""
     if data.empty:
         return published.propose(study, data)
-    targets, section = study.targets, study.config["refine"]
+    targets, section = study.targets, study.settings.refine
     number = int(data["sample"].map(round_of).max())
     if number < 0:
         return _batch(follow(study, data, 0), {"why": "the answer of the search is simulated"})
     now, runs = follow(study, data, number), runs_by_bench(data, targets)
-    verdict = judge(now.proposal, runs, targets, section, number, study.parameters.names)
+    verdict = judge(now.proposal, runs, study, number)
     samples = samples_of_runs(data, study.parameters, targets)
     verdict["usable"] = int(samples.loc[samples["status"] == "ok", "sample"].map(round_of).eq(number).sum())
     before = {"objective": objective_of(jobs(section, number - 1), runs, targets)} if number else None
-    if number < section["rounds"] and goes_on(verdict, before):
+    if number < section.rounds and goes_on(verdict, before):
         why = f"round {number} is {verdict['outcome']}: {verdict['reason']}"
         return _batch(follow(study, data, number + 1), {"row": verdict, "why": why})
-    why = why_stopped(verdict, section["rounds"], targets, before)
-    best = answer_of(study, now.model, now.inversion, data, why, section["seeds"])
+    why = why_stopped(verdict, section.rounds, targets, before)
+    best = answer_of(study, now.model, now.inversion, data, why, section.seeds)
     best = replace(best, notes={**best.notes, "row": verdict, **_end(verdict, why, study)})
     return _simulated(best, study, now.proposal, data)
 
@@ -94,7 +92,7 @@ def _end(verdict: Mapping[str, Any], why: str, study: Studied) -> dict[str, Any]
     solution = {name: verdict[name] for name in study.parameters.names}
     met, claimed = verdict["outcome"] == "within", claim(verdict, study.targets)
     steps = (
-        f"Design: {study.config['design']['samples']} parameter sets, and a search on their surrogate.",
+        f"Design: {study.settings.design.samples} parameter sets, and a search on their surrogate.",
         f"Rounds: {verdict['round'] + 1}, each of the search's answer and its neighbours. They stopped: {why}.",
         f"Simulated: {claimed}.",
     )

@@ -1,32 +1,45 @@
 """The usual way in the field: Plackett-Burman screening, steepest ascent, a response surface, its optimum, a check."""
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from repose.core.parameter_space import ParameterSpace
-from repose.core.section import Section, Seeds
-from repose.strategies.base import Answer, Batch, Strategy, Studied, register
+from repose.core.section import Contradictions, Section, Seeds
+from repose.strategies.base import Answer, Batch, Pours, Strategy, Studied, register
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
 FITTED = ("anova", "effects", "statistics")  # tables of a step's models
 
 
 class ResponseSurfaceSettings(Section):
-    """Screening, steepest ascent and a quadratic surface."""
+    """Settings of screening, steepest ascent and quadratic surface; config/README.md explains the keys."""
 
-    seeds: Seeds
-    screening_runs: Literal[8, 12, 16, 20, 24]
-    significance: float = Field(gt=0, le=0.5)
-    most_factors: int = Field(ge=2, le=7)
-    steps: int = Field(ge=1, le=50)
+    seeds: Seeds  # runs of each sample
+    screening_runs: Literal[8, 12, 16, 20, 24]  # of the Plackett-Burman design
+    significance: float = Field(gt=0, le=0.5)  # largest p of a parameter that is kept
+    most_factors: int = Field(ge=2, le=7)  # of the surface
+    steps: int = Field(ge=1, le=50)  # of the ascent
     surface: Literal["box_behnken", "rotatable", "face_centred"]
-    centres: int = Field(ge=1, le=50)
-    reach: float = Field(ge=0.01, le=0.5)
-    checks: int = Field(ge=2, le=500)
+    centres: int = Field(ge=1, le=50)  # samples at the centre of a design
+    reach: float = Field(ge=0.01, le=0.5)  # from the surface's centre to its outermost level, in ranges
+    checks: int = Field(ge=2, le=500)  # samples at the optimum
+
+    @property
+    def fewest_factors(self) -> int:
+        """The smallest number of factors of the surface."""
+        return 3 if self.surface == "box_behnken" else 2
+
+    def coded(self, factors: int) -> tuple["np.ndarray", float]:
+        """Design the surface of some factors in coded units (n, factors); return also its outermost level."""
+        from repose.doe.box_behnken import box_behnken
+        from repose.doe.central_composite import central_composite
+
+        if self.surface == "box_behnken":
+            return box_behnken(factors, self.centres)[0], 1.0
+        return central_composite(factors, self.surface, self.centres)
 
 
 @register("response_surface")
@@ -46,46 +59,24 @@ class ResponseSurface(Strategy):
 
         return strategy.propose(study, data)
 
-    def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    def contradictions(self, section: ResponseSurfaceSettings, free: int, responses: int) -> Contradictions:
         """Refuse a response surface of too few factors or runs."""
-        section, free = config["response_surface"], _free(config)
-        name, fewest = section["surface"], fewest_factors(section)
-        centres = 3 if name == "box_behnken" else 1
+        name, fewest = section.surface, section.fewest_factors
         if free < fewest:
-            yield "response_surface.surface", f"a design for {free} free parameters; {name} needs {fewest}"
-        if section["most_factors"] < fewest:
-            yield "response_surface.most_factors", f"at least {fewest} where surface is {name}"
-        if section["screening_runs"] < free + 2:
-            yield "response_surface.screening_runs", f"at least {free + 2} for {free} free parameters"
-        if section["centres"] < centres:
-            yield "response_surface.centres", f"at least {centres} where surface is {name}"
+            yield "surface", f"a design for {free} free parameters; {name} needs {fewest}"
+        if section.most_factors < fewest:
+            yield "most_factors", f"at least {fewest} where surface is {name}"
+        if section.screening_runs < free + 2:
+            yield "screening_runs", f"at least {free + 2} for {free} free parameters"
+        if section.centres < (centres := 3 if name == "box_behnken" else 1):
+            yield "centres", f"at least {centres} where surface is {name}"
 
-    def pours(self, config: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...]:
+    def pours(self, section: ResponseSurfaceSettings, free: int) -> Pours:
         """Count the steps' pours; the screening may keep fewer parameters than `response_surface.most_factors`."""
-        from repose.doe.box_behnken import box_behnken
-        from repose.doe.central_composite import central_composite
-
-        section = config["response_surface"]
-        factors = min(section["most_factors"], _free(config))
-        if section["surface"] == "box_behnken":
-            runs = len(box_behnken(factors, section["centres"])[0])
-        else:
-            runs = len(central_composite(factors, section["surface"], section["centres"])[0])
-        steps = (
-            ("screening", section["screening_runs"] + section["centres"]),
-            ("ascent", section["steps"] + 1),
-            ("surface", runs),
-            ("check", section["checks"]),
-        )
-        return tuple((name, sets, section["seeds"]) for name, sets in steps)
-
-
-def fewest_factors(section: Mapping[str, Any]) -> int:
-    """Return the smallest number of factors of the surface."""
-    return 3 if section["surface"] == "box_behnken" else 2
-
-
-def _free(config: Mapping[str, Any]) -> int:
-    """Count the free parameters."""
-    section = config["parameters"]
-    return ParameterSpace.of(section, names=tuple(section)).dimensions
+        steps = {
+            "screening": section.screening_runs + section.centres,
+            "ascent": section.steps + 1,
+            "surface": len(section.coded(min(section.most_factors, free))[0]),
+            "check": section.checks,
+        }
+        return tuple((name, sets, section.seeds) for name, sets in steps.items())

@@ -4,7 +4,6 @@ Runs at the centre belong to the screening. The mean of the corners is no estima
 curved, and the path must know on which side of the targets it begins.
 """
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,19 +16,16 @@ from repose.doe import ascent
 from repose.doe.anova import anova, effects, limits, statistics
 from repose.doe.model import Model, fit
 from repose.doe.plackett_burman import plackett_burman
-from repose.strategies.response_surface import fewest_factors
-from repose.strategies.response_surface.steps import CODED, aims_of, factors_of, samples, scale_of, usable
+from repose.strategies.base import Studied
+from repose.strategies.response_surface import ResponseSurfaceSettings
+from repose.strategies.response_surface.steps import CODED, factors_of, samples, scale_of, usable
 
-
-class Analysis(NamedTuple):
-    """Tables of the models of a step, as in `repose.doe.anova`, with the column `response` first.
-
-    The effects also have the two limits of the Pareto chart.
-    """
-
-    anova: pd.DataFrame
-    effects: pd.DataFrame
-    statistics: pd.DataFrame
+# Tables of a model by name, as in `repose.doe.anova`.
+TABLES = {
+    "anova": anova,
+    "effects": lambda model: effects(model).assign(**{f"limit_{k}": v for k, v in limits(model).items()}),
+    "statistics": lambda model: pd.DataFrame([statistics(model)]),
+}
 
 
 class Screened(NamedTuple):
@@ -41,21 +37,15 @@ class Screened(NamedTuple):
     path: pd.DataFrame  # samples of the ascent
 
 
-def screened(
-    table: pd.DataFrame,
-    dataset: pd.DataFrame,
-    space: ParameterSpace,
-    targets: Targets,
-    section: Mapping[str, Any],
-    source: object = "dataset",
-) -> Screened:
+def screened(study: Studied, table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset") -> Screened:
     """Analyse the screening's samples; InputError, which names `source`, if they show no way towards the targets."""
+    targets = study.targets
     corners, middle = corners_and_centre(table)
     models = models_of(corners, dataset, targets, "linear", source)
     centre = usable(middle, dataset, source)[list(targets.names)].mean()
-    kept = kept_factors(models, section)
+    kept = kept_factors(models, study.settings.response_surface)
     try:
-        return Screened(models, centre, kept, path(models, centre.to_numpy(), kept, space, targets, section))
+        return Screened(models, centre, kept, path(models, centre.to_numpy(), kept, study))
     except ValueError as error:
         raise InputError(source, "targets", str(error), "a way towards the targets") from None
 
@@ -66,18 +56,13 @@ def notes(found: Screened, space: ParameterSpace, targets: Targets) -> dict[str,
     corners = dict(zip(targets.names, (float(model.constant) for model in found.models), strict=True))
     summary = {"kept": found.kept, "dropped": dropped, "centre": found.centre.to_dict(), "corners": corners}
     why = f"kept {', '.join(found.kept)}; dropped {', '.join(dropped) or 'none'}"
-    return {**named(analysis(found.models, targets), "screening"), "screening": summary, "why": why}
+    return {**analysis("screening", found.models, targets), "screening": summary, "why": why}
 
 
-def named(tables: Analysis, step: str) -> dict[str, pd.DataFrame]:
-    """Put the step before the names of its tables."""
-    return {f"{step}_{name}": table for name, table in tables._asdict().items()}
-
-
-def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
+def design(space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFrame:
     """List the screening's samples: every free parameter at an end of its range; then the centre, `centres` times."""
-    corners = plackett_burman(space.dimensions, section["screening_runs"])
-    coded = np.vstack([corners, np.zeros((section["centres"], space.dimensions))])
+    corners = plackett_burman(space.dimensions, section.screening_runs)
+    coded = np.vstack([corners, np.zeros((section.centres, space.dimensions))])
     return samples("screening", space, (1 + coded) / 2, space.free, coded)
 
 
@@ -99,22 +84,21 @@ def models_of(
         raise InputError(source, "samples that are ok", str(error), "enough for the model") from None
 
 
-def analysis(models: list[Model], targets: Targets) -> Analysis:
-    """Make the tables of a step's models, one for each target."""
-    tables: dict[str, list[pd.DataFrame]] = {"anova": [], "effects": [], "statistics": []}
-    for target, model in zip(targets, models, strict=True):
-        own = {
-            "anova": anova(model),
-            "effects": effects(model).assign(**{f"limit_{k}": v for k, v in limits(model).items()}),
-            "statistics": pd.DataFrame([statistics(model)]),
-        }
-        for name, table in own.items():
-            table.insert(0, "response", target.name)
-            tables[name].append(table)
-    return Analysis(*(pd.concat(tables[name], ignore_index=True) for name in Analysis._fields))
+def analysis(step: str, models: list[Model], targets: Targets) -> dict[str, pd.DataFrame]:
+    """Make the tables of a step's models, as in `repose.doe.anova`, with the column `response` first.
+
+    The effects also have the two limits of the Pareto chart.
+    """
+    tables: dict[str, pd.DataFrame] = {}
+    for name, table_of in TABLES.items():
+        parts = [table_of(model) for model in models]
+        for part, target in zip(parts, targets, strict=True):
+            part.insert(0, "response", target.name)
+        tables[f"{step}_{name}"] = pd.concat(parts, ignore_index=True)
+    return tables
 
 
-def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
+def kept_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[str]:
     """Choose the parameters of the next steps: significant for at least one response, the most significant first.
 
     If fewer are significant than the surface needs, the next are taken; of more than `most_factors` the last are
@@ -122,27 +106,20 @@ def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
     """
     tables = [effects(model).set_index("term")["p"] for model in models]
     best = pd.concat(tables, axis=1).min(axis=1).reindex(models[0].factors).sort_values(kind="stable")
-    count = int((best < section["significance"]).sum())
-    count = min(max(count, fewest_factors(section)), section["most_factors"])
-    return list(best.index[:count])
+    count = int((best < section.significance).sum())
+    return list(best.index[: min(max(count, section.fewest_factors), section.most_factors)])
 
 
-def path(
-    models: list[Model],
-    centre: np.ndarray,
-    kept: list[str],
-    space: ParameterSpace,
-    targets: Targets,
-    section: Mapping[str, Any],
-) -> pd.DataFrame:
+def path(models: list[Model], centre: np.ndarray, kept: list[str], study: Studied) -> pd.DataFrame:
     """Sample the steepest ascent from the centre of the ranges towards the targets, to the edge of the ranges.
 
     `centre` (k,) has the mean responses there. ValueError if the linear models show no way towards the targets.
     """
+    space, targets = study.parameters, study.targets
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([model.coefficients[order] for model in models])
-    along = ascent.towards(slopes, aims_of(targets) - centre, scale_of(targets))
-    coded = ascent.path(along, section["steps"])
+    along = ascent.towards(slopes, targets.aim - centre, scale_of(targets))
+    coded = ascent.path(along, study.settings.response_surface.steps)
     unit = np.full((len(coded), space.dimensions), 0.5)
     unit[:, [space.free.index(name) for name in kept]] += coded / 2
     return samples("ascent", space, unit, kept, coded)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from repose.chain.design import parameter_sets
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
@@ -27,8 +28,7 @@ def samples(
 
     `unit` (n, d) has the free parameters in the unit cube, `coded` (n, factors) the same runs in coded units.
     """
-    table = pd.DataFrame(space.values(unit), columns=list(space.names))
-    table.insert(0, "sample", numbers(step, len(unit)))
+    table = parameter_sets(unit, space, numbers(step, 1)[0])
     for name, column in zip(factors, np.asarray(coded).T, strict=True):
         table[CODED + name] = column
     return table
@@ -57,9 +57,4 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset
 
 def scale_of(targets: Targets) -> np.ndarray:
     """Return the scale (responses,) of the misses: 100 % of each target over the root of its weight."""
-    return np.array([target.whole / np.sqrt(target.weight) for target in targets])
-
-
-def aims_of(targets: Targets) -> np.ndarray:
-    """Return the aims (responses,) of the targets."""
-    return np.array([target.aim for target in targets])
+    return targets.whole / np.sqrt(targets.weight)

@@ -1,6 +1,6 @@
 """Proposals of the strategy `response_surface`: each step follows from the runs of the steps before it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,24 +8,24 @@ import pandas as pd
 
 from repose.strategies.base import Answer, Batch, Studied, samples_of
 from repose.strategies.published.strategy import probability_of
-from repose.strategies.response_surface import screening, surface
+from repose.strategies.response_surface import ResponseSurfaceSettings, screening, surface
 from repose.strategies.runs import next_number, samples_of_runs
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """Propose the next step's samples, or answer; the notes are the tables of all steps so far, and `why` in words."""
-    space, section = study.parameters, study.config["response_surface"]
+    space, section = study.parameters, study.settings.response_surface
     notes: dict[str, Any] = {}
 
     def batch(table: pd.DataFrame) -> Batch:
-        return Batch(table.assign(seeds=section["seeds"]), notes)
+        return Batch(table.assign(seeds=section.seeds), notes)
 
     table = screening.design(space, section)
     if _lacks(data, table):
         return batch(table)
     targets = study.targets
     dataset = samples_of_runs(data, space, targets)
-    found = screening.screened(table, dataset, space, targets, section, "runs")
+    found = screening.screened(study, table, dataset, "runs")
     notes |= screening.notes(found, space, targets)
     if _lacks(data, found.path):
         return batch(found.path)
@@ -38,13 +38,12 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return batch(table)
     models = screening.models_of(table, dataset, targets, "quadratic", "runs")
     best = surface.best_point(models, targets)
-    check = surface.check_samples(table, best, space, section)
-    notes |= screening.named(screening.analysis(models, targets), "surface")
-    notes["surface"] = table
+    check = surface.check_samples(table, best, space, section.checks)
+    notes |= screening.analysis("surface", models, targets) | {"surface": table}
     notes |= surface.notes(models, best, check, space, targets)
     if _lacks(data, check):
         return batch(check)
-    others, predicted = surface.alternatives(models, table, space, targets, study.config)
+    others, predicted = surface.alternatives(models, table, study)
     unit = surface.natural_unit(table, best.coded, space)
     error = np.array([float(model.standard_error(best.coded[None])[0]) for model in models])
     mean, covariance = best.predicted, np.diag(error**2)
@@ -54,7 +53,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         mean,
         covariance,
         probability_of(mean[None], covariance[None], targets),
-        samples_of(space, unit, section["checks"], next_number(data)),
+        samples_of(space, unit, section.checks, next_number(data)),
         "the optimum of the surfaces is simulated",
         others,
         predicted,
@@ -65,13 +64,13 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     )
 
 
-def _steps(kept: Sequence[str], samples: int, section: Mapping[str, Any]) -> tuple[str, ...]:
+def _steps(kept: Sequence[str], samples: int, section: ResponseSurfaceSettings) -> tuple[str, ...]:
     """Describe the way to the optimum, in sentences."""
     return (
-        f"Screening: {section['screening_runs']} runs of a Plackett-Burman design and "
-        f"{section['centres']} of the centre; kept: {', '.join(kept)}.",
+        f"Screening: {section.screening_runs} runs of a Plackett-Burman design and "
+        f"{section.centres} of the centre; kept: {', '.join(kept)}.",
         "Steepest ascent towards the targets, to the best point of the path.",
-        f"Surface: {samples} parameter sets about it ({section['surface']}), a quadratic "
+        f"Surface: {samples} parameter sets about it ({section.surface}), a quadratic "
         "model for each response, and its optimum.",
     )
 

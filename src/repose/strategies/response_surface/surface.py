@@ -1,6 +1,5 @@
 """Second and third step: a second-order design about the best point of the path, its models and their optimum."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -8,12 +7,12 @@ import pandas as pd
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
-from repose.doe.box_behnken import box_behnken
-from repose.doe.central_composite import central_composite
 from repose.doe.model import Model
 from repose.doe.optimum import Optimum, optimum
 from repose.strategies.answer import separated
-from repose.strategies.response_surface.steps import aims_of, factors_of, samples, scale_of, usable
+from repose.strategies.base import Studied
+from repose.strategies.response_surface import ResponseSurfaceSettings
+from repose.strategies.response_surface.steps import factors_of, samples, scale_of, usable
 
 LEVEL = 0.95  # of the intervals
 POINTS = 2048  # of the cube, searched for parameter sets inside the ranges
@@ -25,23 +24,19 @@ def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.D
     `error_percent` is the weighted root mean square of the relative misses.
     """
     points = usable(table, dataset)
-    weights = np.array([target.weight for target in targets])
-    off = points[list(targets.names)].to_numpy(float) / aims_of(targets) - 1
-    points["error_percent"] = 100 * np.sqrt((weights * off**2).sum(axis=1) / weights.sum())
+    off = points[list(targets.names)].to_numpy(float) / targets.aim - 1
+    points["error_percent"] = 100 * np.sqrt((targets.weight * off**2).sum(axis=1) / targets.weight.sum())
     points["best"] = points.index == points["error_percent"].idxmin()
     return points
 
 
-def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
+def design(points: pd.DataFrame, space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFrame:
     """Design the surface about the best point of the path, moved where a factor would leave its range.
 
     The outermost level of a factor lies `reach` of its range from the centre.
     """
-    factors, reach = factors_of(points), section["reach"]
-    if section["surface"] == "box_behnken":
-        coded, outermost = box_behnken(len(factors), section["centres"])[0], 1.0
-    else:
-        coded, outermost = central_composite(len(factors), section["surface"], section["centres"])
+    factors, reach = factors_of(points), section.reach
+    coded, outermost = section.coded(len(factors))
     middle = space.unit(points.loc[points["best"], list(space.names)].to_numpy(float))
     places = [space.free.index(name) for name in factors]
     unit = np.repeat(middle, len(coded), axis=0)
@@ -51,8 +46,7 @@ def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, An
 
 def best_point(models: list[Model], targets: Targets) -> Optimum:
     """Find the optimum of the quadratic models, one for each target, inside the cube of the design."""
-    low, high = (np.array([getattr(target, end) for target in targets]) for end in ("low", "high"))
-    return optimum(models, aims_of(targets), scale_of(targets), low, high)
+    return optimum(models, targets.aim, scale_of(targets), targets.low, targets.high)
 
 
 def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace) -> np.ndarray:
@@ -73,29 +67,24 @@ def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace)
     return natural
 
 
-def alternatives(
-    models: list[Model], table: pd.DataFrame, space: ParameterSpace, targets: Targets, config: Mapping[str, Any]
-) -> tuple[np.ndarray, np.ndarray]:
+def alternatives(models: list[Model], table: pd.DataFrame, study: Studied) -> tuple[np.ndarray, np.ndarray]:
     """Find parameter sets (n, p) of the design's cube with predictions (n, k) inside all ranges, the best first."""
     from scipy.stats import qmc
 
-    factors = len(models[0].factors)
-    coded = 2 * qmc.Sobol(factors, rng=config["design"]["seed"]).random(POINTS) - 1
+    space, targets, settings = study.parameters, study.targets, study.settings
+    coded = 2 * qmc.Sobol(len(models[0].factors), rng=settings.design.seed).random(POINTS) - 1
     predicted = np.column_stack([model.predict(coded) for model in models])
     inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
-    off = (((predicted - aims_of(targets)) / scale_of(targets)) ** 2).sum(axis=1)
+    off = (((predicted - targets.aim) / scale_of(targets)) ** 2).sum(axis=1)
     order = np.argsort(off, kind="stable")
     order = order[inside[order]]
     unit = natural_unit(table, coded[order], space)
-    kept = separated(unit, config["miga"]["distance"], config["miga"]["solutions"])
+    kept = separated(unit, settings.miga)
     return space.values(unit[kept]), predicted[order][kept]
 
 
-def check_samples(
-    table: pd.DataFrame, best: Optimum, space: ParameterSpace, section: Mapping[str, Any]
-) -> pd.DataFrame:
-    """Repeat the optimum `checks` times, as samples of the check."""
-    count = section["checks"]
+def check_samples(table: pd.DataFrame, best: Optimum, space: ParameterSpace, count: int) -> pd.DataFrame:
+    """Repeat the optimum `count` times, as samples of the check."""
     unit = np.repeat(natural_unit(table, best.coded, space), count, axis=0)
     return samples("check", space, unit, factors_of(table), np.repeat(best.coded[None], count, axis=0))
 
@@ -124,25 +113,14 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
     """
     from scipy import stats
 
-    rows = []
-    for target, model in zip(targets, models, strict=True):
-        df = model.df
-        mean, error = (float(model.predict(best.coded[None])[0]), float(model.standard_error(best.coded[None])[0]))
-        t = float(stats.t.ppf((1 + LEVEL) / 2, df)) if df else np.nan
-        whole = np.sqrt(error**2 + model.variance / runs)
-        rows.append(
-            {
-                "response": target.name,
-                "target": target.aim,
-                "predicted": mean,
-                "standard_error": error,
-                "mean_low": mean - t * error,
-                "mean_high": mean + t * error,
-                "low": mean - t * whole,
-                "high": mean + t * whole,
-            }
-        )
-    return pd.DataFrame(rows)
+    table = pd.DataFrame({"response": targets.names, "target": targets.aim})
+    table["predicted"] = [float(model.predict(best.coded[None])[0]) for model in models]
+    table["standard_error"] = [float(model.standard_error(best.coded[None])[0]) for model in models]
+    t = np.array([float(stats.t.ppf((1 + LEVEL) / 2, model.df)) if model.df else np.nan for model in models])
+    whole = np.sqrt(table["standard_error"] ** 2 + [model.variance / runs for model in models])
+    for name, error in (("mean_", table["standard_error"]), ("", whole)):
+        table[f"{name}low"], table[f"{name}high"] = table["predicted"] - t * error, table["predicted"] + t * error
+    return table
 
 
 def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:

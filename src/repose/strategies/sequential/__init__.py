@@ -1,27 +1,26 @@
 """Few pours, each where it informs most: a space-filling start, then batches where the targets are probably met."""
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from repose.core.section import Section, Seeds
-from repose.strategies.base import Answer, Batch, Strategy, Studied, register
+from repose.core.section import Contradictions, Section, Seeds
+from repose.strategies.base import Answer, Batch, Pours, Strategy, Studied, register
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 class SequentialSettings(Section):
-    """Few pours, each where it says most."""
+    """Settings of few pours, each where it is most informative; config/README.md explains the keys."""
 
-    start_samples: int = Field(ge=4, le=999)
-    seeds: Seeds
-    batch: int = Field(ge=1, le=100)
-    tolerance_percent: Annotated[float, Field(gt=0, le=50)]
-    probability: float = Field(ge=0.05, le=0.99)
+    start_samples: int = Field(ge=4, le=999)  # all over the ranges
+    seeds: Seeds  # runs of each sample
+    batch: int = Field(ge=1, le=100)  # samples of each batch after the start
+    tolerance_percent: Annotated[float, Field(gt=0, le=50)]  # of each target
+    probability: float = Field(ge=0.05, le=0.99)  # of meeting all targets, at which the pours stop
     most_pours: int = Field(ge=8, le=9999)
-    checks: int = Field(ge=2, le=500)
+    checks: int = Field(ge=2, le=500)  # runs of the answer
 
 
 @register("sequential")
@@ -41,15 +40,12 @@ class Sequential(Strategy):
 
         return strategy.answer(study, data)
 
-    def contradictions(self, config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    def contradictions(self, section: SequentialSettings, free: int, responses: int) -> Contradictions:
         """Refuse a start beyond its budget or without repeats."""
-        section, responses = config["sequential"], len(config["targets"])
-        repeats = section["start_samples"] * (section["seeds"] - 1)
-        if repeats <= responses:
-            yield "sequential.seeds", "at least 2: the noise comes from pours of one sample"
-        if section["start_samples"] * section["seeds"] > section["most_pours"]:
-            yield "sequential.most_pours", "at least sequential.start_samples times sequential.seeds"
+        if section.start_samples * (section.seeds - 1) <= responses:
+            yield "seeds", "at least 2: the noise comes from pours of one sample"
+        if section.start_samples * section.seeds > section.most_pours:
+            yield "most_pours", "at least sequential.start_samples times sequential.seeds"
 
-    def pours(self, config: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...]:
-        section = config["sequential"]
-        return (("at most", section["most_pours"] // section["seeds"], section["seeds"]),)
+    def pours(self, section: SequentialSettings, free: int) -> Pours:
+        return (("at most", section.most_pours // section.seeds, section.seeds),)

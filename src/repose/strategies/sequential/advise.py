@@ -1,14 +1,16 @@
 """The next batch of pours, or the answer with its probability: a function of the data alone, without any file."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from repose.chain.design import optimal_lhs
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
+from repose.search.settings import MigaSettings
 from repose.strategies.answer import separated
+from repose.strategies.sequential import SequentialSettings
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
 from repose.strategies.sequential.reach import Reach, reach
@@ -40,16 +42,16 @@ class Advice(NamedTuple):
     reach: Reach
 
 
-def start(space: ParameterSpace, section: Mapping[str, Any], seed: int) -> np.ndarray:
+def start(space: ParameterSpace, section: SequentialSettings, seed: int) -> np.ndarray:
     """Make the points (n, d) of the start in the unit cube: a Latin hypercube, spread as the prior."""
-    return space.from_prior(optimal_lhs(section["start_samples"], space.dimensions, seed))
+    return space.from_prior(optimal_lhs(section.start_samples, space.dimensions, seed))
 
 
 def advise(
     observed: Observed,
     failed: np.ndarray,
     goal: Goal,
-    section: Mapping[str, Any],
+    section: SequentialSettings,
     poured: int,
     random: np.random.Generator,
     noise: np.ndarray | None = None,
@@ -63,13 +65,13 @@ def advise(
     attainable = reach(model, goal, random.spawn(1)[0])
     answer = points[scores.argmax()]
     probability = _probability(model, goal, answer)
-    left = max(section["most_pours"] - poured, 0)
-    samples = min(section["batch"], left // section["seeds"])
+    left = max(section.most_pours - poured, 0)
+    samples = min(section.batch, left // section.seeds)
     reachable = max(goal.reachable(model, points, left), probability)
     stop = None
-    if probability >= section["probability"]:
+    if probability >= section.probability:
         stop = "probability"
-    elif attainable.probability < OUT_OF_REACH and poured > section["start_samples"] * section["seeds"]:
+    elif attainable.probability < OUT_OF_REACH and poured > section.start_samples * section.seeds:
         stop = "out_of_reach"
         answer = nearest(model, goal, observed.unit, failed, points)
         probability = _probability(model, goal, answer)
@@ -86,7 +88,7 @@ def advise(
         batch = _around(answer, samples, goal, observed.unit, failed, random)
     mean, covariance = model.predict(answer[None])
     error = np.sqrt(np.diagonal(covariance[0]))
-    needed = goal.needed(model.noise, section["probability"])
+    needed = goal.needed(model.noise, section.probability)
     return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed, attainable)
 
 
@@ -134,17 +136,17 @@ def ranked(
 
 
 def alternatives(
-    points: np.ndarray, scores: np.ndarray, model: Kriging, targets: Targets, section: Mapping[str, Any]
+    points: np.ndarray, scores: np.ndarray, model: Kriging, targets: Targets, section: MigaSettings
 ) -> tuple[np.ndarray, np.ndarray]:
     """Choose points (n, d) inside all ranges and apart from each other, the best first, with predictions (n, k).
 
-    `points` (m, d) and `scores` (m,) come from `ranked`, `section` is `miga` of the configuration.
+    `points` (m, d) and `scores` (m,) come from `ranked`.
     """
     mean = model.predict(points)[0]
     inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(scores)
     order = np.argsort(-scores, kind="stable")
     order = order[inside[order]]
-    kept = order[separated(points[order], section["distance"], section["solutions"])]
+    kept = order[separated(points[order], section)]
     return points[kept], mean[kept]
 
 

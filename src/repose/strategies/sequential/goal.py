@@ -49,14 +49,6 @@ class Goal(NamedTuple):
         """Compute the probability (m,) to meet all responses, for mean responses (m, k) with covariance (m, k, k)."""
         return within(mean, covariance, self.aim - self.half, self.aim + self.half)
 
-    @staticmethod
-    def inside(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> float:
-        """Compute the probability that the responses of one point lie in the ranges of all targets.
-
-        Mean (1, k) and covariance (1, k, k) of the mean responses.
-        """
-        return float(within(mean, covariance, targets.low, targets.high)[0])
-
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
         """Add the log of the probability (m,) that points (m, d) meet the targets to the log of their prior density."""
         mean, covariance = model.predict(unit)

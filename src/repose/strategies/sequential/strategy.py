@@ -1,7 +1,6 @@
 """Proposals of the strategy `sequential`: kriging says where the next batch is simulated, and when to stop."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import pandas as pd
 from repose.chain.answer import WITHIN
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
+from repose.core.probability import within
 from repose.core.targets import Targets
 from repose.strategies.base import SO_FAR, Answer, Batch, Studied, samples_of
 from repose.strategies.runs import next_number
@@ -28,53 +28,64 @@ WHY = {
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """Propose the next batch, or answer if there is a reason to stop."""
-    space, section = study.parameters, study.config["sequential"]
+    space, section = study.parameters, study.settings.sequential
     if data.empty:
-        unit = start(space, section, study.config["design"]["seed"])
-        return Batch(samples_of(space, unit, section["seeds"]))
+        return _start(study, data)
     goal = _goal(study)
     observed, failed = observed_of(data, space, study.targets)
     try:
         noise = known_noise(study, observed)
         advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
     except (InputError, ValueError) as error:
-        if len(failed) and len(data) < section.get("most_pours", section.get("most_runs", 0)):
-            return _further_start(study, data, len(failed))
+        if len(failed) and len(data) < section.most_pours:
+            few = f"{len(failed)} samples failed, and the others are too few for a model: a further start"
+            return _start(study, data, why=few)
         if isinstance(error, InputError):
             raise
         raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
     notes = _notes(advice, study)
     if advice.stop is None:
-        return Batch(samples_of(space, advice.batch, section["seeds"], next_number(data)), notes)
-    best = answer(study, data)
-    if advice.stop == "out_of_reach":
-        best = _at(advice.answer, best, study, data)
-    return replace(best, why=WHY[advice.stop], notes=notes | _end(notes, study, data))
+        return Batch(samples_of(space, advice.batch, section.seeds, next_number(data)), notes)
+    point = advice.answer if advice.stop == "out_of_reach" else None
+    return answer(study, data, point, why=WHY[advice.stop], notes=notes | _end(notes, study, data))
 
 
-def _further_start(study: Studied, data: pd.DataFrame, failed: int) -> Batch:
-    """Sample all over the ranges again, where too few samples of the start are good for a model."""
-    space, section = study.parameters, study.config["sequential"]
-    unit = start(space, section, study.config["design"]["seed"] + len(data))
-    why = f"{failed} samples failed, and the others are too few for a model: a further start"
-    return Batch(samples_of(space, unit, section["seeds"], next_number(data)), {"why": why})
+def _start(study: Studied, data: pd.DataFrame, **notes: str) -> Batch:
+    """Sample all over the ranges, at the beginning or where too few samples are good for a model."""
+    space, section = study.parameters, study.settings.sequential
+    unit = start(space, section, study.settings.design.seed + len(data))
+    return Batch(samples_of(space, unit, section.seeds, 1 if data.empty else next_number(data)), notes)
 
 
-def answer(study: Studied, data: pd.DataFrame) -> Answer:
-    """Find the set that meets the targets most probably."""
-    space, targets, goal = study.parameters, study.targets, _goal(study)
+def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, **about: Any) -> Answer:
+    """Answer with the set that meets the targets most probably, or with a point (d,) of the unit cube."""
+    space, targets, section = study.parameters, study.targets, study.settings.sequential
     observed, failed = observed_of(data, space, targets)
     try:
         model = Kriging(observed, known_noise(study, observed))
     except ValueError as error:
         raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
-    points, scores = ranked(model, goal, observed.unit, failed, _random(study, data))
-    others, predicted = alternatives(points, scores, model, targets, study.config["miga"])
-    nowhere = np.empty(0)
-    best = Answer(
-        *(nowhere, nowhere, nowhere, {}, data, SO_FAR), space.values(others), predicted, SpaceKriging(model, space)
+    points, scores = ranked(model, _goal(study), observed.unit, failed, _random(study, data))
+    others, predicted = alternatives(points, scores, model, targets, study.settings.miga)
+    unit = (points[scores.argmax()] if point is None else point)[None]
+    mean, covariance = model.predict(unit)
+    probability = {
+        column: float(Goal.of(targets, percent, space).probability(mean, covariance)[0])
+        for percent, column in WITHIN.items()
+    }
+    # a simulator of the user's own has no key for the number of runs of the answer
+    checks = getattr(section, "checks", section.seeds)
+    return Answer(
+        values=space.values(unit)[0],
+        mean=mean[0],
+        covariance=covariance[0],
+        probability=probability | {"inside": float(within(mean, covariance, targets.low, targets.high)[0])},
+        samples=samples_of(space, unit, checks, next_number(data)),
+        others=space.values(others),
+        others_mean=predicted,
+        model=SpaceKriging(model, space),
+        **{"why": SO_FAR} | about,
     )
-    return _at(points[scores.argmax()], best, study, data)
 
 
 def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> tuple[Observed, np.ndarray]:
@@ -94,49 +105,23 @@ def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> 
 
 def noise_from(study: Studied, observed: Observed) -> Noise:
     """Estimate the noise of a single run as well as the runs allow."""
-    return noise_of(observed, study.targets.names, study.config.get("noise_sd", {}))
+    return noise_of(observed, study.targets.names, getattr(study.settings, "noise_sd", {}))
 
 
 def known_noise(study: Studied, observed: Observed) -> np.ndarray | None:
     """Return the covariance (k, k) of a single run; None if the replicates alone give it, as for our own pours."""
-    return noise_from(study, observed).covariance if "noise_sd" in study.config else None
+    return noise_from(study, observed).covariance if hasattr(study.settings, "noise_sd") else None
 
 
 def _goal(study: Studied) -> Goal:
     """Return the targets within the tolerance of the section."""
-    return Goal.of(study.targets, study.config["sequential"]["tolerance_percent"], study.parameters)
+    return Goal.of(study.targets, study.settings.sequential.tolerance_percent, study.parameters)
 
 
 def _random(study: Studied, data: pd.DataFrame) -> np.random.Generator:
     """Seed the random numbers of a proposal by the number of the last batch, or by the number of runs."""
     turn = int(data["batch"].max()) if "batch" in data else len(data)
-    return np.random.default_rng([study.config["design"]["seed"], turn])
-
-
-def _at(unit: np.ndarray, best: Answer, study: Studied, data: pd.DataFrame) -> Answer:
-    """Move the answer to a point (d,) of the unit cube."""
-    space, targets = study.parameters, study.targets
-    assert isinstance(best.model, SpaceKriging)
-    mean, covariance = best.model.model.predict(unit[None])
-    probability = {
-        column: float(Goal.of(targets, percent, space).probability(mean, covariance)[0])
-        for percent, column in WITHIN.items()
-    }
-    probability["inside"] = Goal.inside(mean, covariance, targets)
-    return replace(
-        best,
-        values=space.values(unit)[0],
-        mean=mean[0],
-        covariance=covariance[0],
-        probability=probability,
-        samples=samples_of(space, unit[None], _checks(study), next_number(data)),
-    )
-
-
-def _checks(study: Studied) -> int:
-    """Return the number of runs of the answer; a simulator of the user's own has no key for it."""
-    section = study.config["sequential"]
-    return section.get("checks", section["seeds"])
+    return np.random.default_rng([study.settings.design.seed, turn])
 
 
 def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
@@ -155,11 +140,11 @@ def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
 
 def _end(notes: Mapping[str, Any], study: Studied, data: pd.DataFrame) -> dict[str, Any]:
     """Describe the end of the search, for the summary and the report."""
-    section = study.config["sequential"]
+    section = study.settings.sequential
     kept = ("answer", "probability", "stop", "needed", "in_reach", "nearest")
-    tolerance = section["tolerance_percent"]
+    tolerance = section.tolerance_percent
     steps = (
-        f"Start: {section['start_samples']} parameter sets all over the ranges, each poured {section['seeds']} times.",
+        f"Start: {section.start_samples} parameter sets all over the ranges, each poured {section.seeds} times.",
         f"Batches: each about the best point so far; {len(data)} pours in all. They stopped: {notes['why']}.",
         f"Model: kriging of the samples' means with their known errors. The answer lies within "
         f"{tolerance:g} % of all targets with probability {notes['probability']:.2f}.",

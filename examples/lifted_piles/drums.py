@@ -1,0 +1,195 @@
+"""The drums of the other project, upright and tilted: filled, turned and measured as its decks say.
+
+    python examples/lifted_piles/drums.py ROW SEED [--tilted]
+
+runs row ROW of parameters.csv, and writes its numbers to results/examples/lifted_piles. README.md says what differs.
+"""
+
+import argparse
+import math
+import time
+
+import numpy as np
+import pandas as pd
+from lifted_piles import (
+    DENSITY_KG_M3,
+    DIAMETERS_MM,
+    FALLING_M_S,
+    FEWEST_IN_SHELL,
+    HERE,
+    NUMBERS,
+    OUT,
+    POISSON,
+    PUBLISHED,
+    ROUNDS,
+    SHELL,
+    STEP_SHARE,
+    TRIMMED,
+    WINDOW,
+    YOUNG_PA,
+    Contents,
+    Grains,
+    line_of,
+    rings,
+)
+from scipy.spatial.distance import cdist
+
+from repose.apparatus.drum import Drum
+from repose.core.files import read_json, write_json
+from repose.dem import Contact, Material, Motion, Shape, Simulation
+
+DRUM = Drum(radius_m=0.075, length_m=0.025)
+COVER = (0.36, 0.29)  # static and rolling friction of covers, and of all of the tilted drum
+GRAINS, PERIOD_S = 4600, 12.0
+REGION_M = (0.0735, 0.011)  # radius and half length that take the grains
+FILLED_S, REFILLED_S, TRIES = 0.8, 0.1, 50
+FRAME_S = 0.2
+SPUN_S, FRAMES = {False: 3.0, True: 7.0}, {False: 17, True: 33}  # by tilted
+SLAB_M = (-0.0135, -0.0051)  # the grains at the lower cover of the tilted drum
+FEWEST_BINS = 4
+
+
+def drum(contents: Contents, seed: int, tilted: bool, modulus: float = 1.0, grains: int = GRAINS) -> Simulation:
+    """The drum, filled in steps of 0.1 s and at rest."""
+    largest_m, rng = 1e-3 * DIAMETERS_MM.max(), np.random.default_rng(seed)
+    walls = DRUM.walls("cover")
+    if not tilted:
+        walls |= {"shell": DRUM.walls("wheat")["shell"]}
+    material = Material(modulus * YOUNG_PA / (2.0 + 2.0 * POISSON), POISSON)
+    half = np.array([DRUM.radius_m, 0.5 * DRUM.length_m, DRUM.radius_m])
+    down = math.radians(45.0 if tilted else 0.0)
+
+    def empty(step_s: float) -> Simulation:
+        return Simulation(
+            shapes={"grain": Shape.sphere(0.5 * largest_m, DENSITY_KG_M3, "wheat")},
+            materials={"wheat": material, "cover": material},
+            contacts={
+                ("wheat", "wheat"): Contact(contents.rest, contents.fric, contents.rollfric, twisting_friction=0.0),
+                ("wheat", "cover"): Contact(contents.rest, *COVER, twisting_friction=0.0),
+            },
+            time_step_s=step_s,
+            capacity=grains,
+            lower=-half,
+            upper=half,
+            walls=walls,
+            gravity_m_s2=(0.0, -9.81 * math.sin(down), -9.81 * math.cos(down)),
+            contact_law="hertz_mindlin",
+            rolling_law="epsd2",
+            tension="keep",
+            friction_limit="total",
+        )
+
+    scale = DIAMETERS_MM.min() / DIAMETERS_MM.max()
+    simulation = empty(STEP_SHARE * scale * empty(1e-7).longest_time_step())
+    for _ in range(round(FILLED_S / REFILLED_S)):
+        missing = grains - simulation.n_bodies
+        sizes_mm = np.sort(rng.choice(DIAMETERS_MM, missing, p=np.array(NUMBERS) / sum(NUMBERS)))[::-1]
+        before = Grains.of(simulation)
+        for size_mm, centre in thrown(before.centres_m, before.radii_m, sizes_mm, rng):
+            simulation.add("grain", centre, velocity_m_s=(0.0, 0.0, -FALLING_M_S), scale=size_mm / DIAMETERS_MM.max())
+        simulation.run(REFILLED_S, progress=False)
+    return simulation
+
+
+def thrown(centres_m: np.ndarray, radii_m: np.ndarray, sizes_mm: np.ndarray, rng: np.random.Generator) -> list[tuple]:
+    """Sizes and centres of those of the spheres that find room among others, each with 50 tries."""
+    found: list[tuple] = []
+    for size_mm in sizes_mm:
+        r = 5e-4 * size_mm
+        out, turn, along = rng.random((3, TRIES))
+        out, turn = (REGION_M[0] - r) * np.sqrt(out), 2.0 * math.pi * turn
+        places = np.column_stack([out * np.cos(turn), (REGION_M[1] - r) * (2.0 * along - 1.0), out * np.sin(turn)])
+        free = np.flatnonzero((cdist(places, centres_m) > radii_m + r).all(axis=1))
+        if len(free):
+            found.append((size_mm, places[free[0]]))
+            centres_m, radii_m = np.vstack([centres_m, places[free[0]]]), np.append(radii_m, r)
+    return found
+
+
+def frame_angle(grains: Grains, tilted: bool = False) -> float:
+    """Angle of the surface of one frame [deg], along the drum's axis; of a tilted drum at its lower cover."""
+    along = grains.centres_m[:, 1]
+    if tilted:
+        grains = Grains(*(values[(along >= SLAB_M[0]) & (along <= SLAB_M[1])] for values in grains))
+    width, tops, x = grains.median_m, grains.tops_m, grains.centres_m[:, 0]
+    middles, heights = rings(x - x.min(), tops, width)
+    middles = middles + x.min()
+    low, high = (middles.min() + share * np.ptp(middles) for share in WINDOW)
+    chord = (middles >= low) & (middles <= high)
+    if chord.sum() < FEWEST_BINS:
+        chord[:] = True
+    line = line_of(middles[chord], heights[chord])
+    off = heights - np.polyval(line, middles)
+    near = chord & (np.abs(off) <= TRIMMED * off[chord].std())
+    if FEWEST_BINS <= near.sum() < chord.sum():
+        line = line_of(middles[near], heights[near])
+    for _ in range(ROUNDS):
+        shell = (x >= low) & (x <= high) & (np.abs(tops - np.polyval(line, x)) <= SHELL * width)
+        if shell.sum() < FEWEST_IN_SHELL:
+            break
+        line = line_of(x[shell], tops[shell])
+    return math.degrees(math.atan(abs(line[0])))
+
+
+def turned(simulation: Simulation, tilted: bool) -> list[float]:
+    """Turn the drum and its covers, and measure the frames after the start."""
+    for wall in DRUM.walls("cover"):
+        simulation.set_motion(wall, Motion(angular_velocity_rad_s=(0.0, 2.0 * math.pi / PERIOD_S, 0.0)))
+    simulation.run(SPUN_S[tilted], progress=False)
+    angles = [frame_angle(Grains.of(simulation), tilted)]
+    while len(angles) < FRAMES[tilted]:
+        simulation.run(FRAME_S, progress=False)
+        angles.append(frame_angle(Grains.of(simulation), tilted))
+    return angles
+
+
+def rows(tilted: bool) -> pd.DataFrame:
+    """The parameters of the drums, by the number of their row."""
+    table = pd.read_csv(HERE / "parameters.csv")
+    return table[table["test"] == ("tilted_drum" if tilted else "drum")].set_index("row")
+
+
+def name(row: int, seed: int, modulus: float, tilted: bool) -> str:
+    """Name of a drum's file."""
+    return f"{'tilted' if tilted else 'drum'}_{row}_seed_{seed}_modulus_{modulus:g}"
+
+
+def one(row: int, seed: int, modulus: float, tilted: bool) -> dict:
+    """Run and measure a drum, or read the file that has it."""
+    path = OUT / f"{name(row, seed, modulus, tilted)}.json"
+    for kept in (path, PUBLISHED / path.name):
+        if kept.exists():
+            return read_json(kept)
+    contents, began = Contents(*rows(tilted).loc[row, list(Contents._fields)]), time.process_time()
+    simulation = drum(contents, seed, tilted, modulus)
+    angles = turned(simulation, tilted)
+    record = {"row": row, "seed": seed, "modulus": modulus, **contents._asdict()}
+    record |= {
+        "angle_deg": float(np.mean(angles)),
+        "frames_sd_deg": float(np.std(angles, ddof=1)),
+        "angles_deg": angles,
+    }
+    record |= {
+        "grains": simulation.n_bodies,
+        "left": int((~DRUM.holds(simulation.positions)).sum()),
+        "time_step_s": simulation.time_step_s,
+        "processor_s": time.process_time() - began,
+    }
+    write_json(path, record)
+    return record
+
+
+def main() -> None:
+    """Run one drum and print its numbers."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("row", type=int)
+    parser.add_argument("seed", type=int)
+    parser.add_argument("--tilted", action="store_true", help="by 45 degrees, all walls as the covers")
+    parser.add_argument("--modulus", type=float, default=1.0, metavar="FACTOR", help="over the modulus of the decks")
+    asked = parser.parse_args()
+    for key, value in one(asked.row, asked.seed, asked.modulus, asked.tilted).items():
+        print(f"{key}: {value}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
