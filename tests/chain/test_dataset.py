@@ -107,7 +107,7 @@ def test_missing_corrupt_and_bad_tables_are_named(study):
     samples.drop(columns="mur_gp").to_csv(folder / "short.csv", index=False)
     input_error(r"short.csv: column mur_gp", write, folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
-    input_error(r"twice.csv: sample is 1; expected each sample once", write, folder / "twice.csv", paths, folder)
+    input_error(r"twice.csv, row 4: sample is 1; expected each sample once", write, folder / "twice.csv", paths, folder)
     folder, paths = study
     input_error(r"samples without a file is \[2\]", write, folder / "samples.csv", [paths[0], paths[2]], folder)
     input_error(r"absent.json", write, folder / "samples.csv", [folder / "absent.json"], folder)
@@ -212,7 +212,7 @@ def changed(tables, name, row, column, value):
 
 
 @pytest.mark.parametrize(("name", "column", "value", "message"), [
-    ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is inf; expected a finite number"),
+    ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is 'inf'; expected a finite number"),
     ("dataset.csv", "aor_deg", "nan", "row 3: aor_deg is nan; expected a number from 1 to 89"),
     ("dataset.csv", "aor_deg", "", "row 3: aor_deg is nan; expected a number from 1 to 89"),
     ("dataset.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0; expected a number from 1 to 89"),
@@ -225,7 +225,7 @@ def changed(tables, name, row, column, value):
     ("dataset.csv", "sample", "2", "row 3: sample is .2.; expected each once"),
     ("runs.csv", "sample", "2", "sample and seed|sample 1: ok runs is 5; expected 6"),
     ("runs.csv", "sample", "151", "sample is 151"),
-    ("runs.csv", "aor_deg", "-inf", "row 3: aor_deg is -inf; expected a finite number"),
+    ("runs.csv", "aor_deg", "-inf", "row 3: aor_deg is '-inf'; expected a finite number"),
     ("runs.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0"),
     ("runs.csv", "aor_deg", "30.5", "sample 1: mean of aor_deg is"),
     ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; expected 6"),

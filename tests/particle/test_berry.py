@@ -99,11 +99,11 @@ def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("long_mm,major_mm\n20,10\n21,10\n", ["header", "minor_mm"]),
+        ("long_mm,major_mm\n20,10\n21,10\n", ["column minor_mm", "missing"]),
         ("# x\nlong_mm,major_mm,minor_mm\n20,10,9\n10,21,9\n", ["row 2", "major_mm", "21", "long_mm"]),
         ("long_mm,major_mm,minor_mm\n20,10,9\n21,10,12\n", ["row 2", "minor_mm", "12", "major_mm"]),
         ("long_mm,major_mm,minor_mm\n20,10,9\n", ["rows", "at least 2"]),
-        ("long_mm;major_mm;minor_mm\n20,1;10;9\n", ["header", "separated by commas"]),
+        ("long_mm;major_mm;minor_mm\n20,1;10;9\n", ["rows is 1", "at least 2"]),
         ("long_mm,major_mm,minor_mm\n20,10,9\n21,1_0,9\n", ["row 2", "major_mm", "1_0"]),
         ('long_mm,major_mm,minor_mm\n20,10,"9\n21,10,9\n', ["line 2", "CSV"]),
     ],

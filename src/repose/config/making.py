@@ -1,5 +1,6 @@
 """The making of a study: checks of its configuration and of its files, which report all faults at once."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from repose.config.keys import Origin, get, owner_of
 from repose.config.models import StudySettings
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published, read_stored
+from repose.core.tables import OTHER_UNITS
 from repose.core.targets import Targets, completed
 
 if TYPE_CHECKING:
@@ -26,9 +28,15 @@ Result = TypeVar("Result")
 
 def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
-    limit = computed.longest_step(config, particle, mean)
-    if typed.sections(config).simulation.time_step_s > limit.time_step_s:
-        yield "simulation.time_step_s", limit.allowed
+    limit, sections = computed.longest_step(config, particle, mean), typed.sections(config)
+    step_s = sections.simulation.time_step_s
+    if step_s > limit.time_step_s:
+        of_tests = sections.berry.shear_modulus_pa is None
+        if of_tests and step_s < math.sqrt(OTHER_UNITS["N"]["gf"]) * limit.time_step_s:
+            stiff = f"a modulus below {mean['elastic_modulus_pa']:.2g} Pa by its column force_n (in gf instead of N?)"
+            yield "berry.compression", f"{stiff}; or simulation.time_step_s {limit.allowed}"
+        else:
+            yield "simulation.time_step_s", limit.allowed
 
 
 class Making:
