@@ -8,9 +8,9 @@ import pytest
 
 from repose.measure import further_responses
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
-from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile, silhouette
+from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile
 from repose.measure.segmentation import of_silhouette, segment
-from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE
+from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, silhouette
 
 MM = 0.25
 

@@ -62,6 +62,7 @@ SIZES = "sizes.csv"  # of a crop's folder
             metavar="PX",
             help="column and row of three points of the drum's inner rim, or of the box's two lower inner corners",
         ),
+        Option("--doubtful", action="store_true", help="doubtful photographs count in the mean and in the targets"),
         JSON.but(help="print every number as JSON"),
     ],
 )
@@ -113,7 +114,7 @@ def measure(args: argparse.Namespace) -> None:
             InputError(photograph.path, "pile", photograph.refused, allowed.format(overlay))
             for photograph, overlay in zip(results, overlays, strict=True)
         )
-    made = tables(results, how)
+    made = tables(results, how, args.doubtful)
     write_tables(made, how, out, args.bench, of_pile[args.bench])
     print(json_text(as_record(made)) if args.json else describe(results, made, how, out))
 

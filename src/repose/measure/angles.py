@@ -113,8 +113,7 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
 def window_correlations(distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Correlation (windows,) of distance and height of points first to last - 1, by running sums; NaN for a wall."""
     x, z = distance - distance.mean(), height - height.mean()
-    sums = np.concatenate([np.zeros((5, 1)), np.cumsum([x, z, x * x, z * z, x * z], axis=1)], axis=1)
-    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
+    sum_x, sum_z, sum_xx, sum_zz, sum_xz = _window_sums([x, z, x * x, z * z, x * z], first, last)
     n = last - first
     spread_x, spread_z = sum_xx - sum_x * sum_x / n, sum_zz - sum_z * sum_z / n
     usable = (spread_x >= n * WALL_SD**2) & (spread_z > 0)
@@ -128,12 +127,17 @@ def window_slopes(distance: np.ndarray, height: np.ndarray, lows: np.ndarray, hi
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
     first = np.searchsorted(height[order], lows, side="left")
     last = np.searchsorted(height[order], highs, side="right")
-    sums = np.concatenate([np.zeros((5, 1)), np.cumsum([np.ones_like(x), x, z, x * x, x * z], axis=1)], axis=1)
-    n, sum_x, sum_z, sum_xx, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
+    n, sum_x, sum_z, sum_xx, sum_xz = _window_sums([np.ones_like(x), x, z, x * x, x * z], first, last)
     n = np.maximum(n, 1)
     spread = sum_xx - sum_x * sum_x / n
     usable = (n >= MIN_LEVELS) & (spread >= n * WALL_SD**2)
     return np.where(usable, (sum_xz - sum_x * sum_z / n) / np.where(usable, spread, 1.0), np.nan)
+
+
+def _window_sums(terms: list[np.ndarray], first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Sum each of the terms over the points first to last - 1 of every window: (terms, windows)."""
+    sums = np.concatenate([np.zeros((len(terms), 1)), np.cumsum(terms, axis=1)], axis=1)
+    return sums.take(last, axis=1) - sums.take(first, axis=1)
 
 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
@@ -212,11 +216,9 @@ def _one_side(
     if name == "secant":
         assert berry is not None
         return secant(profile, berry)
-    if name == "whole":
-        return whole(profile)
-    if name == "straightest":
-        return straightest(profile, smallest)
-    return BANDED[name](profile, low, high, rule)
+    if name in BANDED:
+        return BANDED[name](profile, low, high, rule)
+    return whole(profile) if name == "whole" else straightest(profile, smallest)
 
 
 BANDED = {"flank": flank, "steepest": steepest}  # between `fit_from` and `fit_to`, by the points of `flank`

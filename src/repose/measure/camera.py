@@ -209,15 +209,10 @@ def side_view(
     width, height = pose.size
     seen = (pixels > 0).all(-1) & (pixels[..., 0] < width - 1) & (pixels[..., 1] < height - 1)
     # The sheet stands in its own plane: mark the part of the view that it hides.
-    edge = 0.02 * sheet_size_mm[0]
-    wide, tall = sheet_size_mm
-    corners = np.array(
-        [
-            [x, 0, y]
-            for x, y in ((-edge, -2 * edge), (wide + edge, -2 * edge), (wide + edge, tall + edge), (-edge, tall + edge))
-        ]
-    )
-    on_view = _meet(pose.eye, corners, origin, right)
+    edge, (wide, tall) = 0.02 * sheet_size_mm[0], sheet_size_mm
+    left_right, low_high = (-edge, wide + edge), (-2 * edge, tall + edge)
+    corners = np.array([[left_right[i], 0, low_high[j]] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))])
+    on_view = _meet(pose.eye, corners - pose.eye, origin, right)[1]
     polygon = np.column_stack([(on_view[:, 0] - low) / scale, base - on_view[:, 1] / scale])
     sheet = np.zeros(seen.shape, np.uint8)
     cv2.fillPoly(sheet, [np.rint(polygon).astype(np.int32)], 1)
@@ -226,35 +221,21 @@ def side_view(
 
 def _extent(pose: Pose, origin: np.ndarray, right: np.ndarray) -> tuple[float, float, float]:
     """Return left, right and top [mm] of the part of a plane that a photograph shows."""
-    width, height = pose.size
-    along = np.linspace(0, 1, 9)
-    edge = np.concatenate(
-        [
-            np.column_stack(pair)
-            for pair in (
-                (along * (width - 1), 0 * along),
-                (along * (width - 1), 0 * along + height - 1),
-                (0 * along, along * (height - 1)),
-                (0 * along + width - 1, along * (height - 1)),
-            )
-        ]
-    )
+    side = np.linspace(0, 1, 9)
+    edge = np.array([(u, v) for u in side for v in side if not {u, v}.isdisjoint((0, 1))]) * np.subtract(pose.size, 1)
     ahead = cv2.undistortPoints(edge[:, None], pose.camera.matrix, pose.camera.lens)[:, 0]
-    rays = np.column_stack([ahead, np.ones(len(ahead))]) @ pose.turn
-    normal = np.cross(right, [0, 0, 1.0])
-    far = (origin - pose.eye) @ normal / (rays @ normal)
+    far, at = _meet(pose.eye, np.column_stack([ahead, np.ones(len(ahead))]) @ pose.turn, origin, right)
     if (far <= 0).any():
         raise NoFlankError("the camera looks past the sheet: a part of the photograph shows nothing in its plane")
-    at = pose.eye + far[:, None] * rays - origin
-    if at[:, 2].max() <= 0:
+    along, up = at.T
+    if up.max() <= 0:
         raise NoFlankError("nothing above the plate is in the photograph")
-    return float((at @ right).min()), float((at @ right).max()), float(at[:, 2].max())
+    return float(along.min()), float(along.max()), float(up.max())
 
 
-def _meet(eye: np.ndarray, points: np.ndarray, origin: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Intersect the lines from the camera to `points` with a plane; points (along, up) in mm."""
+def _meet(eye: np.ndarray, ways: np.ndarray, origin: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far along its way (N, 3) from the camera each ray meets a plane, and where: (N, 2), along and up, in mm."""
     normal = np.cross(right, [0, 0, 1.0])
-    ways = points - eye
     far = (origin - eye) @ normal / (ways @ normal)
     at = eye + far[:, None] * ways - origin
-    return np.column_stack([at @ right, at[:, 2]])
+    return far, np.column_stack([at @ right, at[:, 2]])

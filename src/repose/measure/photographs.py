@@ -397,11 +397,3 @@ def _stated_focal(path: Path, long_side: float) -> float | None:
     except (OSError, ValueError, TypeError, SyntaxError):
         return None
     return equivalent / 36 * long_side if 5 < equivalent < 1000 else None
-
-
-def mean_of(values: Sequence[float]) -> tuple[float, float, int]:
-    """Mean, sample standard deviation (n - 1; NaN for a single value) and number of values."""
-    number = len(values)
-    mean = math.fsum(values) / number
-    sd = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (number - 1)) if number > 1 else math.nan
-    return mean, sd, number

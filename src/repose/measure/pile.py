@@ -20,28 +20,13 @@ import numpy as np
 
 from repose.core.errors import InputError, NoFlankError
 from repose.measure.angles import DEFINITIONS, Measured, measure_sides
-from repose.measure.profile_points import FLANK_RULES
 from repose.measure.results import Angle, Measurement, PileResult
 from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, require_upright, segment, upper_edge
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, frame, outlines, paint, silhouette, top_of
+from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, frame, outlines, paint, top_of
 
 HEIC = (b"ftypheic", b"ftypheix", b"ftyphevc", b"ftypmif1")
 FEWEST_PIXELS, MOST_PIXELS = 20, 200_000_000  # on a side; in all
-
-__all__ = [
-    "DEFINITIONS",
-    "FLANK_RULES",
-    "Angle",
-    "MeasureSettings",
-    "Measurement",
-    "NoFlankError",
-    "PileResult",
-    "measure_image",
-    "measure_pile",
-    "read_image",
-    "silhouette",
-]
 
 LOWEST_PILE_BERRIES = 1.5  # in equivalent diameters: 20 mm for the mean berry; below, a layer and not a pile
 

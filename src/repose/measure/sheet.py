@@ -5,13 +5,10 @@ are (x, z) in millimetres from its lower left corner.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
-
-if TYPE_CHECKING:
-    from matplotlib.patches import Rectangle
 
 SQUARE_MM = 20.0
 COLUMNS, ROWS = 6, 8
@@ -66,6 +63,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     import io
 
     from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
 
     wide, high = size_mm(square_mm)
     left, bottom = (PAGE_MM[0] - wide) / 2, 60.0
@@ -77,7 +75,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes.imshow(
         drawing(square_mm)[0], cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="none", aspect="auto"
     )
-    axes.add_patch(_rectangle((left, bottom), wide, high))
+    axes.add_patch(Rectangle((left, bottom), wide, high, fill=False, linewidth=0.3, edgecolor="0.5"))
     axes.set(xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
     middle = PAGE_MM[0] / 2
     axes.plot([middle - CHECK_MM / 2, middle + CHECK_MM / 2], [40, 40], "k|-", linewidth=0.7)
@@ -91,13 +89,6 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     stream = io.BytesIO()
     figure.savefig(stream, format="pdf", metadata={"CreationDate": None})
     return stream.getvalue()
-
-
-def _rectangle(corner: tuple[float, float], wide: float, high: float) -> "Rectangle":
-    """Draw the line along which the sheet is cut."""
-    from matplotlib.patches import Rectangle
-
-    return Rectangle(corner, wide, high, fill=False, linewidth=0.3, edgecolor="0.5")
 
 
 def _board(square_mm: float) -> cv2.aruco.CharucoBoard:
