@@ -3,7 +3,7 @@
 flank
     regression of height on distance between two heights (section 2.3 of the paper)
 secant
-    atan(2 H / D): H the crest over the plate, D the pile's width one berry above the plate
+    atan(2 H / D): H the crest over the plate, D the pile's width one grain above the plate
 steepest
     the largest slope of such a line over any stretch at least half as high as the flank, the whole flank among them
 whole
@@ -141,7 +141,7 @@ def _window_sums(terms: list[np.ndarray], first: np.ndarray, last: np.ndarray) -
 
 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """The regression line of height on distance, drawn from height `low` to height `high`."""
+    """Fit the line of height on distance, drawn from height `low` to height `high`."""
     spread = distance - distance.mean() if distance.size else distance
     if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
         raise NoFlankError(WALL)
@@ -154,10 +154,10 @@ def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) ->
 
 
 def secant(profile: np.ndarray, berry: float) -> Line:
-    """One side of the definition "secant": from the outermost place one berry high, on the plate, to the crest."""
+    """One side of the definition "secant": from the outermost place one grain high, on the plate, to the crest."""
     crest, height = profile.size - 1, float(profile[-1])
     if not 0 < berry < height:
-        raise NoFlankError("the pile is not higher than one berry")
+        raise NoFlankError("the pile is not higher than one grain")
     if profile[0] >= berry:
         raise NoFlankError(
             "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
@@ -167,7 +167,7 @@ def secant(profile: np.ndarray, berry: float) -> Line:
 
 
 def secant_of_pile(left: Line, right: Line) -> float:
-    """The secant of a pile in degrees from the lines of its two sides: atan(2 H / D), D = W_left + W_right."""
+    """Combine the secant of a pile in degrees from the lines of its two sides: atan(2 H / D), D = W_left + W_right."""
     (foot_left, _), (crest_left, height) = left.ends
     (foot_right, _), (crest_right, _) = right.ends
     width = crest_left - foot_left + crest_right - foot_right
@@ -191,7 +191,7 @@ def measure_sides(
     for name in definitions:
         try:
             if berry is None and (name == "secant" or (name in BANDED and "berry" in (fit_from, fit_to))):
-                raise NoFlankError("the berry's height is not known")
+                raise NoFlankError("the grain's height is not known")
             low, high = (_height_of(end, height, berry) for end in (fit_from, fit_to))
             left, right = (_one_side(name, side, low, high, berry, rule, smallest) for side in sides)
         except NoFlankError as error:

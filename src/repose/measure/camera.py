@@ -179,7 +179,7 @@ def side_view(
     longest: int,
     part: tuple[float, float, float] | None = None,
 ) -> tuple[SideView, float]:
-    """The upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
+    """Draw the upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
 
     `axis_mm` None means the plane of the sheet, from its lower left corner. `part` is left, right and top in mm from
     the axis and the plate; None means all.

@@ -52,7 +52,7 @@ class NotPlainError(NoFlankError):
 
 
 def find(image: np.ndarray, hidden: np.ndarray, base_row: float, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
-    """The pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
+    """Find the pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
     above = math.ceil(base_row)
     colours = _seen(image, hidden, above, SMALL_PX if by_roughness else None)
     not_behind, rough = hidden[:above], _roughness(colours)
@@ -126,8 +126,8 @@ def _halfway(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the boundary of a mask to where pile and background, each as it is about there, have equal shares.
 
-    A pixel goes to the other side if the share of that side is larger than `sure`: a grain in the shade is neither like
-    its neighbours nor like the background. Only pixels that are `free` change. Also return the share of the pile (H, W) in each pixel.
+    Only pixels that are `free` change, and only if the share of the other side is larger than `sure`: a grain in the
+    shade is like neither side. Also return the share of the pile (H, W) in each pixel.
     """
     reach = max(EDGE_PX, round(reach_px))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
@@ -159,7 +159,7 @@ def _without_penumbra(mask: np.ndarray, colours: np.ndarray, berry_px: float) ->
 
 
 def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
-    """Number of lowest rows of a pile with mostly the background's colour, but darker.
+    """Count the lowest rows of a pile with mostly the background's colour, but darker.
 
     It is 0 for grains of the background's colour, as in a grey picture: shadow and grain look the same.
     """

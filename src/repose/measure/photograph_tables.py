@@ -39,7 +39,7 @@ def tables(measured: Sequence[Photograph], how: MeasureSettings, doubtful: bool 
 
 
 def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """The summary of the columns that were measured."""
+    """Summarize the columns that were measured."""
     means = photographs[list(columns)].astype(float).agg(["mean", "std", "count"]).T.round(3)
     means = means.set_axis(["value", "sd", "repetitions"], axis=1).rename_axis("response").reset_index()
     return means[means["repetitions"] > 0].astype({"repetitions": int}, copy=False)
@@ -59,7 +59,7 @@ def write_tables(made: Tables, how: MeasureSettings, out: Path, bench: str, resp
 
 
 def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[str, str]) -> str:
-    """The measured responses as YAML, an overlay for the configuration of a study.
+    """Write the measured responses as YAML, an overlay for the configuration of a study.
 
     The range is the mean and its standard error to each side, at least 1 % of the mean. A single pile has no scatter:
     its standard deviation and range are null, and a study refuses them until the user gives values.
@@ -86,7 +86,7 @@ def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[s
 
 
 def as_record(made: Tables) -> dict[str, list]:
-    """The tables as lists of rows; a missing number is None."""
+    """Turn the tables into lists of rows; a missing number is None."""
     return {
         name: [{k: None if pd.isna(v) else v for k, v in row.items()} for row in table.to_dict("records")]
         for name, table in (("photographs", made.photographs), ("summary", made.summary))
@@ -94,7 +94,7 @@ def as_record(made: Tables) -> dict[str, list]:
 
 
 def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
-    """The text that the command prints; `out` is the folder of the overlays."""
+    """Write the text that the command prints; `out` is the folder of the overlays."""
     wide = max(len(photograph.path.name) for photograph in photographs)
     lines = []
     for photograph in photographs:

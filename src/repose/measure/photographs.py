@@ -74,7 +74,7 @@ def level_length(length_mm: float, x1: float, y1: float, x2: float, y2: float) -
 
 
 def load(path: Path) -> tuple[np.ndarray, float]:
-    """A photograph (H, W, 3), BGR, reduced if it is larger than 4000 pixels, and the factor of the reduction."""
+    """Read a photograph (H, W, 3), BGR, reduced if it is larger than 4000 pixels, and the factor of the reduction."""
     image = read_image(path)
     times = max(1.0, max(image.shape[:2]) / LARGEST_PX)
     if times > 1:
@@ -98,7 +98,7 @@ def readable(paths: Sequence[Path]) -> tuple[list[Path], list[InputError]]:
 def cameras(
     paths: Sequence[Path], square_mm: float
 ) -> tuple[dict[Path, sheet.Seen | None], dict[tuple[int, int], camera.Camera]]:
-    """The sheet in each photograph by path, None if not seen; and the camera by (width, height), one for each size."""
+    """Find the sheet in each photograph, None if not seen, and the camera of each size (width, height)."""
     seen: dict[Path, sheet.Seen | None] = {}
     of_size: dict[tuple[int, int], list[sheet.Seen]] = {}
     focal: dict[tuple[int, int], float | None] = {}

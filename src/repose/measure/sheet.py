@@ -49,7 +49,7 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> Seen | None:
 
 
 def drawing(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> tuple[np.ndarray, int]:
-    """The sheet as a grey picture (H, W), white margin included, and its pixels per mm."""
+    """Draw the sheet as a grey picture (H, W), white margin included, and its pixels per mm."""
     width, height = (round(side * pixels_per_mm) for side in size_mm(square_mm))
     margin = round(MARGIN_SHARE * square_mm * pixels_per_mm)
     picture = np.full((height, width), 255, np.uint8)
@@ -59,7 +59,7 @@ def drawing(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> tuple[np.nd
 
 
 def pdf(square_mm: float = SQUARE_MM) -> bytes:
-    """The sheet as a PDF on A4, with a cutting line and a line of known length; squares up to 25 mm fit."""
+    """Draw the sheet as a PDF on A4, with a cutting line and a line of known length; squares up to 25 mm fit."""
     import io
 
     from matplotlib.figure import Figure
