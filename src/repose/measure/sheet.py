@@ -25,6 +25,7 @@ class Seen:
 
     places_mm: np.ndarray  # (N, 2), x to the right and z up, from the lower left corner of the sheet
     pixels: np.ndarray  # (N, 2), column and row of the same corners
+    square_mm: float = SQUARE_MM
 
 
 def size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
@@ -45,7 +46,7 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> Seen | None:
         return None
     margin = MARGIN_SHARE * square_mm
     places = np.column_stack([margin + on_board[:, 0], margin + ROWS * square_mm - on_board[:, 1]])
-    return Seen(places, corners.reshape(-1, 2).astype(float))
+    return Seen(places, corners.reshape(-1, 2).astype(float), square_mm)
 
 
 def drawing(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> tuple[np.ndarray, int]:
