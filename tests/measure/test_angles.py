@@ -189,7 +189,7 @@ def test_sides_hold_every_definition_or_say_why_not():
     for definition in (angles.flank, angles.steepest):
         with pytest.raises(NoFlankError, match="a wall"):
             definition(wall, 20.0, 160.0, "levels")
-    with pytest.raises(NoFlankError, match="not higher than one berry"):
+    with pytest.raises(NoFlankError, match="not higher than one grain"):
         angles.secant(cone(0.5, 40.0), 40.0)
     cut = cone(0.5, 200.0)[150:]
     for definition in (

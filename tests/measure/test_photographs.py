@@ -213,3 +213,20 @@ def test_a_picture_of_too_many_pixels_or_one_that_cannot_be_written_is_an_error(
     input_error(r"huge.png: size is .*at most 200 million", pile.read_image, tmp_path / "huge.png")
     monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
     input_error("suffix", files.write_image, tmp_path / "a.png", np.zeros((4, 4), np.uint8))
+
+
+def test_a_doubtful_picture_counts_only_if_it_is_asked_for(tmp_path, capsys):
+    """The third has a level top."""
+    for k, crest in enumerate((140, 130)):
+        photograph(tmp_path / f"p{k}.png", [(60, 299), (300, crest), (540, 299)])
+    photograph(tmp_path / "p2.png", [(60, 299), (170, 200), (430, 200), (540, 299)])
+    words = [tmp_path / f"p{k}.png" for k in range(3)]
+    options = ("--mm-per-pixel", "0.5", "--grain-mm", "6")
+    for more, number in (((), 2), (("--doubtful",), 3)):
+        record, _ = measured(capsys, *words, *options, *more)
+        assert "doubtful" in record["photographs"][2]["note"]
+        assert {row["repetitions"] for row in record["summary"]} == {number}
+        assert f"repetitions: {number}\n" in (tmp_path / "out/targets.yaml").read_text()
+    assert main(["measure", str(words[2]), *options, "--out", str(tmp_path / "out")]) == 0
+    assert "doubtful photographs: 1, not in the mean; --doubtful counts them" in capsys.readouterr().out
+    assert not (tmp_path / "out/targets.yaml").exists()

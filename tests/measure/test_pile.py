@@ -11,7 +11,8 @@ from refusals import input_error
 from repose.core.errors import InputError
 from repose.measure import pile as piles
 from repose.measure.drawing import overlay, process_panels
-from repose.measure.pile import FLANK_RULES, MeasureSettings, NoFlankError, read_image
+from repose.measure.pile import MeasureSettings, NoFlankError, read_image
+from repose.measure.profile_points import FLANK_RULES
 from repose.measure.segmentation import plate_row
 
 # The line of these tests: between a tenth and eight tenths of the height the drawn piles are straight.

@@ -8,9 +8,9 @@ import pytest
 
 from repose.measure import further_responses
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
-from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile, silhouette
+from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile
 from repose.measure.segmentation import of_silhouette, segment
-from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE
+from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, silhouette
 
 MM = 0.25
 
@@ -170,7 +170,7 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     both = further_responses.mean_half_width([wide, low], MM_PER_PIXEL, level)
     assert one == pytest.approx([50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))], abs=0.3)
     assert both[1] == pytest.approx(one[1] / 2)
-    with pytest.raises(NoFlankError, match=r"half of 20.0 mm is not above a berry, 12.0 mm"):
+    with pytest.raises(NoFlankError, match=r"half of 20.0 mm is not above a grain, 12.0 mm"):
         further_responses.of_profile([low], MM_PER_PIXEL, 20.0, 12.0, 1.0)
     centres = np.zeros((102, 3))
     centres[:, 0] = 1e-3 * np.arange(1, 103)

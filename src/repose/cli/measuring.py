@@ -47,6 +47,7 @@ SIZES = "sizes.csv"  # of a crop's folder
         CONFIG.but(default=None, help=f"the study that the photographs are for; {LINE}"),
         Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
         Option("--points", nargs="+", type=float, metavar="PX", help=f"column and row of {POINTS}"),
+        Option("--doubtful", action="store_true", help="doubtful photographs count in the mean and in the targets"),
         JSON.but(help="print every number as JSON"),
     ],
 )
@@ -95,7 +96,7 @@ def measure(args: argparse.Namespace) -> None:
             InputError(photograph.path, "pile", photograph.refused, allowed.format(overlay))
             for photograph, overlay in zip(results, overlays, strict=True)
         )
-    made = tables(results, how)
+    made = tables(results, how, args.doubtful)
     write_tables(made, how, out, args.bench, of_pile[args.bench])
     print(json_text(as_record(made)) if args.json else describe(results, made, how, out))
 

@@ -3,7 +3,7 @@
 flank
     regression of height on distance between two heights (section 2.3 of the paper)
 secant
-    atan(2 H / D): H the crest over the plate, D the pile's width one berry above the plate
+    atan(2 H / D): H the crest over the plate, D the pile's width one grain above the plate
 steepest
     the largest slope of such a line over any stretch at least half as high as the flank, the whole flank among them
 whole
@@ -113,8 +113,7 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
 def window_correlations(distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Correlation (windows,) of distance and height of points first to last - 1, by running sums; NaN for a wall."""
     x, z = distance - distance.mean(), height - height.mean()
-    sums = np.concatenate([np.zeros((5, 1)), np.cumsum([x, z, x * x, z * z, x * z], axis=1)], axis=1)
-    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
+    sum_x, sum_z, sum_xx, sum_zz, sum_xz = _window_sums([x, z, x * x, z * z, x * z], first, last)
     n = last - first
     spread_x, spread_z = sum_xx - sum_x * sum_x / n, sum_zz - sum_z * sum_z / n
     usable = (spread_x >= n * WALL_SD**2) & (spread_z > 0)
@@ -128,16 +127,21 @@ def window_slopes(distance: np.ndarray, height: np.ndarray, lows: np.ndarray, hi
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
     first = np.searchsorted(height[order], lows, side="left")
     last = np.searchsorted(height[order], highs, side="right")
-    sums = np.concatenate([np.zeros((5, 1)), np.cumsum([np.ones_like(x), x, z, x * x, x * z], axis=1)], axis=1)
-    n, sum_x, sum_z, sum_xx, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
+    n, sum_x, sum_z, sum_xx, sum_xz = _window_sums([np.ones_like(x), x, z, x * x, x * z], first, last)
     n = np.maximum(n, 1)
     spread = sum_xx - sum_x * sum_x / n
     usable = (n >= MIN_LEVELS) & (spread >= n * WALL_SD**2)
     return np.where(usable, (sum_xz - sum_x * sum_z / n) / np.where(usable, spread, 1.0), np.nan)
 
 
+def _window_sums(terms: list[np.ndarray], first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Sum each of the terms over the points first to last - 1 of every window: (terms, windows)."""
+    sums = np.concatenate([np.zeros((len(terms), 1)), np.cumsum(terms, axis=1)], axis=1)
+    return sums.take(last, axis=1) - sums.take(first, axis=1)
+
+
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """The regression line of height on distance, drawn from height `low` to height `high`."""
+    """Fit the line of height on distance, drawn from height `low` to height `high`."""
     spread = distance - distance.mean() if distance.size else distance
     if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
         raise NoFlankError(WALL)
@@ -150,10 +154,10 @@ def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) ->
 
 
 def secant(profile: np.ndarray, berry: float) -> Line:
-    """One side of the definition "secant": from the outermost place one berry high, on the plate, to the crest."""
+    """One side of the definition "secant": from the outermost place one grain high, on the plate, to the crest."""
     crest, height = profile.size - 1, float(profile[-1])
     if not 0 < berry < height:
-        raise NoFlankError("the pile is not higher than one berry")
+        raise NoFlankError("the pile is not higher than one grain")
     if profile[0] >= berry:
         raise NoFlankError(
             "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
@@ -163,7 +167,7 @@ def secant(profile: np.ndarray, berry: float) -> Line:
 
 
 def secant_of_pile(left: Line, right: Line) -> float:
-    """The secant of a pile in degrees from the lines of its two sides: atan(2 H / D), D = W_left + W_right."""
+    """Combine the secant of a pile in degrees from the lines of its two sides: atan(2 H / D), D = W_left + W_right."""
     (foot_left, _), (crest_left, height) = left.ends
     (foot_right, _), (crest_right, _) = right.ends
     width = crest_left - foot_left + crest_right - foot_right
@@ -187,7 +191,7 @@ def measure_sides(
     for name in definitions:
         try:
             if berry is None and (name == "secant" or (name in BANDED and "berry" in (fit_from, fit_to))):
-                raise NoFlankError("the berry's height is not known")
+                raise NoFlankError("the grain's height is not known")
             low, high = (_height_of(end, height, berry) for end in (fit_from, fit_to))
             left, right = (_one_side(name, side, low, high, berry, rule, smallest) for side in sides)
         except NoFlankError as error:
@@ -212,11 +216,9 @@ def _one_side(
     if name == "secant":
         assert berry is not None
         return secant(profile, berry)
-    if name == "whole":
-        return whole(profile)
-    if name == "straightest":
-        return straightest(profile, smallest)
-    return BANDED[name](profile, low, high, rule)
+    if name in BANDED:
+        return BANDED[name](profile, low, high, rule)
+    return whole(profile) if name == "whole" else straightest(profile, smallest)
 
 
 BANDED = {"flank": flank, "steepest": steepest}  # between `fit_from` and `fit_to`, by the points of `flank`

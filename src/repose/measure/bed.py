@@ -44,7 +44,7 @@ def measure_surface(
     fit_share: float,
     scales: np.ndarray | None = None,
 ) -> Surface:
-    """Surface of berries in a drum of inner radius `radius_m`, by the upper edge of their silhouette."""
+    """Surface of grains in a drum of inner radius `radius_m`, by the upper edge of their silhouette."""
     filled = _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales)
     return surface_of(filled, radius_m, mm_per_pixel, fit_share)
 
@@ -52,7 +52,7 @@ def measure_surface(
 def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_share: float) -> Surface:
     """Surface of a bed that covers pixels (H, W) of the drum's section; the line goes through the middle of its width.
 
-    The ends of the width are left out, since the wall lifts berries there.
+    The ends of the width are left out, since the wall lifts grains there.
     """
     columns = np.flatnonzero(filled.any(axis=0))
     pixel_m = 1e-3 * mm_per_pixel
@@ -137,7 +137,7 @@ def relative_energy(
     frame_rad_s: np.ndarray,
     scales: np.ndarray | float = 1.0,
 ) -> float:
-    """Mean kinetic energy of a berry [J], translation and rotation, in a frame that turns about the origin."""
+    """Mean kinetic energy of a grain [J], translation and rotation, in a frame that turns about the origin."""
     drift = velocities_m_s - np.cross(frame_rad_s, centres_m)
     turn = rotation_matrices(quaternions)
     spin = np.einsum("nij,ni->nj", turn, turning_rad_s - frame_rad_s)
@@ -149,7 +149,7 @@ def relative_energy(
 def find_slip(bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_energy_j: float) -> Slip | None:
     """First slip in a record (T,) of the bed's angle and its energy in the drum's frame; None without a slip.
 
-    The angle is that of the centre of mass: a few rolling berries change the angle of the surface by more than a
+    The angle is that of the centre of mass: a few rolling grains change the angle of the surface by more than a
     degree, but not this one.
     """
     bed = np.asarray(bed_deg, float)
@@ -167,7 +167,7 @@ def find_slip(bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_e
 def slip_displacement(
     before_m: np.ndarray, after_m: np.ndarray, turned_rad: float, surface: Surface
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Depth of each berry below the surface before the slip, and its motion down along the surface, both in m."""
+    """Depth of each grain below the surface before the slip, and its motion down along the surface, both in m."""
     (x0, z0), (x1, _) = surface.line_m
     slope = math.radians(surface.angle_deg)
     along, up = np.array([math.cos(slope), math.sin(slope)]), np.array([-math.sin(slope), math.cos(slope)])
@@ -179,7 +179,7 @@ def slip_displacement(
 
 
 def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
-    """Motion of the berries by depth, from `slip_displacement`, one row per bin."""
+    """Motion of the grains by depth, from `slip_displacement`, one row per bin."""
     known = np.isfinite(depth_m)
     bins = np.floor(depth_m[known] / bin_m).astype(int)
     rows = []
@@ -190,6 +190,6 @@ def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.
 
 
 def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
-    """Share of berries, 0 to 1, that moved by more than the equivalent diameter; NaN does not count."""
+    """Share of grains, 0 to 1, that moved by more than the equivalent diameter; NaN does not count."""
     known = moved_m[np.isfinite(moved_m)]
     return float(np.mean(np.abs(known) > equivalent_diameter(particle))) if len(known) else 0.0

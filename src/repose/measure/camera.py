@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from repose.core.errors import NoFlankError
-from repose.measure.sheet import Seen
+from repose.measure.sheet import Seen, size_mm
 
 FROM_AFAR = "assumed (with a zoom from 5 m the angle reads 0.3 degrees too steep)"
 PHONE_FOCAL = 0.75  # of the longer side: the main camera of most phones
@@ -41,11 +41,10 @@ class SideView:
     """The upright, metric view (H, W) of a pile."""
 
     image: np.ndarray  # (H, W, 3), BGR
-    seen: np.ndarray  # True inside the photograph
-    sheet: np.ndarray  # True on the printed sheet
+    hidden: np.ndarray  # True outside the photograph and on the printed sheet
     mm_per_pixel: float
     base_row: float  # row of the plate
-    tilt_deg: float  # the larger of roll and pitch of the camera
+    left_mm: float  # place of the left border, from the axis
 
 
 def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | None = None) -> Camera:
@@ -130,7 +129,7 @@ class Pose:
     """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels."""
 
     def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]) -> None:
-        self.camera, self.size = camera, size
+        self.camera, self.size, self.paper_mm = camera, size, size_mm(sheet.square_mm)
         x, z = sheet.places_mm.T
         world = np.column_stack([x, np.zeros_like(x), z])
         # The planar solver wants z = 0 on the sheet: solve in (x, z, -y), then turn.
@@ -172,24 +171,19 @@ class Pose:
 
 
 def side_view(
-    image: np.ndarray,
-    pose: Pose,
-    sheet_size_mm: tuple[float, float],
-    axis_mm: float | None,
-    longest: int,
-    part: tuple[float, float, float] | None = None,
-) -> tuple[SideView, float]:
-    """The upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
+    image: np.ndarray, pose: Pose, axis_mm: float | None, longest: int, part: tuple[float, float, float] | None = None
+) -> SideView:
+    """Draw the upright view of the plane through the pile's axis.
 
     `axis_mm` None means the plane of the sheet, from its lower left corner. `part` is left, right and top in mm from
     the axis and the plate; None means all.
     """
     origin = np.array([axis_mm or 0.0, 0.0, 0.0])
     right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)
-    tilt = pose.tilt_deg
-    if tilt > LARGEST_TILT_DEG or pose.eye[1] >= 0:
+    if pose.tilt_deg > LARGEST_TILT_DEG or pose.eye[1] >= 0:
         raise NoFlankError(
-            f"the camera is tilted by {tilt:.0f} degrees (180: upside down); {LARGEST_TILT_DEG:.0f} can be corrected"
+            f"the camera is tilted by {pose.tilt_deg:.0f} degrees (180: upside down); "
+            f"{LARGEST_TILT_DEG:.0f} can be corrected"
         )
     low, high, top = _extent(pose, origin, right)
     if part is not None:
@@ -207,54 +201,36 @@ def side_view(
         image = cv2.GaussianBlur(image, (0, 0), 0.4 * scale * fine)
     shown = cv2.remap(image, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     width, height = pose.size
-    seen = (pixels > 0).all(-1) & (pixels[..., 0] < width - 1) & (pixels[..., 1] < height - 1)
+    hidden = (pixels <= 0).any(-1) | (pixels[..., 0] >= width - 1) | (pixels[..., 1] >= height - 1)
     # The sheet stands in its own plane: mark the part of the view that it hides.
-    edge = 0.02 * sheet_size_mm[0]
-    wide, tall = sheet_size_mm
-    corners = np.array(
-        [
-            [x, 0, y]
-            for x, y in ((-edge, -2 * edge), (wide + edge, -2 * edge), (wide + edge, tall + edge), (-edge, tall + edge))
-        ]
-    )
-    on_view = _meet(pose.eye, corners, origin, right)
+    wide, tall = pose.paper_mm
+    edge = 0.02 * wide
+    left_right, low_high = (-edge, wide + edge), (-2 * edge, tall + edge)
+    corners = np.array([[left_right[i], 0, low_high[j]] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))])
+    on_view = _meet(pose.eye, corners - pose.eye, origin, right)[1]
     polygon = np.column_stack([(on_view[:, 0] - low) / scale, base - on_view[:, 1] / scale])
-    sheet = np.zeros(seen.shape, np.uint8)
-    cv2.fillPoly(sheet, [np.rint(polygon).astype(np.int32)], 1)
-    return SideView(shown, seen, sheet > 0, scale, base, tilt), low
+    on_sheet = np.zeros(hidden.shape, np.uint8)
+    cv2.fillPoly(on_sheet, [np.rint(polygon).astype(np.int32)], 1)
+    return SideView(shown, hidden | (on_sheet > 0), scale, base, low)
 
 
 def _extent(pose: Pose, origin: np.ndarray, right: np.ndarray) -> tuple[float, float, float]:
     """Return left, right and top [mm] of the part of a plane that a photograph shows."""
-    width, height = pose.size
-    along = np.linspace(0, 1, 9)
-    edge = np.concatenate(
-        [
-            np.column_stack(pair)
-            for pair in (
-                (along * (width - 1), 0 * along),
-                (along * (width - 1), 0 * along + height - 1),
-                (0 * along, along * (height - 1)),
-                (0 * along + width - 1, along * (height - 1)),
-            )
-        ]
-    )
+    side = np.linspace(0, 1, 9)
+    edge = np.array([(u, v) for u in side for v in side if not {u, v}.isdisjoint((0, 1))]) * np.subtract(pose.size, 1)
     ahead = cv2.undistortPoints(edge[:, None], pose.camera.matrix, pose.camera.lens)[:, 0]
-    rays = np.column_stack([ahead, np.ones(len(ahead))]) @ pose.turn
-    normal = np.cross(right, [0, 0, 1.0])
-    far = (origin - pose.eye) @ normal / (rays @ normal)
+    far, at = _meet(pose.eye, np.column_stack([ahead, np.ones(len(ahead))]) @ pose.turn, origin, right)
     if (far <= 0).any():
         raise NoFlankError("the camera looks past the sheet: a part of the photograph shows nothing in its plane")
-    at = pose.eye + far[:, None] * rays - origin
-    if at[:, 2].max() <= 0:
+    along, up = at.T
+    if up.max() <= 0:
         raise NoFlankError("nothing above the plate is in the photograph")
-    return float((at @ right).min()), float((at @ right).max()), float(at[:, 2].max())
+    return float(along.min()), float(along.max()), float(up.max())
 
 
-def _meet(eye: np.ndarray, points: np.ndarray, origin: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Intersect the lines from the camera to `points` with a plane; points (along, up) in mm."""
+def _meet(eye: np.ndarray, ways: np.ndarray, origin: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far along its way (N, 3) from the camera each ray meets a plane, and where: (N, 2), along and up, in mm."""
     normal = np.cross(right, [0, 0, 1.0])
-    ways = points - eye
     far = (origin - eye) @ normal / (ways @ normal)
     at = eye + far[:, None] * ways - origin
-    return np.column_stack([at @ right, at[:, 2]])
+    return far, np.column_stack([at @ right, at[:, 2]])

@@ -12,7 +12,7 @@ RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 12
 
 
 def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
-    """The picture with boundary, left line red, right line green, base and Height, as in Figure 6; BGR in and out."""
+    """Draw boundary, left line red, right line green, base and Height into the picture, as in Figure 6; BGR."""
     picture, thick = _outlined(image, measurement.contour)
     right_end, base = picture.shape[1] - 1, measurement.base_row
     column, top = measurement.top
@@ -25,7 +25,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
 
 
 def overlay_of_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
-    """The refused picture with base and boundary of the part taken for the pile; None: no part was found."""
+    """Draw the refused picture with base and boundary of the part taken for the pile; None: no part was found."""
     if pile is None:
         return _outlined(image, np.empty((0, 2), int))[0]
     contours = cv2.findContours(pile.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
@@ -53,7 +53,7 @@ def draw_line(picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thic
 def process_panels(
     image: np.ndarray, mm_per_pixel: float, settings: MeasureSettings | None = None, *, base_row: float | None = None
 ) -> dict[str, np.ndarray]:
-    """The pictures of the method's steps, in order: ``grey``, ``binary``, ``edge`` and ``boundary``, the overlay."""
+    """Draw the method's steps, in order: ``grey``, ``binary``, ``edge`` and ``boundary``, the overlay."""
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
     pile = segment(image, settings.largest_pile_only, base_row)
     measurement = with_response(measure_segmented(pile, settings))

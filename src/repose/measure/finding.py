@@ -52,7 +52,7 @@ class NotPlainError(NoFlankError):
 
 
 def find(image: np.ndarray, hidden: np.ndarray, base_row: float, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
-    """The pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
+    """Find the pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
     above = math.ceil(base_row)
     colours = _seen(image, hidden, above, SMALL_PX if by_roughness else None)
     not_behind, rough = hidden[:above], _roughness(colours)
@@ -95,9 +95,11 @@ def refine(
     mask = _grab(colours, start)
     if not by_roughness:
         mask = _without_penumbra(mask, colours, berry_px)
-    share, mask = _halfway(colours, _largest(mask), start, NEAR * berry_px, NEAR * berry_px, SURE)
+    beside_hidden = cv2.dilate(hidden[:above].astype(np.uint8), disc) > 0
+    free = (start >= cv2.GC_PR_BGD) & ~beside_hidden
+    share, mask = _halfway(colours, _largest(mask), free, NEAR * berry_px, NEAR * berry_px, SURE)
     light = colours if by_roughness else _light(image, hidden, above)
-    share, mask = _halfway(light, mask, start, NEAR * berry_px, EDGE_PX)
+    share, mask = _halfway(light, mask, free, NEAR * berry_px, EDGE_PX)
     mask = _without_floating(_largest(mask), GAP * berry_px)
     mask = _largest(_without_touching(mask, round(NECK * berry_px)))
     require_upright(mask)
@@ -120,17 +122,16 @@ def _light(image: np.ndarray, hidden: np.ndarray, above: int) -> np.ndarray:
 
 
 def _halfway(
-    seen: np.ndarray, mask: np.ndarray, start: np.ndarray, about_px: float, reach_px: float, sure: float = 0.5
+    seen: np.ndarray, mask: np.ndarray, free: np.ndarray, about_px: float, reach_px: float, sure: float = 0.5
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the boundary of a mask to where pile and background, each as it is about there, have equal shares.
 
-    A pixel goes to the other side if the share of that side is larger than `sure`: a grain in the shade is neither like
-    its neighbours nor like the background. Also return the share of the pile (H, W) in each pixel.
+    Only pixels that are `free` change, and only if the share of the other side is larger than `sure`: a grain in the
+    shade is like neither side. Also return the share of the pile (H, W) in each pixel.
     """
     reach = max(EDGE_PX, round(reach_px))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    near = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, disc) > 0
-    near &= (start != cv2.GC_FGD) & (start != cv2.GC_BGD)
+    near = free & (cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, disc) > 0)
     for _ in range(ROUNDS):
         pile, other = _means(seen, mask, about_px)
         way = pile - other
@@ -158,7 +159,7 @@ def _without_penumbra(mask: np.ndarray, colours: np.ndarray, berry_px: float) ->
 
 
 def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
-    """Number of lowest rows of a pile with mostly the background's colour, but darker.
+    """Count the lowest rows of a pile with mostly the background's colour, but darker.
 
     It is 0 for grains of the background's colour, as in a grey picture: shadow and grain look the same.
     """

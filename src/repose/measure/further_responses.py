@@ -1,16 +1,16 @@
 """More responses of an existing pile, measured on saved pours.
 
 From the mean silhouette: R(z), half the pile's width at the height z, from outermost boundary to outermost boundary,
-mean of all views. b is the height of a berry and H the Height.
+mean of all views. b is the height of a grain and H the Height.
 
 base_radius_mm   R(b)
 lower_deg        slope of the lower flank, from b to H / 2:      atan((H / 2 - b) / (R(b) - R(H / 2)))
 upper_deg        slope of the upper flank, from H / 2 to 0.8 H
-packing_percent  volume of the pile's berries over that of the body of revolution, pi R^2 dz; a balance gives the first
+packing_percent  volume of the pile's grains over that of the body of revolution, pi R^2 dz; a balance gives the first
 
-From above, with all berries on the plate:
-radius_90_mm     radius about the funnel's axis that holds 90 % of the berries, by their centres
-loose_percent    share of the berries that does not touch the pile
+From above, with all grains on the plate:
+radius_90_mm     radius about the funnel's axis that holds 90 % of the grains, by their centres
+loose_percent    share of the grains that does not touch the pile
 
 `discharge_s` comes with the pour. The angle of repose by its other definitions comes with the runs (`angles`).
 """
@@ -57,9 +57,9 @@ def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_
 def of_profile(
     profiles: Sequence[np.ndarray], mm_per_pixel: float, height_mm: float, berry_mm: float, berries_mm3: float
 ) -> dict[str, float]:
-    """The four responses of the mean silhouette by name; `berries_mm3` is the volume of all berries in the pile."""
+    """Measure the four responses of the mean silhouette by name; `berries_mm3` is the volume of all grains."""
     if not HALF * height_mm > berry_mm:
-        raise NoFlankError(f"half of {height_mm:.1f} mm is not above a berry, {berry_mm:.1f} mm")
+        raise NoFlankError(f"half of {height_mm:.1f} mm is not above a grain, {berry_mm:.1f} mm")
     marks = np.array([berry_mm, HALF * height_mm, UPPER * height_mm])
     base, half, upper = mean_half_width(profiles, mm_per_pixel, marks)
     step = height_mm / LEVELS
@@ -73,11 +73,11 @@ def of_profile(
 
 
 def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) -> dict[str, float]:
-    """``radius_90_mm`` and ``loose_percent`` of the berries over the plate of radius `on_plate_mm`."""
+    """``radius_90_mm`` and ``loose_percent`` of the grains over the plate of radius `on_plate_mm`."""
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
     if not there.any():
-        raise NoFlankError("no berry lies on the plate")
+        raise NoFlankError("no grain lies on the plate")
     loose = 100 * np.count_nonzero(there & ~np.asarray(in_pile, bool)) / np.count_nonzero(there)
     return {"radius_90_mm": float(np.quantile(distance[there], HELD)), "loose_percent": float(loose)}
 

@@ -10,7 +10,7 @@ import pandas as pd
 from repose.core.files import write_table, write_text
 from repose.core.targets import range_about
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
-from repose.measure.photographs import Photograph, mean_of
+from repose.measure.photographs import Photograph
 from repose.measure.settings import MeasureSettings
 
 MEANT = ("aor_deg", "height_mm")  # numbers that become targets
@@ -22,10 +22,11 @@ class Tables(NamedTuple):
 
     photographs: pd.DataFrame  # one row each; empty cells if refused, column `refused` has the reason
     summary: pd.DataFrame  # a row per definition: response, value (mean), sd, repetitions
+    doubtful: bool = False  # whether the summary counts doubtful photographs
 
 
-def tables(measured: Sequence[Photograph], how: MeasureSettings) -> Tables:
-    """Tables of photographs, at least one of which was measured."""
+def tables(measured: Sequence[Photograph], how: MeasureSettings, doubtful: bool = False) -> Tables:
+    """Tables of photographs, at least one of which was measured; `doubtful` counts those with a doubt, too."""
     rows = []
     for photograph in measured:
         numbers: dict[str, Any] = photograph.measurement.record() if photograph.measurement is not None else {}
@@ -33,32 +34,32 @@ def tables(measured: Sequence[Photograph], how: MeasureSettings) -> Tables:
         words = {"refused": photograph.refused, "note": photograph.remarks}
         rows.append({"photograph": photograph.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words)
     photographs = pd.DataFrame(rows)
-    return Tables(photographs, mean_rows(photographs, (*MEANT, *MEAN_KEYS.values())))
+    counted = photographs if doubtful else photographs[[not photograph.doubts for photograph in measured]]
+    return Tables(photographs, mean_rows(counted, (*MEANT, *MEAN_KEYS.values())), doubtful)
 
 
 def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """The summary of the columns that were measured."""
-    means = []
-    for column in columns:
-        values = photographs[column].dropna().tolist()
-        if values:
-            mean, sd, number = mean_of(values)
-            means.append({"response": column, "value": round(mean, 3), "sd": round(sd, 3), "repetitions": number})
-    return pd.DataFrame(means)
+    """Summarize the columns that were measured."""
+    means = photographs[list(columns)].astype(float).agg(["mean", "std", "count"]).T.round(3)
+    means = means.set_axis(["value", "sd", "repetitions"], axis=1).rename_axis("response").reset_index()
+    return means[means["repetitions"] > 0].astype({"repetitions": int}, copy=False)
 
 
 def write_tables(made: Tables, how: MeasureSettings, out: Path, bench: str, responses: Mapping[str, str]) -> None:
-    """Write photographs.csv, summary.csv and targets.yaml into the folder `out`.
+    """Write photographs.csv, summary.csv and, if there is a mean, targets.yaml into the folder `out`.
 
     `responses` has the bench test's response for each number of the summary that becomes a target.
     """
     write_table(out / "photographs.csv", made.photographs)
     write_table(out / "summary.csv", made.summary)
-    write_text(out / "targets.yaml", targets(made, how, bench, responses))
+    if made.summary.empty:
+        (out / "targets.yaml").unlink(missing_ok=True)
+    else:
+        write_text(out / "targets.yaml", targets(made, how, bench, responses))
 
 
 def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[str, str]) -> str:
-    """The measured responses as YAML, an overlay for the configuration of a study.
+    """Write the measured responses as YAML, an overlay for the configuration of a study.
 
     The range is the mean and its standard error to each side, at least 1 % of the mean. A single pile has no scatter:
     its standard deviation and range are null, and a study refuses them until the user gives values.
@@ -85,15 +86,15 @@ def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[s
 
 
 def as_record(made: Tables) -> dict[str, list]:
-    """The tables as lists of rows; a missing number is None."""
+    """Turn the tables into lists of rows; a missing number is None."""
     return {
         name: [{k: None if pd.isna(v) else v for k, v in row.items()} for row in table.to_dict("records")]
-        for name, table in made._asdict().items()
+        for name, table in (("photographs", made.photographs), ("summary", made.summary))
     }
 
 
 def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
-    """The text that the command prints; `out` is the folder of the overlays."""
+    """Write the text that the command prints; `out` is the folder of the overlays."""
     wide = max(len(photograph.path.name) for photograph in photographs)
     lines = []
     for photograph in photographs:
@@ -125,5 +126,12 @@ def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettin
             "one pile gives no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
         )
     lines += sorted({f"note: {photograph.note}" for photograph in photographs if photograph.note})
-    lines.append(f"look at the overlays in {out}; the targets of a study: {out / 'targets.yaml'}")
+    doubtful = sum(bool(photograph.doubts) for photograph in photographs)
+    if doubtful:
+        counted = "the mean counts them" if made.doubtful else "not in the mean; --doubtful counts them"
+        lines.append(f"doubtful photographs: {doubtful}, {counted}")
+    there = (
+        "no targets: no photograph counts" if made.summary.empty else f"the targets of a study: {out / 'targets.yaml'}"
+    )
+    lines.append(f"look at the overlays in {out}; {there}")
     return "\n".join(lines)

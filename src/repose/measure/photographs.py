@@ -74,7 +74,7 @@ def level_length(length_mm: float, x1: float, y1: float, x2: float, y2: float) -
 
 
 def load(path: Path) -> tuple[np.ndarray, float]:
-    """A photograph (H, W, 3), BGR, reduced if it is larger than 4000 pixels, and the factor of the reduction."""
+    """Read a photograph (H, W, 3), BGR, reduced if it is larger than 4000 pixels, and the factor of the reduction."""
     image = read_image(path)
     times = max(1.0, max(image.shape[:2]) / LARGEST_PX)
     if times > 1:
@@ -98,7 +98,7 @@ def readable(paths: Sequence[Path]) -> tuple[list[Path], list[InputError]]:
 def cameras(
     paths: Sequence[Path], square_mm: float
 ) -> tuple[dict[Path, sheet.Seen | None], dict[tuple[int, int], camera.Camera]]:
-    """The sheet in each photograph by path, None if not seen; and the camera by (width, height), one for each size."""
+    """Find the sheet in each photograph, None if not seen, and the camera of each size (width, height)."""
     seen: dict[Path, sheet.Seen | None] = {}
     of_size: dict[tuple[int, int], list[sheet.Seen]] = {}
     focal: dict[tuple[int, int], float | None] = {}
@@ -133,15 +133,13 @@ def measure_all(
             )
             continue
         try:
-            _measure_with_sheet(photograph, where, by_size[image.shape[1], image.shape[0]], how, scale.square_mm)
+            _measure_with_sheet(photograph, where, by_size[image.shape[1], image.shape[0]], how)
         except NoFlankError as error:
             photograph.refused = error.reason
     return results
 
 
-def _measure_with_sheet(
-    photograph: Photograph, where: sheet.Seen, lens: camera.Camera, how: MeasureSettings, square_mm: float
-) -> None:
+def _measure_with_sheet(photograph: Photograph, where: sheet.Seen, lens: camera.Camera, how: MeasureSettings) -> None:
     """Measure a photograph that shows the sheet, by colour, or else by roughness, without a doubt.
 
     NoFlankError has the reason for a refusal.
@@ -149,11 +147,11 @@ def _measure_with_sheet(
     pose = camera.Pose(lens, where, photograph.view.shape[1::-1])
     image, photograph.note = photograph.view, lens.note
     try:
-        _measure_seen(photograph, image, pose, how, sheet.size_mm(square_mm))
+        _measure_seen(photograph, image, pose, how)
     except finding.NotPlainError as by_colour:
         kept = replace(photograph)
         try:
-            _measure_seen(photograph, image, pose, how, sheet.size_mm(square_mm), by_roughness=True)
+            _measure_seen(photograph, image, pose, how, by_roughness=True)
             if photograph.doubts:
                 raise NoFlankError("; ".join(photograph.doubts))
         except NoFlankError:
@@ -162,42 +160,34 @@ def _measure_with_sheet(
 
 
 def _measure_seen(
-    photograph: Photograph,
-    image: np.ndarray,
-    pose: camera.Pose,
-    how: MeasureSettings,
-    on_paper: tuple[float, float],
-    by_roughness: bool = False,
+    photograph: Photograph, image: np.ndarray, pose: camera.Pose, how: MeasureSettings, by_roughness: bool = False
 ) -> None:
     """Find the pile as it is seen from a pose, and measure it."""
-    coarse, low = camera.side_view(image, pose, on_paper, None, COARSE_PX)
+    coarse = camera.side_view(image, pose, None, COARSE_PX)
     photograph.view = coarse.image
-    photograph.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": coarse.tilt_deg}
-    mask, beside = finding.find(coarse.image, ~coarse.seen | coarse.sheet, coarse.base_row, by_roughness)
+    photograph.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": pose.tilt_deg}
+    mask, beside = finding.find(coarse.image, coarse.hidden, coarse.base_row, by_roughness)
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    crest = low + coarse.mm_per_pixel * float(np.median(np.flatnonzero(mask[rows[0]])))
+    top = float(np.median(np.flatnonzero(mask[rows[0]])))
+    crest = coarse.left_mm + coarse.mm_per_pixel * top
     high = (coarse.base_row - rows[0]) * coarse.mm_per_pixel
-    look_down = pose.look_down_deg(crest, high)
-    photograph.facts["look_down_deg"] = look_down
-    reach = 1.3 * max(crest - low - columns[0] * coarse.mm_per_pixel, low + columns[-1] * coarse.mm_per_pixel - crest)
+    photograph.facts["look_down_deg"] = look_down = pose.look_down_deg(crest, high)
+    reach = 1.3 * coarse.mm_per_pixel * max(top - columns[0], columns[-1] - top)
     grain = how.berry_height_mm or high / USUAL_GRAINS
     longest = min(FINE_PX, round(ROUGH_PX * max(2 * reach, 1.6 * high) / grain)) if by_roughness else FINE_PX
-    fine, left = camera.side_view(image, pose, on_paper, crest, longest, (-reach, reach, 1.6 * high))
-    photograph.view = fine.image
-    photograph.facts["mm_per_pixel"], photograph.facts["tilt_deg"] = fine.mm_per_pixel, fine.tilt_deg
-    hidden, coarse_mask = ~fine.seen | fine.sheet, _onto(mask, coarse, low - crest, fine, left)
-    photograph.pile, faint = finding.refine(
-        fine.image, hidden, fine.base_row, coarse_mask, grain / fine.mm_per_pixel, by_roughness
-    )
+    fine = camera.side_view(image, pose, crest, longest, (-reach, reach, 1.6 * high))
+    photograph.view, photograph.facts["mm_per_pixel"] = fine.image, fine.mm_per_pixel
+    guess, grain_px = _onto(mask, coarse, fine, crest), grain / fine.mm_per_pixel
+    photograph.pile, faint = finding.refine(fine.image, fine.hidden, fine.base_row, guess, grain_px, by_roughness)
     if abs(look_down) > camera.LARGEST_LOOK_DOWN_DEG:
         raise NoFlankError(
             f"the camera looks at the crest from {look_down:.0f} degrees above: the flanks look flatter; "
             f"hold the lens as high as the crest, {camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
         )
-    _require_whole(photograph.pile.mask, hidden)
+    _require_whole(photograph.pile.mask, fine.hidden)
     flat = _measured(photograph, how)
     away, eye = math.hypot(pose.eye[0] - crest, pose.eye[1]), pose.eye[2]
-    axis_px, away_px, eye_px = (length / fine.mm_per_pixel for length in (-left, away, eye))
+    axis_px, away_px, eye_px = (length / fine.mm_per_pixel for length in (-fine.left_mm, away, eye))
     seen_level(photograph, axis_px, away_px, eye_px, (flat.left_deg, flat.right_deg), high / fine.mm_per_pixel)
     measurement = _measured(photograph, how)
     photograph.pile = replace(photograph.pile, beside=beside)
@@ -333,12 +323,10 @@ def seen_level(
     photograph.pile = replace(pile, grey=redrawn(pile.grey), contrast=contrast, mask=mask.astype(np.uint8))
 
 
-def _onto(
-    mask: np.ndarray, coarse: camera.SideView, coarse_left: float, fine: camera.SideView, fine_left: float
-) -> np.ndarray:
-    """Draw a mask of one view in the pixels of another; the left borders are in mm from the axis."""
+def _onto(mask: np.ndarray, coarse: camera.SideView, fine: camera.SideView, axis_mm: float) -> np.ndarray:
+    """Draw a mask of a view of the sheet's plane in the pixels of a view about an axis."""
     rows, columns = fine.image.shape[:2]
-    x = (fine_left + fine.mm_per_pixel * np.arange(columns) - coarse_left) / coarse.mm_per_pixel
+    x = (axis_mm + fine.left_mm + fine.mm_per_pixel * np.arange(columns) - coarse.left_mm) / coarse.mm_per_pixel
     y = coarse.base_row - (fine.base_row - np.arange(rows)) * fine.mm_per_pixel / coarse.mm_per_pixel
     where = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
     return cv2.remap(mask, *where, cv2.INTER_NEAREST)
@@ -397,11 +385,3 @@ def _stated_focal(path: Path, long_side: float) -> float | None:
     except (OSError, ValueError, TypeError, SyntaxError):
         return None
     return equivalent / 36 * long_side if 5 < equivalent < 1000 else None
-
-
-def mean_of(values: Sequence[float]) -> tuple[float, float, int]:
-    """Mean, sample standard deviation (n - 1; NaN for a single value) and number of values."""
-    number = len(values)
-    mean = math.fsum(values) / number
-    sd = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (number - 1)) if number > 1 else math.nan
-    return mean, sd, number

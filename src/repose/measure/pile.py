@@ -20,30 +20,15 @@ import numpy as np
 
 from repose.core.errors import InputError, NoFlankError
 from repose.measure.angles import DEFINITIONS, Measured, measure_sides
-from repose.measure.profile_points import FLANK_RULES
 from repose.measure.results import Angle, Measurement, PileResult
 from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, require_upright, segment, upper_edge
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, frame, outlines, paint, silhouette, top_of
+from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, frame, outlines, paint, top_of
 
 HEIC = (b"ftypheic", b"ftypheix", b"ftyphevc", b"ftypmif1")
 FEWEST_PIXELS, MOST_PIXELS = 20, 200_000_000  # on a side; in all
 
-__all__ = [
-    "DEFINITIONS",
-    "FLANK_RULES",
-    "Angle",
-    "MeasureSettings",
-    "Measurement",
-    "NoFlankError",
-    "PileResult",
-    "measure_image",
-    "measure_pile",
-    "read_image",
-    "silhouette",
-]
-
-LOWEST_PILE_BERRIES = 1.5  # in equivalent diameters: 20 mm for the mean berry; below, a layer and not a pile
+LOWEST_PILE_GRAINS = 1.5  # in equivalent diameters: 20 mm for the mean grain; below, a layer and not a pile
 
 
 # --- one picture ----------------------------------------------------------------------------------
@@ -60,7 +45,7 @@ def measure_image(
 
 
 def with_response(measurement: Measurement) -> Measurement:
-    """The measurement itself; NoFlankError if its response could not be measured."""
+    """Give the measurement itself; NoFlankError if its response could not be measured."""
     if measurement.response not in measurement.angles:
         raise NoFlankError(measurement.reasons[measurement.response])
     return measurement
@@ -107,7 +92,7 @@ def _sides(profile: np.ndarray, crest: int, settings: MeasureSettings) -> Measur
 
 
 def read_image(path: str | PathLike) -> np.ndarray:
-    """A picture file as (H, W, 3), BGR, turned upright by its EXIF entry."""
+    """Read a picture file as (H, W, 3), BGR, turned upright by its EXIF entry."""
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "picture", "no such file", "an existing picture file (PNG, JPEG, TIFF, BMP)")
@@ -159,7 +144,7 @@ def measure_pile(
     """Measure simulated bodies on the plate z = 0 from `settings.views` sides; `quaternions` (N, 4) are w, x, y, z.
 
     `members` marks the largest cluster in contact; None means the largest connected part of each silhouette, which may
-    include a loose berry in front of the pile.
+    include a loose grain in front of the pile.
     """
     settings = with_berry_height(settings or MeasureSettings(), particle)
     height_m, views = pile_views(centres_m, quaternions, particle, settings, members, scales)
@@ -189,12 +174,12 @@ def pile_views(
     if members is not None and settings.largest_pile_only:
         kept = np.asarray(members, bool)
     if not kept.any():
-        raise NoFlankError("no berry lies in the pile")
+        raise NoFlankError("no grain lies in the pile")
     bodies = np.asarray(centres_m, dtype=float)[kept], np.asarray(quaternions, dtype=float)[kept], particle
     sizes = None if scales is None else np.asarray(scales, dtype=float)[kept]
     height_m = top_of(*bodies, sizes)
     assert settings.berry_height_mm is not None
-    lowest_m = LOWEST_PILE_BERRIES * 1e-3 * settings.berry_height_mm
+    lowest_m = LOWEST_PILE_GRAINS * 1e-3 * settings.berry_height_mm
     if height_m < lowest_m:
         raise NoFlankError(f"the pile is {1e3 * height_m:.1f} mm high; a flank needs {1e3 * lowest_m:.1f} mm")
     azimuths = np.arange(settings.views) * 180.0 / settings.views
@@ -213,7 +198,7 @@ def pile_views(
 
 
 def with_berry_height(settings: MeasureSettings, particle: ConvexBody) -> MeasureSettings:
-    """The settings with the particle's equivalent diameter in place of a missing height of a berry."""
+    """Complete the settings with the particle's equivalent diameter in place of a missing height of a grain."""
     if settings.berry_height_mm is not None:
         return settings
     return replace(settings, berry_height_mm=1e3 * equivalent_diameter(particle))

@@ -51,7 +51,7 @@ class Measurement:
         return self.angles[self.response].lines
 
     def record(self) -> dict[str, float | None]:
-        """The response's two sides, the Height and every definition by name, to 0.001; None if not measured."""
+        """List the response's two sides, the Height and every definition by name, to 0.001; None if not measured."""
         sides = {key: round(getattr(self, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
         angles = {
             MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None

@@ -1,4 +1,4 @@
-"""Responses of a pile from the final positions of its berries."""
+"""Responses of a pile from the final positions of its grains."""
 
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any

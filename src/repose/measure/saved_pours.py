@@ -76,7 +76,7 @@ def _check_grains(arrays: Mapping[str, np.ndarray], source: object, ending: str)
 
 
 def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
-    """The arrays of the first seed in a job's .npz file, by name, such as ``position``."""
+    """Read the arrays of the first seed in a job's .npz file, by name, such as ``position``."""
     arrays = saved_positions(path)
     seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
     if not seeds:
@@ -85,6 +85,6 @@ def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
 
 
 def positions_file(pours_json: str | PathLike) -> Path:
-    """The .npz file that belongs to a NAME.pours.json."""
+    """Name the .npz file that belongs to a NAME.pours.json."""
     path = Path(pours_json)
     return path.with_name(path.name.removesuffix(POURS) + ".npz")

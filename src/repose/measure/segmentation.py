@@ -69,7 +69,7 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
 
 
 def of_silhouette(picture: np.ndarray, pile_tone: int, background: int, largest_only: bool) -> Segmentation:
-    """What `segment` gives for a simulated pile's picture (H, W): its two tones and its base are known."""
+    """Give what `segment` gives for a simulated pile's picture (H, W): its two tones and its base are known."""
     seen = (picture == pile_tone).view(np.uint8)
     contrast = seen * np.float32(abs(background - pile_tone))
     count = cv2.countNonZero(seen)
@@ -81,7 +81,7 @@ def of_silhouette(picture: np.ndarray, pile_tone: int, background: int, largest_
 
 
 def checked(image: np.ndarray) -> np.ndarray:
-    """The picture as contiguous bytes, of one channel if its three are the same; InputError if it is unusable."""
+    """Give the picture as contiguous bytes, of one channel if its three are the same; InputError if it is unusable."""
     image = np.asarray(image)
     if image.dtype != np.uint8:
         raise InputError("picture", "pixel type", str(image.dtype), "uint8")
@@ -126,7 +126,7 @@ def background_contrast(image: np.ndarray) -> np.ndarray:
     for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
         seen = channel[where].astype(float)
         kept = np.ones(seen.size, dtype=bool)
-        # A plate or a stray berry in the strip is a minority: start from the median tone, then trim the
+        # A plate or a stray grain in the strip is a minority: start from the median tone, then trim the
         # outliers.
         centre = np.full(seen.size, np.median(seen))
         for _ in range(4):
@@ -171,7 +171,7 @@ def plate_row(mask: np.ndarray) -> float | None:
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """The pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area."""
+    """Find the pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area."""
     contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     if not contours:
         raise NoFlankError("the picture shows no pile above its base")

@@ -18,10 +18,10 @@ class MeasureSettings:
     views: int = 18  # side views, evenly over half a turn; the other half mirrors them
     mm_per_pixel: float = 0.25  # scale of the silhouettes
     response: str = "whole"  # the definition used as the angle of repose, one of `DEFINITIONS`
-    fit_from: float | str = 0.3  # lower end of the flank: share of the height, or "berry" (one berry high)
+    fit_from: float | str = 0.3  # lower end of the flank: share of the height, or "berry" (one grain high)
     fit_to: float | str = 0.8  # upper end, likewise
     berry_height_mm: float | None = None  # None means the particle's equivalent diameter
-    largest_pile_only: bool = True  # False: loose berries count, too
+    largest_pile_only: bool = True  # False: loose grains count, too
     flank: str = "levels"  # rule for the points of a line, one of `FLANK_RULES`
     smallest_window: float = 0.333  # of `straightest`: share of a side's points
 
@@ -60,7 +60,7 @@ class MeasureSettings:
 
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
-        """Settings of the section `measure`; the default height of a berry is `berry`'s equivalent diameter (Eq. 1)."""
+        """Make the settings of the section `measure`; a grain is as high as `berry`'s diameter if not given."""
         settings = cls(**section)
         axes: list[Any] = [berry.get(key) for key in ("long_mm", "major_mm", "minor_mm")]
         if settings.berry_height_mm is None and None not in axes:

@@ -5,13 +5,10 @@ are (x, z) in millimetres from its lower left corner.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
-
-if TYPE_CHECKING:
-    from matplotlib.patches import Rectangle
 
 SQUARE_MM = 20.0
 COLUMNS, ROWS = 6, 8
@@ -28,6 +25,7 @@ class Seen:
 
     places_mm: np.ndarray  # (N, 2), x to the right and z up, from the lower left corner of the sheet
     pixels: np.ndarray  # (N, 2), column and row of the same corners
+    square_mm: float = SQUARE_MM
 
 
 def size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
@@ -48,11 +46,11 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> Seen | None:
         return None
     margin = MARGIN_SHARE * square_mm
     places = np.column_stack([margin + on_board[:, 0], margin + ROWS * square_mm - on_board[:, 1]])
-    return Seen(places, corners.reshape(-1, 2).astype(float))
+    return Seen(places, corners.reshape(-1, 2).astype(float), square_mm)
 
 
 def drawing(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> tuple[np.ndarray, int]:
-    """The sheet as a grey picture (H, W), white margin included, and its pixels per mm."""
+    """Draw the sheet as a grey picture (H, W), white margin included, and its pixels per mm."""
     width, height = (round(side * pixels_per_mm) for side in size_mm(square_mm))
     margin = round(MARGIN_SHARE * square_mm * pixels_per_mm)
     picture = np.full((height, width), 255, np.uint8)
@@ -62,10 +60,11 @@ def drawing(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> tuple[np.nd
 
 
 def pdf(square_mm: float = SQUARE_MM) -> bytes:
-    """The sheet as a PDF on A4, with a cutting line and a line of known length; squares up to 25 mm fit."""
+    """Draw the sheet as a PDF on A4, with a cutting line and a line of known length; squares up to 25 mm fit."""
     import io
 
     from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
 
     wide, high = size_mm(square_mm)
     left, bottom = (PAGE_MM[0] - wide) / 2, 60.0
@@ -77,7 +76,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes.imshow(
         drawing(square_mm)[0], cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="none", aspect="auto"
     )
-    axes.add_patch(_rectangle((left, bottom), wide, high))
+    axes.add_patch(Rectangle((left, bottom), wide, high, fill=False, linewidth=0.3, edgecolor="0.5"))
     axes.set(xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
     middle = PAGE_MM[0] / 2
     axes.plot([middle - CHECK_MM / 2, middle + CHECK_MM / 2], [40, 40], "k|-", linewidth=0.7)
@@ -91,13 +90,6 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     stream = io.BytesIO()
     figure.savefig(stream, format="pdf", metadata={"CreationDate": None})
     return stream.getvalue()
-
-
-def _rectangle(corner: tuple[float, float], wide: float, high: float) -> "Rectangle":
-    """Draw the line along which the sheet is cut."""
-    from matplotlib.patches import Rectangle
-
-    return Rectangle(corner, wide, high, fill=False, linewidth=0.3, edgecolor="0.5")
 
 
 def _board(square_mm: float) -> cv2.aruco.CharucoBoard:

@@ -16,7 +16,7 @@ from repose.dem.rotations import rotation_matrices
 # Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
 
-OUTLINE_DIRECTIONS = 64  # a berry's outline as a polygon: at most 0.03 mm inside the smooth one
+OUTLINE_DIRECTIONS = 64  # a grain's outline as a polygon: at most 0.03 mm inside the smooth one
 SUBPIXEL_BITS = 8
 MARGIN_PX = 8
 PILE_TONE, BACKGROUND_TONE = 40, 255
