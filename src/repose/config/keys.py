@@ -38,16 +38,16 @@ def origin_of(source: "str | Origin", key: str) -> str:
     return source.of(key) if isinstance(source, Origin) else source
 
 
-def at(config: Any, path: Iterable[int | str]) -> Any:
+def at(found: Any, path: Iterable[int | str]) -> Any:
     """Return the value at the steps of a key, any of which may contain a dot; None where there is none."""
     for step in path:
-        if isinstance(config, Mapping):
-            config = config.get(step)
-        elif isinstance(config, list) and str(step).isdigit() and int(step) < len(config):
-            config = config[int(step)]
+        if isinstance(found, Mapping):
+            found = found.get(step)
+        elif isinstance(found, list) and str(step).isdigit() and int(step) < len(found):
+            found = found[int(step)]
         else:
             return None
-    return config
+    return found
 
 
 def get(config: Any, key: str) -> Any:

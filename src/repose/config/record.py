@@ -69,7 +69,7 @@ class Record:
     def _proposed(self, data: pd.DataFrame) -> Batch | Answer:
         """Ask the strategy what it proposes after runs."""
         try:
-            return strategy(self.study.config["strategy"]).propose(self.study, data.reset_index(drop=True))
+            return strategy(self.study.settings.strategy).propose(self.study, data.reset_index(drop=True))
         except InputError as error:
             if self.file is None or error.source != "runs":
                 raise
