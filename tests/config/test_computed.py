@@ -94,4 +94,4 @@ def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder, cap
     (folder / "sizes.csv").unlink()
     with pytest.raises(InputError) as caught:
         Study.load("config.yaml")
-    assert str(caught.value) == "sizes.csv: file is None; expected an existing CSV file"
+    assert str(caught.value) == "sizes.csv: file is 'No such file or directory'; expected a CSV file"

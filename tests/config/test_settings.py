@@ -284,7 +284,7 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
 def test_the_named_tables_and_pictures_are_read_before_any_work(config):
     sizes, forces = "resources/berries.csv", "resources/compression.csv"
     for section, changed, words in (
-        ("berry", {"sizes": forces}, r"compression\.csv: header"),
+        ("berry", {"sizes": forces}, r"compression\.csv: column long_mm is 'missing'"),
         ("validation", {"published": sizes}, r"berries\.csv: column solution is 'missing'; expected columns solution"),
         ("posterior", {"shape_study": sizes}, r"berries\.csv: column particle is 'missing'"),
         ("photograph", sizes, r"berries\.csv: picture is 'not a picture'"),

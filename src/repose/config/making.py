@@ -29,14 +29,11 @@ Result = TypeVar("Result")
 def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
     limit, sections = computed.longest_step(config, particle, mean), typed.sections(config)
-    step_s = sections.simulation.time_step_s
+    step_s, grain, softer = sections.simulation.time_step_s, sections.berry, ""
     if step_s > limit.time_step_s:
-        of_tests = sections.berry.shear_modulus_pa is None
-        if of_tests and step_s < math.sqrt(OTHER_UNITS["N"]["gf"]) * limit.time_step_s:
-            stiff = f"a modulus below {mean['elastic_modulus_pa']:.2g} Pa by its column force_n (in gf instead of N?)"
-            yield "berry.compression", f"{stiff}; or simulation.time_step_s {limit.allowed}"
-        else:
-            yield "simulation.time_step_s", limit.allowed
+        if grain.shear_modulus_pa is None and step_s < math.sqrt(OTHER_UNITS["N"]["gf"]) * limit.time_step_s:
+            softer = f"; {grain.compression} gives {mean['elastic_modulus_pa']:.2g} Pa by force_n: in gf instead of N?"
+        yield "simulation.time_step_s", limit.allowed + softer
 
 
 class Making:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from repose.core.attached import UNREADABLE, plain_file
+from repose.core.attached import plain_file
 from repose.core.errors import InputError, raise_together
 from repose.core.parameters import LABELS, plain_number
 
@@ -220,8 +220,10 @@ def _text(path: Path_, what: str) -> str:
     try:
         content = plain_file(path).read_bytes()
         text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
-    except UNREADABLE as error:
-        raise InputError(path, "table", str(error), what) from error
+    except OSError as error:
+        raise InputError(path, "file", error.strerror, what) from error
+    except UnicodeDecodeError as error:
+        raise InputError(path, "table", str(error), f"{what} in UTF-8, or in UTF-16 with its mark") from error
     if "\0" in text:
         raise InputError(path, "table", "a byte of zero", f"{what} in UTF-8, or in UTF-16 with its mark")
     return text

@@ -17,7 +17,7 @@ from repose.strategies.base import Studied, strategy
 OK = "ok"
 Rows = Sequence[Mapping[str, Any]]
 TURN = "turn"  # column of a record: with which proposal a run was told
-TURNS = Column(TURN, int, low=1, empty=True)
+TURNS = Column(TURN, int, low=0, empty=True)
 OPTIONAL = ("status", TURN)
 RESPONSE = "a finite number; a run that failed has another `status` than ok"
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
