@@ -52,8 +52,8 @@ def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(tmp_p
     assert names < {path.name for path in (tmp_path / "out").iterdir()}
     assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, ""), "its own files are replaced"
     photograph(tmp_path / "raw.png")
-    files.write_image(tmp_path / "pile.png", cv2.imread(str(tmp_path / "raw.png")))
-    words = (tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
+    files.write_image(tmp_path / "own.png", cv2.imread(str(tmp_path / "raw.png")))
+    words = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
     assert "another folder than that of the photographs" in measure(capsys, *words)[1]
 
 
