@@ -263,7 +263,7 @@ def _gentle_neighbours(core, faces, group, normals):
 
 
 def split(vertices, faces, radius):
-    """Find the features (a `Part`) of a mesh (V, 3) [m], (F, 3); ValueError for no surface or no room for the radius."""
+    """Find the features (a `Part`) of a mesh (V, 3) [m], (F, 3); ValueError for no surface or no room."""
     edges, beside = edge_table(faces)
     group, normals = coplanar_groups(vertices, faces, edges, beside)
     steps, pairs, planes = inward_steps(vertices, faces, edges, beside, group, normals)

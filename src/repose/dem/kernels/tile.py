@@ -192,7 +192,7 @@ def both_bodies(t, c, parts):
 
 @inlined
 def sphere_pair_geometry(t, c):
-    """Compute the same for each lane's pair of spheres in closed form; where the centres coincide the last normal stays."""
+    """Compute the same for pairs of spheres, in closed form; where both centres coincide the last normal stays."""
     for k in range(L):
         dx = t[B + k] - t[A + k]
         dy = t[B + L + k] - t[A + L + k]
