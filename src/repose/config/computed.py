@@ -138,11 +138,6 @@ def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
     return advised_step_s(longest_step(config, particle, grain).time_step_s)
 
 
-def split(config: Config, _grain: Any = None, _particle: Any = None) -> list[float]:
-    """Return the shares for the configured surrogate."""
-    return split_of(typed.sections(config).surrogate)
-
-
 def split_of(surrogate: str) -> list[float]:
     """Return the shares for a surrogate."""
     from repose.surrogate import kind_of
@@ -151,7 +146,7 @@ def split_of(surrogate: str) -> list[float]:
 
 
 COMPUTED = (
-    Computed("network.split", ("surrogate",), split),
+    Computed("network.split", ("surrogate",), lambda config, *_: split_of(typed.sections(config).surrogate)),
     Computed("measure.mm_per_pixel", ("berry",), _mm_per_pixel),
     Computed("funnel.factory_height_mm", ("berry",), _factory_height_mm),
     Computed("funnel.factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm),

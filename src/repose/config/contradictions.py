@@ -33,7 +33,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
         Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
         Rule(("surrogate", "network", "design", "targets"), _of_the_validation),
         Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
-        Rule(("strategy", *cost.others(), "targets", "parameters"), _of_the_strategy),
+        Rule(("strategy", *cost.others(), "targets", "parameters"), cost.contradictions),
     ]
 
 
@@ -84,13 +84,6 @@ def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
             key, own = ("contact_law", law) if of.needed else ("rolling_law", rolling)
             belongs = " or ".join(of.laws)
             yield f"parameters.{name}", f"absent: it belongs to simulation.{key} {belongs}, not {own}"
-
-
-def _of_the_strategy(config: Mapping[str, Any]) -> Pairs:
-    """Refuse a strategy that cannot run with this configuration."""
-    from repose.strategies import cost
-
-    return cost.contradictions(config)
 
 
 def _of_seeds(config: Mapping[str, Any]) -> Pairs:
