@@ -3,7 +3,7 @@
     python benchmarks/ellipsoids.py --python VENV/bin/python
 
 `VENV` is an environment with `peclet-dem` (pip install peclet-dem), another engine with a Hertz-Mindlin law for bodies
-that are no spheres. Prints tables; benchmarks/ellipsoids.md has them. Ten minutes of a core.
+that are no spheres. Prints tables; benchmarks/ellipsoids.md has them. Five minutes of a core, and a minute to compile.
 """
 
 import argparse
