@@ -42,6 +42,7 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     assert Study.load(inputs=True).config["label"] == "mine"
     own.write_text("berry: {sizes: sizes.csv}\n")  # of another crop nothing of the program's lies under it
     assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
+    own.unlink()
     (folder / "config.yaml").write_text("label: mine\n")
     assert places.configs() == [METHOD, Path("config.yaml")]
     with pytest.raises(InputError) as caught:
