@@ -346,6 +346,7 @@ def main() -> None:
     words.add_argument("--folder", type=Path, required=True, help="keeps the photographs")
     words.add_argument("--seeds", type=int, nargs=2, default=(JUDGED[0], JUDGED[-1] + 1), help="first and end")
     asked = words.parse_args()
+    asked.folder.mkdir(parents=True, exist_ok=True)
     errors = []
     for seed in range(*asked.seeds):
         scene = Scene(seed)

@@ -34,7 +34,7 @@ def test_all_forty(tmp_path):
     print(len(missed), missed.round(2))
     assert len(missed) >= 20
     assert abs(missed.mean()) < 0.2
-    assert np.abs(missed).max() < 1.0
+    assert np.abs(missed).max() < 1.2
 
 
 def test_the_truth_of_a_drawing_is_its_side_view_without_perspective():
