@@ -109,7 +109,8 @@ def test_a_fixed_parameter_is_a_column_and_sizes_without_a_design_are_refused():
 
 
 @pytest.mark.parametrize(("samples", "method", "seed", "key"), [
-    (1, "optimal", 1, "samples"), (2.5, "optimal", 1, "samples"), (12, "best", 1, "method"), (12, "optimal", -1, "seed"),
+    (1, "optimal", 1, "samples"), (2.5, "optimal", 1, "samples"), (12, "best", 1, "method"),
+    (12, "optimal", -1, "seed"),
 ])  # fmt: skip
 def test_bad_settings_are_refused(samples, method, seed, key):
     with pytest.raises(ValidationError) as caught:
